@@ -83,7 +83,7 @@ def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (None, "is not there"),
+        (None, "does not exist"),
         ("", "must have 'time' as its first column, and signals"),
         ("time\n0\n", "must have 'time' as its first column, and signals"),
         ("time,other.x\n0,1\n", "has none of the signals that are recorded; it has other.x and 0 more"),
@@ -136,7 +136,7 @@ def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_pa
 
 def test_a_missing_reference_is_told_before_fmus_are_prepared(emla: Emla, tmp_path: Path) -> None:
     said = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
-    assert said == "Error: the run to compare with, 'nowhere', is not there."
+    assert said == "Error: the run to compare with, 'nowhere', does not exist."
     assert not (tmp_path / "results").exists() or not any((tmp_path / "results").rglob("*.csv"))
 
 

@@ -213,7 +213,7 @@ def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (["--set", "lift.plant.start.x_L=0.25"], "other values set, of lift.plant.start.x_L."),
         (["--gains", "published"], "other values set, of lift."),
-        (["--algorithm", "jacobi"], "the algorithm gauss-seidel, this run has jacobi."),
+        (["--algorithm", "jacobi"], "the algorithm gauss-seidel, but this run has jacobi."),
         (["--flavour", "python"], "other FMUs, of lift.reference, lift.plant"),
     ],
     ids=lambda x: " ".join(x) if isinstance(x, list) else "",
@@ -224,7 +224,7 @@ def test_a_checkpoint_of_another_run_leaves_everything_alone(
     shutil.copytree(made / "out", tmp_path / "out")
     resume = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", "out")
     text = sentence(emla(*options, *resume), 2)
-    assert text.startswith(f"the checkpoint '{made / 'c'}' was made with ") and words in text
+    assert text.startswith(f"the checkpoint '{made / 'c'}' has ") and words in text
     for file in (made / "out").iterdir():
         assert (tmp_path / "out" / file.name).read_bytes() == file.read_bytes()
 
@@ -233,14 +233,14 @@ def test_a_checkpoint_of_another_run_leaves_everything_alone(
     ("algorithm", "options", "words"),
     [
         ("jacobi", {"set": {"j.bad.a": 2.0}}, "other values set, of j.bad.a."),
-        ("jacobi", {"algorithm": "gauss-seidel"}, "the algorithm jacobi, this run has gauss-seidel."),
-        ("jacobi", {"extrapolation": "fmu"}, "the extrapolation none, this run has fmu."),
-        ("strong", {"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, this run has 1e-06."),
-        ("jacobi", {"error_tolerance": 0.5}, "the step-size control fixed, this run has error."),
+        ("jacobi", {"algorithm": "gauss-seidel"}, "the algorithm jacobi, but this run has gauss-seidel."),
+        ("jacobi", {"extrapolation": "fmu"}, "the extrapolation none, but this run has fmu."),
+        ("strong", {"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, but this run has 1e-06."),
+        ("jacobi", {"error_tolerance": 0.5}, "the step-size control fixed, but this run has error."),
         ("jacobi", {"step_multiples": {"j.sink": 2}}, "other step multiples, of j.sink."),
         ("gauss-seidel", {"order": ["j.sink", "j.bad", "j.source"]}, "other order."),
-        ("jacobi", {"step_size": 0.05}, "the step size 0.1, this run has 0.05."),
-        ("jacobi", {"output_interval": 0.2}, "the output interval None, this run has 0.2."),
+        ("jacobi", {"step_size": 0.05}, "the step size 0.1, but this run has 0.05."),
+        ("jacobi", {"output_interval": 0.2}, "the output interval None, but this run has 0.2."),
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
@@ -251,7 +251,7 @@ def test_what_is_different_is_named(
     run_system(system, tmp_path, algorithm, stop_time=0.5, checkpoint=tmp_path / "c")
     with pytest.raises(CommandError) as refused:
         run_system(system, tmp_path, resume=tmp_path / "c", **{"algorithm": algorithm, **options})
-    assert str(refused.value) == f"the checkpoint '{tmp_path / 'c'}' was made with {words}"
+    assert str(refused.value) == f"the checkpoint '{tmp_path / 'c'}' has {words}"
 
 
 def test_a_checkpoint_of_another_system_is_refused(made: Path, fmu_folder: Path, tmp_path: Path) -> None:
@@ -259,14 +259,14 @@ def test_a_checkpoint_of_another_system_is_refused(made: Path, fmu_folder: Path,
     arguments = command(fmu_folder, *options)
     arguments[1] = "tilt"
     text = sentence(CliRunner().invoke(app, arguments), 2)
-    assert "was made with other FMUs, of lift.reference" in text
+    assert "has other FMUs, of lift.reference" in text
 
 
 def test_other_connections_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
     components = [faulty("j.a", faulty_fmu), faulty("j.b", faulty_fmu)]
     first, other = (wired(components, f"j.a.{y} -> j.b.u") for y in "yz")
     run_system(first, tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="was made with other connections"):
+    with pytest.raises(CommandError, match="has other connections"):
         run_system(other, tmp_path, resume=tmp_path / "c")
 
 
@@ -274,14 +274,14 @@ def test_components_in_another_order_are_refused(faulty_fmu: Path, tmp_path: Pat
     """Signals are kept in the order of the components."""
     components = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
     run_system(wired(components), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="was made with other components"):
+    with pytest.raises(CommandError, match="has other components"):
         run_system(wired(components[::-1]), tmp_path, resume=tmp_path / "c")
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
 def test_the_stop_time_must_come_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
     text = sentence(emla("--resume", str(made / "c"), "--stop-time", stop), 2)
-    assert text.endswith(f"is at t = 0.01 s already; give a later stop time than {stop} s.")
+    assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
 
 
 def test_a_checkpoint_that_is_not_there_is_named(emla: Emla) -> None:

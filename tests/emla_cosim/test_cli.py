@@ -218,11 +218,14 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (["run", "lift", "--realtime", "0"], ["real-time factor 0 must be a positive number"]),
         (
             ["run", "lift", "--order", "lift.pump"],
-            ["lacks lift.reference", "has lift.pump, unknown or twice"],
+            ["missing: lift.reference", "unknown or named twice: lift.pump"],
         ),
-        (["run", "lift", "--order", "lift.plant,,"], ["lacks lift.reference", "has '', unknown or twice"]),
-        (["run", "lift", "--order", f"{ORDER},lift.plant"], ["once; it has lift.plant, unknown or twice."]),
-        (["run", "lift", "--order", ORDER.removeprefix("lift.plant,")], ["once; it lacks lift.plant."]),
+        (
+            ["run", "lift", "--order", "lift.plant,,"],
+            ["missing: lift.reference", "unknown or named twice: ''"],
+        ),
+        (["run", "lift", "--order", f"{ORDER},lift.plant"], ["once (unknown or named twice: lift.plant)."]),
+        (["run", "lift", "--order", ORDER.removeprefix("lift.plant,")], ["once (missing: lift.plant)."]),
         (["run", "lift", "--step-multiple", "lift.pump=2"], ["no component 'lift.pump'"]),
         (["run", "lift", "--step-multiple", "lift.plant=0"], ["step multiple 0 of lift.plant", "at least 1"]),
         (["run", "lift", "--step-multiple", "lift.plant=-2"], ["multiple -2 of lift.plant", "at least 1"]),

@@ -281,12 +281,12 @@ def refusing(error: type[InstanceError], status: str, rolls_back: bool = True) -
     [
         (
             pair(lambda u, t: u + (t >= 0.5)),
-            f"finds no agreement on the step from t = 0.5 s of {2**-15:.3g} s",
+            f"does not converge on the step from t = 0.5 s of {2**-15:.3g} s",
         ),
-        (pair(lambda u, t: u + (t > 0.0)), "finds no agreement on the step from t = "),
+        (pair(lambda u, t: u + (t > 0.0)), "does not converge on the step from t = "),
         (
             pair(lambda u, t: u * np.nan if t >= 0.5 else 0.5 * u),
-            "gives no finite b[0] on the step from t = 0.5",
+            "b[0] is infinite or NaN on the step from t = 0.5",
         ),
         (refusing(DiscardedStepError, "fmi2Discard"), "s answered doStep at t = 0.5 s with fmi2Discard."),
         (refusing(DiscardedStepError, "fmi2Discard", False), "s answered doStep at t = 0.5 s with fmi2Disc"),

@@ -477,7 +477,7 @@ def pair(answer: Callable[[np.ndarray, float], np.ndarray]) -> Network:
 def test_a_loop_without_agreement_names_itself_and_the_signal() -> None:
     algorithm = begun(pair(lambda u, h: u + 1.0), Strong(), make_communication_points(1.0, 1.0))
     message = (
-        r"^the loop a -> b -> a finds no agreement on the step from t = 0 s of 0.000977 s in "  # 2^-10 s
+        r"^the loop a -> b -> a does not converge on the step from t = 0 s of 0.000977 s in "  # 2^-10 s
         r"30 sweeps: b\[0\] still changes by .* of its size\.$"
     )
     with pytest.raises(RunError, match=message):
@@ -487,7 +487,7 @@ def test_a_loop_without_agreement_names_itself_and_the_signal() -> None:
 def test_a_loop_that_gives_nan_says_so() -> None:
     algorithm = begun(pair(lambda u, h: u * np.nan), Strong(), make_communication_points(1.0, 1.0))
     with pytest.raises(
-        RunError, match=r"^the loop a -> b -> a gives no finite b\[0\] on the step from t = 0 s"
+        RunError, match=r"^in the loop a -> b -> a, b\[0\] is infinite or NaN on the step from t = 0 s"
     ):
         algorithm.step(0.0, 1.0)
 

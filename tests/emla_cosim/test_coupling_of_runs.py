@@ -111,7 +111,7 @@ def test_a_figure_can_be_required(simulation: ec.Simulation) -> None:
     [
         ({"rod": "load.F_load * mass.w"}, "there is no signal 'mass.w' for the bond rod"),
         ({"rod": "load.F_load"}, "write two signals"),
-        ({"rod": "mass.x * mass.v"}, "no component takes"),
+        ({"rod": "mass.x * mass.v"}, "no component reads"),
         ({"mass.a -> load.a_load": "load.F_load * mass.v"}, "is the name of a connection"),
     ],
 )

@@ -122,13 +122,13 @@ def test_a_step_cut_short_leaves_the_next_as_it_was() -> None:
 def test_a_step_that_would_be_too_short_ends_the_run() -> None:
     control = StepControl(1e-3, 1, 5e-4)
     with pytest.raises(
-        RunError, match=r"^the error cannot be kept within its tolerance: even a step of 0.001 s"
+        RunError, match=r"^the error exceeds its tolerance even with a step of 0.001 s"
     ):
         control.judge(1e-3, 1e9)
     control = StepControl(1e-3, 1, 5e-4)
     control.discard(1e-3)
     assert (control.step, control.rejected) == (5e-4, 1)
-    with pytest.raises(RunError, match="too long"):
+    with pytest.raises(RunError, match="exceeds its tolerance"):
         control.discard(5e-4)
 
 
@@ -359,7 +359,7 @@ def test_an_unstable_coupling_is_not_taken_for_jumps(name: str, mass: float) -> 
     """A rigid load diverges at every step. Once that may pass for a jump, not again and again."""
     stepping = controlled(connected(*rigid_load(mass)), ALGORITHMS[name](), 0.5, 1e-2, 1e-3)
     table = Table(5)
-    with np.errstate(all="ignore"), pytest.raises(RunError, match=r"even a step of .* is too long"):
+    with np.errstate(all="ignore"), pytest.raises(RunError, match=r"even with a step of .* s"):
         simulate(stepping, table)
     initial = STIFFNESS * 0.1 / (MASS + mass)
     assert np.abs(table.rows[:, 3]).max(initial=0.0) < 20.0 * initial
@@ -374,7 +374,7 @@ def test_a_jump_that_no_step_is_short_enough_for_ends_the_run() -> None:
     noise = np.random.default_rng(3)
     slave = FakeSlave("noise", 0, [0.0], lambda u, x, t, h: noise.normal(size=1))
     stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-6)
-    with pytest.raises(RunError, match=r"even a step of .* s is too long"):
+    with pytest.raises(RunError, match=r"even with a step of .* s"):
         recorded(stepping)
 
 

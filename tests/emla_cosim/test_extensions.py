@@ -19,13 +19,13 @@ SHORT = ("--stop-time", "0.01", "--no-plots")
 
 @dataclass(eq=False)
 class Backwards(ec.Explicit):
-    """Gauss-Seidel from the last slave to the first, each set some times."""
+    """Gauss-Seidel from the last instance to the first, each set some times."""
 
     settings: int = ec.option(1, help="How often inputs are set.", above=0, below=9, identity="settings")
 
     def table(self, network: Any) -> list[ec.Operation]:
         calls = [ec.Call.SET] * self.settings + [ec.Call.STEP, ec.Call.GET]
-        return [ec.Operation(call, i) for i in reversed(range(len(network.slaves))) for call in calls]
+        return [ec.Operation(call, i) for i in reversed(range(len(network.instances))) for call in calls]
 
     def late(self) -> list[Any]:
         return [link for link in self.network.links if link.source <= link.target]
@@ -235,7 +235,7 @@ def test_what_is_added_belongs_to_a_checkpoint(emla: Emla) -> None:
 
     assert run("2", "--stop-time", "0.01", "--checkpoint", "c").exit_code == 0
     text = sentence(run("3", "--stop-time", "0.02", "--resume", "c"), 2)
-    assert "was made with the settings 2, this run has 3" in text
+    assert "has the settings 2, but this run has 3" in text
     assert run("2", "--stop-time", "0.02", "--resume", "c").exit_code == 0
     parts = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
     assert run("2", "--stop-time", "0.02").exit_code == 0

@@ -171,7 +171,7 @@ def test_a_run_meets_the_events_of_its_options_and_its_load() -> None:
     [
         (
             {"largest_step": 1e-3},
-            "--largest-step bounds the steps of --error-tolerance; set both",
+            "--largest-step needs --error-tolerance. Set both",
         ),
         ({"largest_step": 0.0, "error_tolerance": 0.1}, "the largest step 0 must be a positive number"),
     ],

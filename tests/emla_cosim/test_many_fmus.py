@@ -122,7 +122,7 @@ def test_an_fmu_that_allows_one_instance_per_process_gets_one(faulty_fmu: Path, 
         open_system(system).__enter__()
     paths = {c.name: c.fmu for c in system.components if c.fmu}
     with Assembly(system, paths, ["j.f1", "j.f2", "j.f3", "j.f4"]) as assembly:
-        assert len(assembly.slaves) == 5
+        assert len(assembly.instances) == 5
 
 
 def of_system(count: int, folder: Path) -> None:

@@ -66,7 +66,7 @@ def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
     [
         ("speed", 0, "the step multiple 0 of speed must be at least 1."),
         ("speed", 2**31 + 1, "the step multiple 2147483649 of speed must be at most 2147483648."),
-        ("sped", 2, "there is no component 'sped' to step more rarely."),
+        ("sped", 2, "there is no component 'sped' for a step multiple."),
     ],
 )
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])

@@ -247,7 +247,7 @@ def test_a_process_that_divides_takes_nothing_with_it(fmu_folder: Path) -> None:
         [sys.executable, "-c", DIVIDING, str(fmu_folder)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "the FMU of lift.plant belongs to another process; prepare it in this one.\n"
+    assert done.stdout == "the FMU of lift.plant belongs to another process. Prepare it in this process.\n"
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="Windows has no `setitimer`.")

@@ -444,7 +444,7 @@ def test_a_folder_of_parts_is_a_folder_of_a_run(emla: Emla, tmp_path: Path) -> N
     before = state(tmp_path)
     for more in ((), ("--overwrite",)):
         arguments = (*RUN, "--no-plots", "--output-format", "parquet", "--output", "out", *more)
-        assert "is no folder of a run; move it away" in sentence(emla(*arguments), 2)
+        assert "is not a folder of a run; move it away" in sentence(emla(*arguments), 2)
         assert state(tmp_path) == before
 
 

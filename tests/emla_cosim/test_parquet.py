@@ -35,12 +35,12 @@ def test_a_folder_of_somebody_else_is_left_alone(emla: Emla, tmp_path: Path) -> 
     (parts / "thesis.txt").write_text("years of work")
     (parts / "000000.parquet").write_text("a part")
     text = sentence(emla(*RUN), 2)
-    assert f"the folder '{parts}' has 'thesis.txt', which is not of a run; move it away" in text
+    assert f"no run wrote 'thesis.txt' in the folder '{parts}'; move it away" in text
     assert (parts / "thesis.txt").read_text() == "years of work"
     assert (parts / "000000.parquet").read_text() == "a part"
     (parts / "thesis.txt").unlink()
     (parts / "000001.parquet").mkdir()
-    assert "has '000001.parquet', which is not of a run" in sentence(emla(*RUN), 2)
+    assert "no run wrote '000001.parquet' in the folder" in sentence(emla(*RUN), 2)
     assert parts.is_dir()
 
 

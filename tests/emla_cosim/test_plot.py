@@ -148,7 +148,7 @@ def test_a_record_that_is_none_leaves_units_unknown(content: str, tmp_path: Path
 
 
 WRONG = [
-    (["nowhere"], "the run, 'nowhere', is not there."),
+    (["nowhere"], "the run, 'nowhere', does not exist."),
     (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
     (["a", "--signals", "y"], "no signal is called 'y'; there are x."),
     (["a", "--from", "3"], "there are no rows to draw at these times."),

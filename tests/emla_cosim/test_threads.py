@@ -89,7 +89,7 @@ def test_gauss_seidel_follows_the_signals_and_lets_others_go_their_way() -> None
 def test_groups_wait_for_what_they_read_and_samples_for_all_groups() -> None:
     network = chains(5, [(0, 1), (1, 0), (2, 3), (1, 4)])
     work = work_of(Strong(step_multiples={"s4": 2}), network)
-    members = [task.slaves for task in work]
+    members = [task.instances for task in work]
     assert sorted(members[:3]) == [(0, 1), (2,), (3,)]
     assert members[3:] == [(4,)] * 3
     loop, source, reader = (members.index(x) for x in ((0, 1), (2,), (3,)))
@@ -112,7 +112,7 @@ def simulated_length(
             while at[lane] < len(places) and through.keys() >= set(work[places[at[lane]]].after):
                 task = work[places[at[lane]]]
                 begin = max([now[lane], *(through[p] for p in task.after)])
-                now[lane] = begin + (sum(costs[i] for i in task.slaves) if task.steps else 0.0)
+                now[lane] = begin + (sum(costs[i] for i in task.instances) if task.steps else 0.0)
                 through[places[at[lane]]] = now[lane]
                 at[lane] += 1
         assert len(through) > before, "lanes wait for each other"
@@ -124,7 +124,7 @@ def lane_of(work: Sequence[StepTask], placement: ThreadSchedule) -> dict[int, se
     found: dict[int, set[int]] = {}
     for lane, places in enumerate(placement.lanes):
         for place in places:
-            for i in work[place].slaves:
+            for i in work[place].instances:
                 found.setdefault(i, set()).add(lane)
     return found
 
@@ -162,7 +162,7 @@ def test_lanes_never_wait_for_each_other(data: st.DataObject) -> None:
     assert sorted(p for lane in placement.lanes for p in lane) == list(range(len(work)))
     where = lane_of(work, placement)
     assert all(len(found) == 1 for found in where.values())
-    with_them = {i for task in work if alone & set(task.slaves) for i in task.slaves}
+    with_them = {i for task in work if alone & set(task.instances) for i in task.instances}
     assert all(where[i] == {0} for i in with_them)
     assert simulated_length(work, costs, placement.lanes) <= placement.length + 1e-9
     assert max(costs) <= placement.length <= sum(costs)
@@ -226,14 +226,14 @@ def test_no_threads_to_be_had_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> 
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr("threading.Thread.start", refused)
-    with pytest.raises(ec.RunError, match="gives no 3 threads to step FMUs in: can't start new thread"):
+    with pytest.raises(ec.RunError, match="cannot start 3 threads for FMUs: can't start new thread"):
         stepping.advance(Table(4), 5)
     assert stepping.steps == 0
 
 
 @pytest.mark.parametrize("threads", [0, -1, 33])
 def test_a_number_of_threads_that_cannot_be_is_refused(threads: int) -> None:
-    with pytest.raises(ec.CommandError, match=f"^{threads} threads cannot step FMUs; at least 1 can"):
+    with pytest.raises(ec.CommandError, match=f"^the number of threads must be from 1 to .*, not {threads}"):
         FixedSteps(begun(chains(1, []), Jacobi(), TIMES), TIMES, threads=threads)
 
 
@@ -502,4 +502,4 @@ def test_an_isolated_fmu_that_fails_beside_others_leaves_them_usable(faulty_fmu:
         again = simulation.run(set={"j.bad.fault": Fault.NONE.value})
         assert again.time[-1] == 1.0
     with open_system(system) as assembly:
-        assert len(assembly.slaves) == 3
+        assert len(assembly.instances) == 3

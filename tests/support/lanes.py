@@ -13,14 +13,14 @@ def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
     work, chance = algorithm.tasks(), random.Random(seed)
     lane_of = [chance.randrange(count) for _ in algorithm.network.instances]
     for task in work:
-        for i in task.slaves:
-            lane_of[i] = lane_of[task.slaves[0]]
+        for i in task.instances:
+            lane_of[i] = lane_of[task.instances[0]]
     lanes, through = [list[int]() for _ in range(count)], set[int]()
     while len(through) < len(work):
         possible = [p for p, t in enumerate(work) if p not in through and through.issuperset(t.after)]
         place = chance.choice(possible)
         through.add(place)
-        lanes[lane_of[work[place].slaves[0]]].append(place)
+        lanes[lane_of[work[place].instances[0]]].append(place)
     kernel.share_out(work, lanes)
     assert kernel.threads == count
     return stepping

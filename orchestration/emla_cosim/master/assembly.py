@@ -1,4 +1,4 @@
-"""From a system description to a network of FMU instances."""
+"""Build a network of FMU instances from a system description."""
 
 import contextlib
 from collections.abc import Container, Mapping, Sequence
@@ -23,29 +23,33 @@ from .network import Link, Network
 class Assembly:
     """A network of FMU instances, and the FMU file of every component.
 
-    Signals have the names that the system knows them by. Where it has them in other units than
-    the FMU, `shown` says what makes the system's value, by position. `close` frees all of it.
+    Signals have the names of the system. If a signal has another unit in the system than in its FMU,
+    `shown` has the transformation to the system's value, by position. Call `close` at the end.
     """
 
     def __init__(self, system: System, fmus: Mapping[str, Path], isolated: Container[str] = ()) -> None:
-        """Open the files and wire the system.
+        """Open the files and connect the components.
 
-        `fmus` gives the FMU file of every component by name; those that are `isolated` run in
-        processes of their own. Raises CommandError for anything in the system or its files that does
-        not fit.
+        Args:
+            system: The components and connections.
+            fmus: FMU file of every component, by name.
+            isolated: Names of the components that run in processes of their own.
+
+        Raises:
+            CommandError: The system and its files do not match.
         """
-        with contextlib.ExitStack() as held:
-            folder = held.enter_context(temporary_folder("emla-"))
+        with contextlib.ExitStack() as resources:
+            folder = resources.enter_context(temporary_folder("emla-"))
             self.files: Mapping[str, FmuFile] = _open_files(fmus, folder)
             self.system = system
             self._wired = resolve_system(system, {name: file.interface for name, file in self.files.items()})
-            self._instances = held.enter_context(contextlib.ExitStack())
+            self._instance_stack = resources.enter_context(contextlib.ExitStack())
             self._isolated = isolated
             self._used = False
             self._instantiate()
             self.start(system)
-            self._used = False  # nothing was initialized, and start values can be set again
-            self._held = held.pop_all()
+            self._used = False  # nothing is initialized yet, so start values can be set again
+            self._resources = resources.pop_all()
 
     def __enter__(self) -> "Assembly":
         return self
@@ -54,81 +58,87 @@ class Assembly:
         self.close()
 
     def close(self) -> None:
-        """Free the instances, and remove what was unpacked."""
-        self._held.close()
+        """Free the instances, and remove the unpacked files."""
+        self._resources.close()
 
     def _instantiate(self) -> None:
-        """Make instances of all components, and the network of them."""
+        """Instantiate all components and connect them."""
         components = self._wired.components
         inputs = {c.name: [x.input for x in self._wired.into(c.name)] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
-        self.slaves: dict[str, DescribedInstance] = {}
+        self.instances: dict[str, DescribedInstance] = {}
         log = FmuLog()
         for number, name in enumerate(c.name for c in components):
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
-            slave = IsolatedInstance(*described) if isolated else InProcessInstance(*described, log, number)
-            self._instances.callback(slave.close)
-            self.slaves[name] = slave
-        for slave in self.slaves.values():
-            slave.ready()
+            instance = (
+                IsolatedInstance(*described) if isolated else InProcessInstance(*described, log, number)
+            )
+            self._instance_stack.callback(instance.close)
+            self.instances[name] = instance
+        for instance in self.instances.values():
+            instance.ready()
         links = _links(self._wired, self.files, inputs, outputs)
         names, self.shown = _signals(self.system, outputs)
         faults = [
-            i for i, f in enumerate(self.files[n] for n in self.slaves) if f.description.modelName == MODEL
+            i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
-        self.network = Network(list(self.slaves.values()), links, names, faults)
+        self.network = Network(list(self.instances.values()), links, names, faults)
         self._order = [self.network.instances[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
     def start(self, system: System, fresh: bool = False) -> None:
-        """Bring all instances to where initialization begins, with the start values of this system.
+        """Prepare all instances for initialization, and set start values.
 
-        It is the same system but for these values. Instances that have run are reset, or made anew
-        where `fresh` says so. Raises CommandError for a value that does not fit, InstanceError where an
-        FMU refuses one.
+        Args:
+            system: The system of this assembly, possibly with other start values.
+            fresh: Whether to replace instances that have run. Otherwise they are reset.
+
+        Raises:
+            CommandError: A start value does not fit its variable.
+            InstanceError: An FMU rejects a start value.
         """
         for component in system.components:
             if self._values.get(component.name, (None,))[0] is not component:
                 self._values[component.name] = component, self._typed(component)
         if self._used and fresh:
             values = self._values
-            self._instances.close()
+            self._instance_stack.close()
             self._instantiate()
             self._values = values
         elif self._used:
-            for slave in self.slaves.values():
-                slave.reset()
+            for instance in self.instances.values():
+                instance.reset()
             self.network.signals[:] = 0.0
         self.network.reorder(self._order)
         self._used = True
-        for name, slave in self.slaves.items():
-            slave.set_start_values(self._values[name][1])
+        for name, instance in self.instances.items():
+            instance.set_start_values(self._values[name][1])
 
     def parameters(self) -> dict[str, float]:
-        """The parameters of all components that are numbers, by full name and as the system has them."""
+        """Return the numeric parameters of all components by full name, in the units of the system."""
         found: dict[str, float] = {}
-        for name, (component, given) in self._values.items():
+        for name, (component, start_values) in self._values.items():
             if self._parameters.get(name, (None,))[0] is not component:
-                self._parameters[name] = component, self._parameters_of(component, given)
+                self._parameters[name] = component, self._parameters_of(component, start_values)
             found |= self._parameters[name][1]
         return found
 
     def list_non_default_values(self, component: Component) -> dict[str, dict[str, Any]]:
-        """Start values of a component that are not those of its FMU, with these and the unit of both.
+        """Return the start values of a component that differ from its FMU's, with default and unit.
 
-        The same object for the same component, so that many runs share it.
+        The same component gets the same object, so that many runs share it.
         """
         if self._changed.get(component.name, (None,))[0] is not component:
             interface = self.files[component.name].interface
             self._changed[component.name] = component, _non_default_values(component, interface)
         return self._changed[component.name][1]
 
-    def _parameters_of(self, component: Component, given: Sequence[TypedValue]) -> dict[str, float]:
+    def _parameters_of(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
         found: dict[str, float] = {}
-        known, values = _map_known_names(component), {v.name: x for v, x in given}
+        known, values = _map_known_names(component), {v.name: x for v, x in start_values}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
             number = variable.causality == "parameter" and variable.type in ("Real", "Integer")
@@ -138,14 +148,15 @@ class Assembly:
         return found
 
     def _typed(self, component: Component) -> list[TypedValue]:
-        """The start values of a component as its FMU has them."""
-        given = convert_to_fmu_terms(component)
-        refuse_driven(given, self._wired)
-        return convert_start_values(component.name, self.files[component.name].interface, given.parameters)
+        """Return the start values of a component in the names and units of its FMU."""
+        converted = convert_to_fmu_terms(component)
+        refuse_driven(converted, self._wired)
+        return convert_start_values(
+            component.name, self.files[component.name].interface, converted.parameters
+        )
 
 
 def _non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
-    """Start values of a component that are not those of its FMU, with these and the unit of both."""
     found = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)
@@ -164,7 +175,7 @@ def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
 
 
 def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
-    """All Real outputs of a component, and those of other types that are connected."""
+    """Return all Real outputs of a component, and connected outputs of other types."""
     connected = {x.output for x in system.out_of(name)}
     outputs = [v for v in file.variables.values() if v.causality == "output"]
     return [v.name for v in outputs if v.type == "Real" or v.name in connected]
@@ -173,7 +184,7 @@ def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
 def _signals(
     system: System, outputs: Mapping[str, list[str]]
 ) -> tuple[list[str], dict[int, LinearTransformation]]:
-    """Names of all signals as the system has them, and what makes the system's values of the FMUs'."""
+    """Return the names of all signals in the system, and transformations to the system's values."""
     names, shown = [], {}
     for component in system.components:
         known = _map_known_names(component)
@@ -186,7 +197,7 @@ def _signals(
 
 
 def _map_known_names(component: Component) -> dict[str, tuple[str, Alias]]:
-    """What the system calls the FMU's variables that it has by another name or unit."""
+    """Return name and alias of each variable that has another name or unit in the system."""
     return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 
 

@@ -1,4 +1,4 @@
-"""Slaves wired together: who reads which signal, and in which order they are best stepped."""
+"""Connected FMU instances: which signals each one reads, and a good order for stepping them."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -14,12 +14,19 @@ from .instances.fmu_instance import FmuInstance
 
 @dataclass(frozen=True)
 class Link:
-    """One output that drives one input, by positions of slaves and of variables in their vectors.
+    """One output that drives one input.
 
-    `direct` says whether an output of the target that is connected itself depends on this input
-    without delay, and `through` has the positions of these outputs; `initial` says the same of the
-    initial values. The input is `factor` times the
-    output plus `offset`, which is in the unit of the input. `name` is what people call it.
+    Args:
+        source: Position of the instance with the output.
+        output: Position of the output in that instance's `outputs`.
+        target: Position of the instance with the input.
+        input: Position of the input in that instance's `inputs`.
+        direct: Whether a connected output of the target depends on this input without delay.
+        initial: Whether the initial value of such an output depends on this input.
+        factor: The input is `factor` times the output, plus `offset`.
+        offset: In the unit of the input.
+        name: Name in messages and reports.
+        through: Positions of the outputs that depend on this input without delay.
     """
 
     source: int
@@ -35,92 +42,98 @@ class Link:
 
 
 class Network:
-    """Slaves, one vector of all their outputs, and for each slave the signals that it reads.
+    """FMU instances, one vector with all their outputs, and the signals that each instance reads.
 
-    The slave at position i writes its outputs to `signals[parts[i]]` and reads
-    `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. They are `factors[i]`
-    times these signals plus `offsets[i]`; `transforms[i]` says whether that makes a difference.
-    `followers` only pass on what their single source gives, and do not change the order of the others.
-    `read` lists all signals that somebody reads. `order` is a good order of stepping one after the
-    other, and may be replaced by another one.
+    Attributes:
+        signals: All outputs; instance i writes `signals[parts[i]]` and reads `signals[sources[i]]`.
+        inputs: All inputs; those of instance i are `inputs[input_parts[i]]`. They are `factors[i]` times
+            the signals that it reads, plus `offsets[i]`.
+        transforms: Per instance, whether factors and offsets change anything.
+        followers: Instances that only pass on their single source, without effect on the order of the others.
+        read: Positions of all signals that an instance reads.
+        order: Positions of the instances, in a good order for stepping one after the other; see `reorder`.
     """
 
     def __init__(
         self,
-        slaves: Sequence[FmuInstance],
+        instances: Sequence[FmuInstance],
         links: Sequence[Link],
         names: Sequence[str] = (),
         followers: Collection[int] = (),
     ) -> None:
-        self.instances = list(slaves)
+        self.instances = list(instances)
         self.links = list(links)
-        self.parts = _parts([len(s.outputs) for s in slaves])
-        self.input_parts = _parts([len(s.inputs) for s in slaves])
-        self.signals: Vector = np.zeros(sum(len(s.outputs) for s in slaves))
-        self.inputs: Vector = np.zeros(sum(len(s.inputs) for s in slaves))
-        for slave, written, taken in zip(slaves, self.parts, self.input_parts, strict=True):
-            slave.bind(self.inputs[taken], self.signals[written])
-        self.names = list(names) or [f"{s.name}[{i}]" for s in slaves for i in range(len(s.outputs))]
-        self.sources: list[Indices] = [np.full(len(s.inputs), -1, dtype=np.intp) for s in slaves]
-        self.factors: list[Vector] = [np.ones(len(s.inputs)) for s in slaves]
-        # minus zero adds nothing at all, while 0.0 would turn a signal of -0.0 into 0.0
-        self.offsets: list[Vector] = [np.full(len(s.inputs), -0.0) for s in slaves]
+        self.parts = _parts([len(s.outputs) for s in instances])
+        self.input_parts = _parts([len(s.inputs) for s in instances])
+        self.signals: Vector = np.zeros(sum(len(s.outputs) for s in instances))
+        self.inputs: Vector = np.zeros(sum(len(s.inputs) for s in instances))
+        for instance, written, taken in zip(instances, self.parts, self.input_parts, strict=True):
+            instance.bind(self.inputs[taken], self.signals[written])
+        self.names = list(names) or [f"{s.name}[{i}]" for s in instances for i in range(len(s.outputs))]
+        self.sources: list[Indices] = [np.full(len(s.inputs), -1, dtype=np.intp) for s in instances]
+        self.factors: list[Vector] = [np.ones(len(s.inputs)) for s in instances]
+        # adding -0.0 changes no bit; adding 0.0 would turn a signal of -0.0 into 0.0
+        self.offsets: list[Vector] = [np.full(len(s.inputs), -0.0) for s in instances]
         for link in links:
             i, j = link.target, link.input
             self.sources[i][j], self.factors[i][j] = self.signal(link), link.factor
             self.offsets[i][j] = link.offset or -0.0
         if any((s < 0).any() for s in self.sources):
-            raise ValueError("every element of a slave's input vector needs a link")
+            raise ValueError("every element of an instance's input vector needs a link")
         self.transforms = [
             bool((f != 1.0).any() or o.any()) for f, o in zip(self.factors, self.offsets, strict=True)
         ]
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
         self.followers = frozenset(followers)
-        self._use_order(order_with_followers(len(slaves), links, followers))
+        self._use_order(order_with_followers(len(instances), links, followers))
 
     def _use_order(self, order: list[int]) -> None:
         self.order = order
         self._place = {i: k for k, i in enumerate(order)}
-        self._against: list[list[Link]] = [[] for _ in order]  # the order, by target
+        self._against: list[list[Link]] = [[] for _ in order]  # feedback links, by target
         for link in self.find_feedback_links():
             self._against[link.target].append(link)
 
     def signal(self, link: Link) -> int:
-        """Position in `signals` of the output that drives a link."""
+        """Return the position in `signals` of the output that drives a link."""
         return int(self.parts[link.source].start) + link.output
 
     def pass_inputs(self, i: int) -> None:
-        """Give slave i the present signals that it reads."""
-        slave = self.instances[i]
-        self.signals.take(self.sources[i], out=slave.inputs, mode="clip")
+        """Set the inputs of instance i to the present signals that it reads."""
+        instance = self.instances[i]
+        self.signals.take(self.sources[i], out=instance.inputs, mode="clip")
         if self.transforms[i]:
             self.transform(i)
-        slave.set_inputs()
+        instance.set_inputs()
 
     def transform(self, i: int) -> None:
-        """Turn the signals that stand in the place of slave i's inputs into these inputs."""
+        """Apply factors and offsets to the signals that were copied into instance i's inputs."""
         inputs = self.instances[i].inputs
         inputs *= self.factors[i]
         inputs += self.offsets[i]
 
     def assume_inputs(self, i: int) -> None:
-        """Give the signals that slave i reads values by which its inputs are what they are.
+        """Set the signals that instance i reads so that they agree with its present inputs.
 
-        Where no value does that, because the factor is 0, the signal is left alone.
+        A signal whose factor is 0 keeps its value.
         """
-        offsets = self.offsets[i] + 0.0  # without minus zeros: -0.0 - -0.0 would be 0.0
+        offsets = self.offsets[i] + 0.0  # turns -0.0 into 0.0: -0.0 - -0.0 would be 0.0
         with np.errstate(all="ignore"):
             assumed = (self.instances[i].inputs - offsets) / self.factors[i]
         found = np.isfinite(assumed)
         self.signals[self.sources[i][found]] = assumed[found]
 
     def reorder(self, names: Sequence[str]) -> None:
-        """Use this order of the slaves' names instead; CommandError unless it has each of them once.
+        """Replace the order of stepping.
 
-        Slaves that read nothing may be left out: they come first then. So may followers, all of them: each
-        then comes after its source.
+        Args:
+            names: Names of the instances. You can leave out instances without inputs, which then come first.
+                You can also leave out all followers: each then comes after its source.
+
+        Raises:
+            CommandError: An instance is missing, unknown or named twice.
         """
-        position = {slave.name: i for i, slave in enumerate(self.instances)}
+        position = {instance.name: i for i, instance in enumerate(self.instances)}
         named = set(names)
         reads_nothing = (s.name for s in self.instances if not len(s.inputs) and s.name not in named)
         names = [*reads_nothing, *names]
@@ -132,18 +145,20 @@ class Network:
         if sorted(names) != sorted(position):
             missing = [n for n in position if n not in named]
             wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
-            problems = [f"lacks {join_names(missing)}"] if missing else []
-            problems += [f"has {join_names(wrong)}, unknown or twice"] if wrong else []
+            problems = [f"missing: {join_names(missing)}"] if missing else []
+            problems += [f"unknown or named twice: {join_names(wrong)}"] if wrong else []
             raise CommandError(
-                f"the order of stepping must name every component once; it {', '.join(problems)}."
+                f"the order of stepping must name every component once ({'; '.join(problems)})."
             )
         self._use_order([position[n] for n in names])
 
     def hold_back(self, last: Collection[int], keep_order: bool) -> None:
-        """Let these slaves come last, because others see of them only what was before a step.
+        """Move instances to the end of the order. The others only read their outputs from before the step.
 
-        Nobody else has to come after them, so the others get the order that is good without these
-        links, unless the present one is to be kept.
+        Args:
+            last: Positions of these instances.
+            keep_order: Whether the others keep their order. Otherwise they get one that is good without the
+                links from `last`.
         """
         order = self.order
         if not keep_order:
@@ -152,20 +167,24 @@ class Network:
         self._use_order(sorted(order, key=lambda i: i in last))
 
     def find_feedback_links(self) -> list[Link]:
-        """Links that run against `order`: stepping one after the other, they are late by a step."""
+        """Return the links that run against `order`. In sequential stepping they are one step late."""
         place = self._place
         return [link for link in self.links if place[link.source] >= place[link.target]]
 
     def groups(self, counts: Callable[[Link], bool] = lambda link: True) -> list[list[int]]:
-        """Slaves that depend on each other, group by group, so that each follows what it depends on.
+        """Return groups of instances that depend on each other; each group follows those it depends on.
 
-        A loop of links makes a group of several slaves, or of one that reads itself; only links
-        that `counts` says yes to are seen. Within a group the network's order holds.
+        Args:
+            counts: Whether to take a link into account.
+
+        Returns:
+            Positions of the instances of each group, in the order of the network. Instances in a loop of
+            links share a group; all others are groups of their own.
         """
         links, place = [x for x in self.links if counts(x)], self._place
         if all(place[x.source] <= place[x.target] for x in links):
             return [[i] for i in self.order]
-        import networkx  # takes longer than a short run, which mostly does without
+        import networkx  # slow to import, and rarely needed
 
         graph = networkx.DiGraph([(x.source, x.target) for x in links])
         graph.add_nodes_from(self.order)
@@ -177,14 +196,14 @@ class Network:
     def find_coupling_variables(
         self, group: Sequence[int], counts: Callable[[Link], bool] = lambda link: True
     ) -> Indices:
-        """The signals within a group that are read before they are written: what makes it a loop."""
+        """Return the positions of the signals of a group that are read before they are written."""
         inside = set(group)
         links = [x for i in inside for x in self._against[i] if x.source in inside and counts(x)]
         return np.array(sorted({self.signal(x) for x in links}), dtype=np.intp)
 
     def loops_without_delay(self) -> list[list[str]]:
-        """Names of signals that depend on themselves through others within one instant, loop by loop."""
-        import networkx  # takes longer than a short run, which mostly does without
+        """Return the names of the signals of each loop without delay (algebraic loop)."""
+        import networkx  # slow to import, and rarely needed
 
         graph = networkx.DiGraph(
             (self.signal(x), int(self.parts[x.target].start) + output)
@@ -195,18 +214,18 @@ class Network:
         return [[self.names[s] for s in sorted(loop)] for loop in loops if len(loop) > 1]
 
     def loop_name(self, group: Sequence[int]) -> str:
-        """The slaves of a group as a loop: a -> b -> a."""
+        """Return a name for a loop of instances, such as `a -> b -> a`."""
         return " -> ".join(self.instances[i].name for i in [*group, group[0]])
 
     def find_nonfinite_signal(self, time: float) -> RunError | None:
-        """The error that names the first signal that is read but is not finite, if there is one."""
+        """Return an error that names the first signal that is read and not finite; None if all are finite."""
         wrong = self.read[~np.isfinite(self.signals[self.read])]
         if not len(wrong):
             return None
         return RunError(f"{self.names[wrong[0]]} became {self.signals[wrong[0]]} at t = {time:.9g} s.")
 
     def check_finite(self, time: float) -> None:
-        """Raise RunError where a signal that somebody reads is not a number; `time` in s."""
+        """Raise RunError if a signal that an instance reads is infinite or not a number; `time` in s."""
         if (failure := self.find_nonfinite_signal(time)) is not None:
             raise failure
 
@@ -217,16 +236,16 @@ def _parts(lengths: Sequence[int]) -> list[slice]:
 
 
 def order_with_followers(count: int, links: Sequence[Link], followers: Collection[int]) -> list[int]:
-    """The order of stepping that the others have without the followers, each of which comes after its source.
+    """Return an order of stepping in which the followers do not change the order of the others.
 
-    A follower without a source comes first.
+    Each follower comes after its source, or first if it has none.
     """
     if not followers:
         return stepping_order(count, links)
     source_of = {link.target: link.source for link in links if link.target in followers}
 
     def origin(i: int) -> int | None:
-        """The first before i that is no follower."""
+        """Return the instance that drives i through followers; None if there is none."""
         while i in followers:
             if i not in source_of:
                 return None
@@ -243,7 +262,7 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
 
 
 def _with_followers(order: Sequence[int], links: Sequence[Link], followers: Collection[int]) -> list[int]:
-    """An order of the others, with each follower after its source."""
+    """Insert each follower after its source."""
     source_of = {link.target: link.source for link in links if link.target in followers}
     behind: dict[int | None, list[int]] = {}
     for i in sorted(followers):
@@ -257,11 +276,11 @@ def _with_followers(order: Sequence[int], links: Sequence[Link], followers: Coll
 
 
 def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
-    """Positions of the slaves so that each follows those it depends on, as far as that can be.
+    """Return the positions of the instances in an order in which most of them follow what they depend on.
 
-    A slave whose connected outputs depend directly on an input comes after the input's source;
-    the other links decide between what is left, then the order of declaration. In a loop of
-    direct links the slave that waits for the fewest comes first.
+    An instance whose connected outputs depend directly on an input comes after the input's source.
+    Among the rest, the other links decide, then the order of declaration. In a loop of direct links,
+    the instance that waits for the fewest sources comes first.
     """
     readers: list[dict[int, bool]] = [{} for _ in range(count)]  # of each source: whether directly
     for link in links:
@@ -279,7 +298,7 @@ def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
     order: list[int] = []
     while queue:
         chosen = heappop(queue)[2]
-        if chosen not in waiting:  # what it waits for gets less, so this entry is an older one
+        if chosen not in waiting:  # an older entry of an instance that is in the order already
             continue
         waiting.remove(chosen)
         order.append(chosen)

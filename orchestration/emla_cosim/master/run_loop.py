@@ -1,4 +1,4 @@
-"""The loop over a whole run: stretches of steps, and what happens between them."""
+"""Run the steps of a whole simulation in stretches, with pauses for checkpoints and progress."""
 
 import math
 import time
@@ -8,10 +8,10 @@ from .stepping.pacing import Pacing
 from .stepping.stepping_base import RowSink, Stepping
 
 STRETCH = 0.05
-"""Wall time in s between two looks at the world outside; steps per stretch are chosen for it."""
+"""Target wall time of a stretch, in s; sets the number of steps in each."""
 
 MOST_STEPS = 2**20
-"""Steps in a stretch, at the most."""
+"""Largest number of steps in a stretch."""
 
 
 def simulate(
@@ -22,10 +22,19 @@ def simulate(
     between: Callable[[], None] = lambda: None,
     until: float = math.inf,
 ) -> None:
-    """Step until a time in s, the end, or until `interrupted` says so, calling `between` from time to time.
+    """Step until a time, the end of the run, or an interruption.
 
-    The point where the stepping is at the call should have been recorded already. Raises
-    InstanceError and RunError from the slaves, and what `rows` raises.
+    Args:
+        stepping: What does the steps. Its present point must have been recorded already.
+        rows: Takes the rows.
+        interrupted: Return whether to stop.
+        pacing: Holds the run back to a multiple of real time; None runs at full speed.
+        between: Called after each stretch of steps.
+        until: Time in s at which to stop.
+
+    Raises:
+        InstanceError: A call of an FMU failed.
+        RunError: A step failed for another reason. Errors of `rows` are passed on, too.
     """
     most = 1
     while not (stepping.reached(until) or interrupted()):

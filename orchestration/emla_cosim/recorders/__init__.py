@@ -1,1 +1,1 @@
-"""What takes the rows of a run while it goes on: files, memory, metrics, checkpoints, progress."""
+"""Recorders take the rows of a run: files, memory, metrics, checkpoints, progress."""

@@ -1,4 +1,4 @@
-"""Checkpoints of a run: when they are written, what they belong to, and whether one fits."""
+"""Write checkpoints during a run, and check whether a checkpoint fits a run."""
 
 import time
 from collections.abc import Mapping
@@ -11,14 +11,16 @@ from ..master.stepping.timing import CommunicationPoints
 from .recorder import Pause, Recorder
 
 INTERVAL = 60.0
-"""Wall time in s between two checkpoints while a run goes on."""
+"""Wall time in s between two checkpoints."""
 
 
 class Checkpoints(Recorder):
-    """Writes checkpoints of a run to one file: now and then, and at the end.
+    """Write checkpoints of a run to one file: at intervals, and at the end.
 
-    `identity` is what must be the same for a run to be continued, by the names it has in messages. The
-    file is at `place`, wherever FMUs may go; messages call it `path`.
+    Args:
+        path: The file, as messages name it.
+        identity: What must be the same to continue a run, by its names in messages.
+        place: Absolute path of the file, which stays valid if an FMU changes the working directory.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], place: Path) -> None:
@@ -28,7 +30,7 @@ class Checkpoints(Recorder):
         self._last = time.monotonic()
 
     def pause(self, run: Pause) -> None:
-        """Write one if the last is long ago, or stepping is over; RunError where that fails."""
+        """Write a checkpoint if one is due, or if stepping is over; RunError if that fails."""
         if run.over or time.monotonic() - self._last >= INTERVAL:
             self._save(run)
 
@@ -46,9 +48,16 @@ class Checkpoints(Recorder):
 def find_resumable_checkpoint(
     path: Path, identity: Mapping[str, Any], times: CommunicationPoints, folder: Path
 ) -> Checkpoint:
-    """The checkpoint to continue from, its path relative to `folder`.
+    """Return the checkpoint to continue from.
 
-    Raises CommandError where it does not belong to this run.
+    Args:
+        path: The file, relative to `folder`.
+        identity: What must be the same, by its names in messages.
+        times: The communication points of the run.
+        folder: The folder.
+
+    Raises:
+        CommandError: The file is no checkpoint of this run, or is already at the stop time.
     """
     checkpoint = load_checkpoint(path, folder)
     try:
@@ -62,8 +71,8 @@ def find_resumable_checkpoint(
             raise CommandError(_difference(path, what, was.get(what), value))
     if reached >= times.stop:
         raise CommandError(
-            f"the checkpoint '{path}' is at t = {reached:.9g} s already; give a later stop time than "
-            f"{times.stop:.9g} s."
+            f"the checkpoint '{path}' is already at t = {reached:.9g} s. Set a stop time later than that; "
+            f"it is {times.stop:.9g} s."
         )
     return checkpoint
 
@@ -71,7 +80,7 @@ def find_resumable_checkpoint(
 def _difference(path: Path, what: str, was: Any, value: Any) -> str:
     if isinstance(was, dict) and isinstance(value, dict):
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]
-        return f"the checkpoint '{path}' was made with other {what}, of {', '.join(names[:5])}."
+        return f"the checkpoint '{path}' has other {what}, of {', '.join(names[:5])}."
     if isinstance(value, list):
-        return f"the checkpoint '{path}' was made with other {what}."
-    return f"the checkpoint '{path}' was made with the {what} {was}, this run has {value}."
+        return f"the checkpoint '{path}' has other {what}."
+    return f"the checkpoint '{path}' has the {what} {was}, but this run has {value}."

@@ -1,4 +1,4 @@
-"""results.csv: the FMI cross-check form, first column `time`."""
+"""Write and read results.csv, in the format of the FMI cross-check: the first column is `time`."""
 
 import contextlib
 import csv
@@ -21,20 +21,22 @@ _BLOCK = 2**20
 
 
 class CsvFile(FileTable):
-    """Writes a table to a CSV file as it comes, by whole lines.
+    """A table in a CSV file, written during the run in whole lines.
 
-    Numbers have the digits that bring back the same double. Where a run continues another one, whose
-    file is there, the file is cut and continued; without it a new one begins with the rows that follow.
+    Numbers have enough digits to restore the same double. A run that continues another one truncates its
+    file at that point and appends to it. Without the file, the table begins with the new rows.
     """
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Create the file with its header, or open it to continue.
 
-        Raises OSError; CommandError for a file that is somebody else's.
+        Raises:
+            OSError: The file cannot be written.
+            CommandError: The existing file was not written by a run.
         """
         super().begin(outline, memory)
         header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
-        real_place(self.path)  # a device or a folder is no place for it
+        real_place(self.path)  # raises for devices and folders
         length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
         continued = memory is not None and _can_continue(self.path, header, length, line.encode())
         self.claim(continued)
@@ -51,7 +53,8 @@ class CsvFile(FileTable):
     def end(self) -> None:
         """Append the last row if it was not due, and close the file.
 
-        Raises OSError, also where the rows went to a file that is no more at its place.
+        Raises:
+            OSError: The file cannot be written, or was removed or replaced during the run.
         """
         try:
             super().end()
@@ -62,22 +65,22 @@ class CsvFile(FileTable):
         self.settle()
 
     def memory(self) -> Any:
-        """How far the file is: rows that came, bytes of those that were due, the last line."""
+        """Return the number of rows so far, the length of the file in bytes, and its last line."""
         return {**super().memory(), "bytes": self._length, "line": self._line}
 
     def append(self, rows: Vector) -> None:
-        """Write these rows."""
+        """Write these rows. Raises OSError."""
         text = BytesIO()
         frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self.names)
         frame.write_csv(text, include_header=False)
         self._write_lines(text.getvalue())
 
     def open(self) -> None:
-        """Take the names of the columns from the file. Raises OSError."""
+        """Read the column names from the file. Raises OSError."""
         self.names = read_column_names(self.path)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name; one that the file does not have is left out."""
+        """Return columns by name, without those that the file does not have; see `Table.read`."""
         return read_csv(self.path, names, most)
 
     def _in_place(self) -> bool:
@@ -87,14 +90,14 @@ class CsvFile(FileTable):
             return False
 
     def _write_lines(self, text: bytes) -> None:
-        """Append whole lines; where not all of them fit, those that do, and none in part."""
+        """Append whole lines. If the disk is full, keep the lines that fit, without an incomplete one."""
         written = 0
         try:
             while written < len(text):
                 written += self._stream.write(memoryview(text)[written:]) or 0
         except OSError:
             written = text.rfind(b"\n", 0, written) + 1
-            with contextlib.suppress(OSError):  # a device cannot be cut
+            with contextlib.suppress(OSError):  # a device cannot be truncated
                 self._stream.seek(self._stream.truncate(self._length + written))
             raise
         finally:
@@ -103,7 +106,7 @@ class CsvFile(FileTable):
 
 
 def _can_continue(path: Path, header: bytes, length: int, line: bytes) -> bool:
-    """Whether a file has these columns and was once of this length, with this last line."""
+    """Whether a file has this header, and this line before this length in bytes."""
     if not path.is_file():
         return False
     with path.open("rb") as stream:
@@ -113,9 +116,12 @@ def _can_continue(path: Path, header: bytes, length: int, line: bytes) -> bool:
 
 
 def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-    """Columns of a results.csv by name; a name that the file does not have is left out.
+    """Return columns of a results.csv by name, without those that the file does not have.
 
-    Of a file with more than `most` rows only every n-th row is kept, so that memory stays small.
+    Args:
+        path: The file.
+        names: Names of the columns.
+        most: If the file has more rows, only every n-th row is read, to save memory.
     """
     with path.open("rb") as stream:
         header = _header(stream)
@@ -124,7 +130,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     chosen = {n: columns[n] for n in names if n in columns}
     every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
     source = path if most is None else _thin_lines(path, every)
-    frame = polars.read_csv(  # whose own reading of a header leaves quotes doubled
+    frame = polars.read_csv(  # without the header, in which polars keeps doubled quotes
         source,
         has_header=False,
         skip_rows=1,
@@ -135,7 +141,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
 
 
 def read_column_names(path: Path) -> list[str]:
-    """The names of the columns of a results.csv. Raises OSError; UnicodeDecodeError where it is no text."""
+    """Return the column names of a results.csv. Raises OSError; UnicodeDecodeError if it is not UTF-8."""
     with path.open("rb") as stream:
         return _names(_header(stream))
 
@@ -145,7 +151,7 @@ def _names(header: bytes) -> list[str]:
 
 
 def _header(stream: IO[bytes]) -> bytes:
-    """The first row of a file, of more than one line where a name has an end of line in it."""
+    """Read the first row of a file. It has several lines if a name contains line breaks."""
     header = stream.readline()
     while header.count(b'"') % 2 and (line := stream.readline()):
         header += line
@@ -158,7 +164,7 @@ def _lines(path: Path) -> int:
 
 
 def _thin_lines(path: Path, every: int) -> bytes:
-    """The header, and of the lines after it every n-th one, but not one that is still being written."""
+    """Read the header and every n-th line after it, without an incomplete last line."""
     with path.open("rb") as stream:
         header = _header(stream)
         rows = stream.read() if every == 1 else b"".join(islice(stream, 0, None, every))

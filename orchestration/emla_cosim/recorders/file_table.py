@@ -1,4 +1,4 @@
-"""Tables in files, which replace no file of somebody else."""
+"""Tables in files, which do not replace files of other programs."""
 
 from pathlib import Path
 
@@ -7,10 +7,10 @@ from .table import Table
 
 
 class FileTable(Table):
-    """A table that is written to one file.
+    """A table in one file.
 
-    A file that is there already is replaced if it is empty, if an earlier table of ours was written there
-    and nobody changed it since, or with `overwrite`; see `base.ownership`.
+    An existing file is replaced if it is empty, if it is an unchanged table of an earlier run, or with
+    `overwrite`; see `base.ownership`.
     """
 
     def __init__(self, path: str | Path, overwrite: bool = False) -> None:
@@ -22,17 +22,19 @@ class FileTable(Table):
         return str(self.path)
 
     def claim(self, continued: bool) -> None:
-        """List the file in the manifest of its folder before it is written, or continued.
+        """Add the file to the manifest of its folder before it is written.
+
+        Args:
+            continued: Whether the run continues an existing file. Otherwise the file is replaced.
 
         Raises:
-            CommandError: Somebody else wrote the file that would be replaced.
+            CommandError: The existing file was not written by a run, or was changed since.
             OSError: The manifest cannot be written.
-
         """
         if not continued:
             self._files.check([self.path.name], "the table")
         self._files.claim([self.path.name])
 
     def settle(self) -> None:
-        """Note in the manifest that the file is complete. May raise OSError."""
+        """Mark the file as complete in the manifest. May raise OSError."""
         self._files.settle()

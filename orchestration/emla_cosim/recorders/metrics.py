@@ -1,4 +1,4 @@
-"""Figures computed while a run goes on, from every communication point."""
+"""Compute metrics during a run, from every communication point."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -14,15 +14,19 @@ from .recorder import Outline, Pause, Recorder
 from .signal_figures import SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
-"""Figures by what they are of, and by name."""
+"""Figures by object, such as a joint, and by name."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """How a person sees a figure: what it is called, its factor and unit there.
+    """How to display a figure.
 
-    A value that is too long in that unit is shown without the factor, in the unit `large`. A figure
-    that is true or false needs neither.
+    Args:
+        name: Name of the figure.
+        label: Label on the display.
+        factor: Factor from the figure to the displayed value.
+        unit: Unit of the displayed value.
+        large: Unit for values that are too long in `unit`. They are displayed without the factor.
     """
 
     name: str
@@ -33,7 +37,7 @@ class Shown:
 
 
 class Metrics(ABC):
-    """Computes figures of one kind; `shown` are those to show, in order."""
+    """Compute figures of one kind; `shown` lists those to display, in order."""
 
     shown: Sequence[Shown] = ()
 
@@ -43,30 +47,30 @@ class Metrics(ABC):
 
     @abstractmethod
     def figures(self) -> Figures:
-        """The figures of all rows so far, also where there are none; NaN for one that does not exist."""
+        """Return the figures of all rows so far. All names are present, with NaN for missing values."""
 
     def remarks(self) -> Sequence[str]:
-        """Sentences that a person should read before the figures."""
+        """Return remarks for users to read before the figures."""
         return ()
 
     def ended_early(self, problem: str) -> None:  # noqa: B027
-        """Take the sentence that says why the run ended before its stop time."""
+        """Take the error message of a run that ended before its stop time."""
 
     @abstractmethod
     def memory(self) -> Any:
-        """Plain data from which another one can go on."""
+        """Return the state as plain data, from which another object can continue."""
 
     @abstractmethod
     def remember(self, memory: Any) -> None:
-        """Go on from what `memory` gave."""
+        """Restore the state from `memory`."""
 
 
 METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
-"""What makes metrics for a run, or None, by the name of their part in metrics.json."""
+"""Functions that return the metrics of a run, or None, by the name of their part in metrics.json."""
 
 
 HELD = "held"
-"""The figure that is a verdict: whether a joint, or whatever else a metric judges, is held."""
+"""Name of the figure that is a verdict: whether a joint, or another object of a metric, is held."""
 
 
 def is_verdict(figure: str) -> bool:
@@ -75,15 +79,18 @@ def is_verdict(figure: str) -> bool:
 
 
 TRACKED: dict[str, Callable[[Collection[str], Mapping[str, str]], Mapping[str, tuple[str, str]]]] = {}
-"""What finds signals that follow others among names, with given roles: both by what they are of; by kind."""
+"""Functions that find signals and their references, by kind.
+
+Each takes the names of all signals, and the roles. It returns pairs of names by object, such as a joint.
+"""
 
 
 SIGNALS = "signals"
-"""What metrics.json calls the part with the figures of signals, which every run has."""
+"""Name of the part of metrics.json with the figures of signals, which every run has."""
 
 
 class MetricsRecorder(Recorder):
-    """Computes all registered metrics that a run has signals for, and the figures of every signal."""
+    """Compute all registered metrics that apply to a run, and the figures of every signal."""
 
     key = "metrics"
 
@@ -93,7 +100,7 @@ class MetricsRecorder(Recorder):
         self._coupling: Coupling | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin all of them, or go on."""
+        """Begin all metrics, or continue from a `memory`."""
         made = {name: make(outline) for name, make in METRICS.items()}
         self.kinds = {name: metrics for name, metrics in made.items() if metrics is not None}
         for name, metrics in self.kinds.items():
@@ -111,7 +118,7 @@ class MetricsRecorder(Recorder):
         self._coupling.write(rows)
 
     def watcher(self, shown: Mapping[int, LinearTransformation]) -> Callable[[float, Vector], None]:
-        """Return what takes the points of a `Stepping.watch`; see `RowBuffer` for `shown`."""
+        """Return a function for `Stepping.watch`; see `RowBuffer` for `shown`."""
 
         def watch(time: float, signals: Vector) -> None:
             row = np.concatenate(([time], signals))
@@ -123,42 +130,42 @@ class MetricsRecorder(Recorder):
         return watch
 
     def pause(self, run: Pause) -> None:
-        """See what the run learned so far of its loops."""
+        """Use what the run has learned about its loops so far."""
         if self._coupling is not None:
             self._coupling.learn(run.stepping.algorithm)
 
     def memory(self) -> Any:
-        """That of all of them."""
+        """Return the state of all metrics."""
         assert self._signals is not None and self._coupling is not None
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
         return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._coupling.memory()}
 
     @classmethod
     def before(cls, outline: Outline) -> dict[str, Figures]:
-        """The figures that a run has before its first row, which have the names of all that it will have."""
+        """Return the figures of a run before its first row, which have all names but no values."""
         recorder = cls()
         recorder.begin(outline)
         found: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
         return found | ({COUPLING: coupling} if (coupling := recorder.coupling()) else {})
 
     def ended_early(self, problem: str) -> None:
-        """Tell all of them that the run ended before its stop time, and why."""
+        """Pass the error message of a run that ended before its stop time to all metrics."""
         for metrics in self.kinds.values():
             metrics.ended_early(problem)
 
     def remarks(self) -> list[str]:
-        """Sentences that a person should read before the figures."""
+        """Return remarks for users to read before the figures."""
         found = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
         return [*found, *(self._coupling.remarks() if self._coupling is not None else ())]
 
     def figures(self) -> dict[str, Figures]:
-        """The figures of all rows so far, by the name of their kind."""
+        """Return the figures of all rows so far, by the name of their kind."""
         return {name: metrics.figures() for name, metrics in self.kinds.items()}
 
     def signals(self) -> dict[str, dict[str, float]]:
-        """The figures of every recorded signal, of all rows so far; see `SignalFigures`."""
+        """Return the figures of every recorded signal, of all rows so far; see `SignalFigures`."""
         return self._signals.figures() if self._signals is not None else {}
 
     def coupling(self) -> dict[str, dict[str, float]]:
-        """Return what the exchange of values cost so far, by bond and by connection; see `Coupling`."""
+        """Return the cost of the coupling so far, by bond and by connection; see `Coupling`."""
         return self._coupling.figures() if self._coupling is not None else {}

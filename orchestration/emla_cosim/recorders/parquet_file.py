@@ -1,4 +1,4 @@
-"""results.parquet: the same table in columns, with the units of the signals."""
+"""Write and read results.parquet, which also has the units of the signals."""
 
 import contextlib
 import json
@@ -16,17 +16,17 @@ from .file_table import FileTable
 from .recorder import Outline
 
 PART = 2**22
-"""Numbers in a part; so many are held in memory."""
+"""Number of values in a part, and largest number of values in memory."""
 
 _OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
 """Names of files that a run leaves in the folder of parts."""
 
 
 class ParquetFile(FileTable):
-    """Writes a table to a Parquet file: closed parts while the run goes on, one file in the end.
+    """A table in a Parquet file: parts during the run, joined to one file at the end.
 
-    The parts are in a folder beside the file, `results.parquet.parts`, as long as the run goes on. Each
-    of them is whole and on disk as soon as it has its name.
+    During the run, the parts are in the folder `results.parquet.parts` beside the file. Each part is
+    complete and on disk as soon as it has its name.
     """
 
     quick_memory = False  # it writes a part
@@ -36,10 +36,11 @@ class ParquetFile(FileTable):
         self._parts = parts_of(self.path)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a folder of parts, of which an earlier file is the first where a run continues it.
+        """Create the folder of parts. If the run continues another one, its earlier rows are the first part.
 
-        Raises OSError, also where that folder holds something that no run has left there; CommandError for
-        a file that is somebody else's.
+        Raises:
+            OSError: The folder cannot be created, or has files that no run wrote.
+            CommandError: The existing file was not written by a run.
         """
         super().begin(outline, memory)
         units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
@@ -56,11 +57,11 @@ class ParquetFile(FileTable):
             self._hold(earlier)
 
     def append(self, rows: Vector) -> None:
-        """Hold these rows, and write a part when there are many."""
+        """Keep these rows in memory, and write a part when there are many."""
         self._hold(polars.from_numpy(rows.copy(), schema=self.names))
 
     def end(self) -> None:
-        """Append the last row if it was not due, and make one file of the parts."""
+        """Append the last row if it was not due, and join the parts to one file."""
         super().end()
         self._close_part()
         parts = sorted(self._parts.glob("*.parquet"))
@@ -72,17 +73,17 @@ class ParquetFile(FileTable):
         self.settle()
 
     def memory(self) -> Any:
-        """How many rows came, and how many were kept; the latter are on disk now."""
+        """Write the kept rows to disk, and return the numbers of all rows and of kept rows."""
         self._close_part()
         return {**super().memory(), "kept": self._rows}
 
     def open(self) -> None:
-        """Take the names of the columns from the file. Raises OSError, or what polars raises."""
+        """Read the column names from the file. Raises OSError or errors of polars."""
         self.names = list(polars.read_parquet_schema(self.path))
         self._rows = int(polars.scan_parquet(self.path).select(polars.len()).collect().item())
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name; one that the file does not have is left out."""
+        """Return columns by name, without those that the file does not have; see `Table.read`."""
         table = polars.scan_parquet(self.path)
         chosen = [n for n in names if n in self.names]
         frame = table.select(chosen)
@@ -105,7 +106,7 @@ class ParquetFile(FileTable):
             self._blocks, self._held, self._count = [], 0, self._count + 1
 
     def _remove_parts(self) -> None:
-        """Remove the folder of parts if there is one; OSError where it holds what is not a run's."""
+        """Remove the folder of parts if it exists; OSError if it has files that no run wrote."""
         if (problem := strange_parts(self.path)) is not None:
             raise OSError(problem)
         if not self._parts.is_dir():
@@ -115,7 +116,7 @@ class ParquetFile(FileTable):
         self._parts.rmdir()
 
     def _earlier(self, rows: int) -> polars.DataFrame | None:
-        """The first rows of what an earlier run left, if it had these columns and so many rows."""
+        """Return the first rows of an earlier run; None if it has other columns or too few rows."""
         for source in self._left():
             try:
                 found = polars.read_parquet(source)
@@ -126,7 +127,7 @@ class ParquetFile(FileTable):
         return None
 
     def _left(self) -> Iterator[Path | list[Path]]:
-        """Where rows of an earlier run may be: in its file, or in the parts of one that was ended."""
+        """Yield the places of rows of an earlier run: its file, or the parts of an interrupted run."""
         yield self.path
         if parts := sorted(self._parts.glob("*.parquet")):
             yield parts
@@ -138,24 +139,25 @@ def parts_of(path: Path) -> Path:
 
 
 def strange_parts(path: Path) -> str | None:
-    """Return what is wrong with what is at the place of a table's folder of parts; None where a run left it.
+    """Return why a table's folder of parts is not one of a run; None if it is, or does not exist.
 
-    Raises OSError where the folder cannot be read.
+    Raises:
+        OSError: The folder cannot be read.
     """
     parts = parts_of(path)
     if parts.is_symlink() or (parts.exists() and not parts.is_dir()):
-        return f"'{parts}' is no folder of a run; move it away"
+        return f"'{parts}' is not a folder of a run; move it away"
     left = list(parts.iterdir()) if parts.is_dir() else []
     others = sorted(
         p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file() and not p.is_symlink())
     )
-    return f"the folder '{parts}' has '{others[0]}', which is not of a run; move it away" if others else None
+    return f"no run wrote '{others[0]}' in the folder '{parts}'; move it away" if others else None
 
 
 @contextlib.contextmanager
 def _polars_failures() -> Iterator[None]:
-    """What polars raises where a file cannot be written, as OSError."""
+    """Turn errors of polars into OSError."""
     try:
         yield
     except polars.exceptions.PolarsError as error:
-        raise OSError(str(error).rpartition("error: ")[2]) from error  # the reason is in the innermost
+        raise OSError(str(error).rpartition("error: ")[2]) from error  # the last part has the reason

@@ -1,4 +1,4 @@
-"""Progress of a run, told to whoever listens."""
+"""Report the progress of a run."""
 
 from typing import Any
 
@@ -7,19 +7,19 @@ from .recorder import Outline, Pause, Recorder
 
 
 class ProgressRecorder(Recorder):
-    """Tells how many steps are done."""
+    """Report the number of finished steps."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """The task of simulating begins."""
-        self._told = 0
+        """Report the begin of the simulation."""
+        self._reported = 0
         self._progress.begin("simulating", outline.times.steps)
 
     def pause(self, run: Pause) -> None:
-        """So many steps more are done."""
+        """Report the steps since the last call."""
         times = run.stepping.times
         reached = round((run.stepping.time - times.start) / times.step)
-        self._progress.advance(reached - self._told)
-        self._told = reached
+        self._progress.advance(reached - self._reported)
+        self._reported = reached

@@ -1,4 +1,4 @@
-"""The interface of all recorders, and how rows come to them."""
+"""The interface of all recorders, and the buffer that passes rows to them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,15 +19,21 @@ from ..system.bond import Bond
 
 @dataclass(frozen=True)
 class Outline:
-    """What recorders are told before the first row.
+    """What recorders know before the first row.
 
-    Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
-    the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
-    `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
-    which of all these plays a role, by what it is of and the role: `lift.x_L`. `criteria` are those that a
-    user set for the judgement of joints. `exchanged` has the continuous
-    connections, `bonds` the power bonds by name. With `watched`, steps are of any length, and not every one
-    has a row; `Stepping.watch` tells of all. With `halved`, each of them is done in two halves.
+    Args:
+        names: Names of the signals. Rows have the time in s, then these signals.
+        units: Units of the signals.
+        times: The communication points of the run.
+        recorded: Positions of the signals to keep.
+        every: Every `every`-th row is kept.
+        parameters: Numeric parameters of the components, by full name.
+        roles: Names of signals or parameters by role, such as `lift.x_L`.
+        criteria: The user's criteria for the verdicts on joints.
+        exchanged: The continuous connections.
+        bonds: The power bonds by name.
+        watched: Whether steps have any length and not all have a row; `Stepping.watch` gets all.
+        halved: Whether each step is done in two halves.
     """
 
     names: Sequence[str]
@@ -45,16 +51,16 @@ class Outline:
 
 
 class Pause(Protocol):
-    """A run while nothing is stepped."""
+    """A run between two stretches of steps."""
 
     @property
     def stepping(self) -> Stepping:
-        """Where the run is, and all that it remembers."""
+        """The stepping of the run."""
         ...
 
     @property
     def shown(self) -> Mapping[int, LinearTransformation]:
-        """Signals, by position, that recorders get in another unit."""
+        """Transformations of signals that recorders get in another unit, by position."""
         ...
 
     @property
@@ -63,50 +69,55 @@ class Pause(Protocol):
         ...
 
     def memory(self) -> Mapping[str, Any]:
-        """What all recorders remember, by their keys; all rows have reached them then."""
+        """Pass all rows to the recorders, and return their states by key."""
         ...
 
 
 class Recorder:
-    """Takes the rows of a run block by block; this one does nothing with them.
+    """Take the rows of a run block by block. The methods of this base class do nothing.
 
-    `begin` comes first, `end` last, whatever happens between; of these and of `write` each may raise
-    OSError. What `memory` gives, which must be plain data, is kept in checkpoints under `key`, and
-    comes back in the `begin` of a run that continues there.
+    `begin` is called first, and `end` last, also after errors. `begin`, `write` and `end` may raise OSError.
+    Checkpoints keep the result of `memory`, which must be plain data, under `key`. A run that continues from
+    a checkpoint passes it to `begin`.
     """
 
     key = ""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """A run begins, or goes on from where a recorder with this memory was."""
+        """Begin a run, or continue from a recorder with this `memory`."""
 
     def write(self, rows: Vector) -> None:
-        """Take one row or more (time, then all signals); the array is reused."""
+        """Take one row or more: time, then all signals. Copy what you keep; the array is reused."""
 
     def pause(self, run: Pause) -> None:
-        """Nothing is stepped now: called some times per second, and when stepping is over."""
+        """Called between steps, several times per second, and after the last step."""
 
     def end(self) -> None:
-        """The run is over: finish what is pending."""
+        """Finish pending work after the run."""
 
     def memory(self) -> Any:
-        """Plain data from which another recorder can go on; None for nothing."""
+        """Return the state as plain data, from which another recorder can continue; None without one."""
 
 
 class RecordingError(RunError):
-    """A recorder that could not take what it was given."""
+    """A recorder failed."""
 
 
 BLOCK_ROWS, BLOCK_SIZE = 2000, 2**24
-"""How many rows wait until they go to the recorders, and how many bytes they may have."""
+"""Number of rows in a block for the recorders, and its largest size in bytes."""
 
 
 class RowBuffer:
-    """Room for rows that the stepping fills; full blocks go to the recorders.
+    """A buffer of rows that the stepping fills. Full blocks are passed to the recorders.
 
-    Every `every`-th communication point is to be recorded. Memory stays the same however long the
-    run is, and hardly grows with the signals of a row. `shown` has signals, by position, that are passed on
-    in another unit.
+    Its size does not depend on the length of the run, and hardly on the number of signals.
+
+    Args:
+        width: Number of values in a row.
+        recorders: The recorders.
+        every: Every `every`-th communication point is recorded.
+        block_rows: Largest number of rows in a block.
+        shown: Transformations of signals that recorders get in another unit, by position.
     """
 
     def __init__(
@@ -127,18 +138,18 @@ class RowBuffer:
         self._filled = 0
 
     def room(self, most: int) -> Vector:
-        """Free rows to fill, at least one and at most so many."""
+        """Return free rows to fill: at least one, at most `most`."""
         return self._block[self._filled : self._filled + most]
 
     def commit(self, count: int) -> None:
-        """So many of them are filled. Raises RecordingError."""
+        """Take the first `count` of the free rows as filled. Raises RecordingError."""
         self._filled += count
         self._present.filled, self._present.recorded = self._filled, 0
         if self._filled == len(self._block):
             self.flush()
 
     def recover(self) -> float | None:
-        """Take the rows that a process left waiting in this memory; the time of the last in s."""
+        """Take the rows that an ended process left in this memory, and return the last time in s."""
         waiting = self._present.filled + self._present.recorded if self._present.room else 0
         if not waiting:
             return None
@@ -147,7 +158,7 @@ class RowBuffer:
         return last
 
     def flush(self) -> None:
-        """Pass on what is there. Raises RecordingError."""
+        """Pass the filled rows to the recorders. Raises RecordingError."""
         rows, self._filled = self._block[: self._filled], 0
         if len(rows):
             self._present.filled = 0
@@ -155,18 +166,18 @@ class RowBuffer:
                 column = rows[:, 1 + signal]
                 column[:] = transformation.factor * column + transformation.offset
             rows = rows.view()
-            rows.flags.writeable = False  # they go to the others too
+            rows.flags.writeable = False  # all recorders get the same array
             self._each(lambda recorder: recorder.write(rows))
 
     def end(self) -> None:
-        """Pass on what is left and end the recorders, every one of them. Raises RecordingError."""
+        """Pass the remaining rows to the recorders, and end all of them. Raises RecordingError."""
         try:
             self.flush()
         finally:
             self._each(lambda recorder: recorder.end())
 
     def _each(self, call: Callable[[Recorder], None]) -> None:
-        """Call every recorder, also after one that fails; the first failure is raised then."""
+        """Call every recorder, also after a failure, then raise the first failure."""
         failure: BaseException | None = None
         for recorder in self._recorders:
             try:
@@ -180,7 +191,7 @@ class RowBuffer:
 
 @contextmanager
 def recording(recorder: Recorder) -> Iterator[None]:
-    """Turn an OSError of a recorder into a RecordingError that names what could not be written."""
+    """Turn an OSError of a recorder into a RecordingError that names its file."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Recorders by name: the formats of a table of results, and what else a user may ask for."""
+"""The registry of table formats and of optional recorders."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -9,7 +9,7 @@ from .table import Table
 
 
 def _import_table(module: str, name: str) -> Callable[[Path], Table]:
-    """A table of this class, whose module is imported when the first one is made."""
+    """Return a constructor that imports the module of the class on its first call."""
     return lambda path: getattr(import_module(f".{module}", __package__), name)(path)
 
 
@@ -17,7 +17,7 @@ TABLES: dict[str, Callable[[Path], Table]] = {
     "csv": _import_table("csv_file", "CsvFile"),
     "parquet": _import_table("parquet_file", "ParquetFile"),
 }
-"""What makes a table of a path, by the name of its format, which is also the ending of the file's name."""
+"""Constructors of tables from a path, by format. The format is also the ending of the file name."""
 
 DEFAULT_FORMAT = "csv"
 """Format of files with any other ending."""
@@ -35,4 +35,4 @@ def table_names(stem: str = "results") -> list[str]:
 
 
 RECORDERS: dict[str, type[Recorder]] = {}
-"""Further recorders: dataclasses whose fields are options. One is made when an option of its is given."""
+"""Optional recorders: dataclasses whose fields are options. A run has those whose options the user sets."""

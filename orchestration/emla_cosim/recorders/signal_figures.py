@@ -1,4 +1,4 @@
-"""Minimum, maximum, root mean square and final value of every signal, from every communication point."""
+"""Compute minimum, maximum, root mean square and final value of every signal."""
 
 from typing import Any
 
@@ -8,24 +8,24 @@ from ..base.arrays import Vector, read_stored_array
 from .recorder import Outline
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
-"""What metrics.json calls the figures of a signal; each is in the signal's unit."""
+"""Names of the figures in metrics.json; each is in the signal's unit."""
 
 _WIDTH = 1000
-"""Numbers that NumPy takes at once at its full speed: rows of few signals are put side by side."""
+"""Row width at which NumPy reaches its full speed: narrower rows are joined side by side."""
 
 _SQUARED = 1e150
-"""The square of a number beyond this, or below its inverse, may not be a double."""
+"""Squares of numbers above this, or below its inverse, can overflow or underflow."""
 
 
 class SignalFigures:
-    """Takes rows, time first, and has the figures of the signals that are recorded.
+    """Compute the figures of the recorded signals from rows, time first.
 
-    The root mean square is over the points, each counted once. A figure is NaN where there was no row,
-    or where a value was NaN, and may be infinite where a value was.
+    All points have the same weight in the root mean square. A figure is NaN without rows, or if a value is
+    NaN, and may be infinite if a value is.
     """
 
     def __init__(self, outline: Outline, memory: Any = None) -> None:
-        """Begin, or go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        """Begin, or continue from a `memory`; ValueError or KeyError if it is from another run."""
         self._names = [outline.names[i] for i in outline.recorded]
         whole = len(self._names) == len(outline.names)
         self._columns = None if whole else np.array([1 + i for i in outline.recorded], dtype=int)
@@ -46,12 +46,12 @@ class SignalFigures:
         self._rows += len(rows)
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on."""
+        """Return the state as plain data, from which another object can continue."""
         values = dict(zip(NAMES, self._values.tolist(), strict=True))
         return {"rows": self._rows, **values}
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """The figures of all rows so far, by the full name of the signal."""
+        """Return the figures of all rows so far, by the full name of the signal."""
         columns = self._values.T.tolist()
         return {
             name: dict(zip(NAMES, values, strict=True))
@@ -60,7 +60,7 @@ class SignalFigures:
 
 
 def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
-    """Minimum, maximum and root mean square of every column."""
+    """Return minimum, maximum and root mean square of every column."""
     width = rows.shape[1]
     beside = max(_WIDTH // max(width, 1), 1)
     count = len(rows) // beside * beside
@@ -84,7 +84,7 @@ def _squares(rows: Vector) -> Vector:
 
 
 def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vector:
-    """The figures of so many rows and of more that follow, each as rows of `NAMES`."""
+    """Return the figures of `rows` rows and `more` later ones together, in the order of `NAMES`."""
     whole = rows + more
     return np.stack(
         (

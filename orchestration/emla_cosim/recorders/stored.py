@@ -1,4 +1,4 @@
-"""Read the table of a run that was kept in a folder."""
+"""Read the table of an earlier run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,14 @@ _REFERENCE = "the run to compare with"
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A table of results on disk: `names` of its columns, without time; sentences call it `what`."""
+    """A table of results on disk.
+
+    Args:
+        path: The file.
+        names: Names of the columns, without time.
+        table: The opened table.
+        what: Name of the run in error messages.
+    """
 
     path: Path
     names: Sequence[str]
@@ -25,25 +32,35 @@ class StoredRun:
     what: str = _REFERENCE
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name, `time` in s among them if it is named. Raises CommandError.
+        """Return columns by name, without those that the table does not have.
 
-        Of more than `most` rows only every n-th may be given.
+        Args:
+            names: Names of the columns; `time` is in s.
+            most: If the table has more rows, only every n-th row may be returned.
+
+        Raises:
+            CommandError: The file cannot be read.
         """
         return readable(f"{self.what}, '{self.path}',", lambda: self.table.read(names, most))
 
 
 def open_stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
-    """The run in a folder of results, or in a table of its own; CommandError where there is none.
+    """Open the table of an earlier run.
 
-    Sentences call it `what`.
+    Args:
+        place: A folder of results, or a table.
+        what: Name of the run in error messages.
+
+    Raises:
+        CommandError: There is no table, or it cannot be read.
     """
     kept = [place / name for name in table_names()] if place.is_dir() else [place]
     path = next((p for p in kept if p.exists()), None)
     if path is None:
-        missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "is not there"
+        missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "does not exist"
         raise CommandError(f"{what}, '{place}', {missing}.")
     if not path.is_file():
-        raise CommandError(f"{what}, '{path}', cannot be read: it is no file.")
+        raise CommandError(f"{what}, '{path}', cannot be read: it is not a file.")
     table = TABLES[format_of(path)](path)
     readable(f"{what}, '{path}',", table.open)
     names = table.names
@@ -53,9 +70,9 @@ def open_stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
 
 
 def readable(label: str, read: Callable[[], _T]) -> _T:
-    """Return what `read` returns; CommandError that begins with `label` for whatever it raises."""
+    """Return the result of `read`. Turn all its errors into a CommandError that begins with `label`."""
     try:
         return read()
-    except Exception as error:  # polars has many kinds
+    except Exception as error:  # polars raises errors of many types
         reason = getattr(error, "strerror", None) or (str(error) or type(error).__name__).splitlines()[0]
         raise CommandError(f"{label} cannot be read: {reason.rstrip('.')}.") from error

@@ -1,4 +1,4 @@
-"""Recorders that keep a table: every n-th row of some signals, and the last row."""
+"""Recorders of tables: every n-th row of selected signals, and the last row."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from .recorder import Outline, Recorder
 
 
 class Table(Recorder):
-    """Keeps every n-th row, and the last one, of the signals that are wanted.
+    """Keep every n-th row, and the last row, of the recorded signals.
 
-    A format of a file has all of `open`, `append` and `read`, and is made of the path of its file.
+    A file format implements `open`, `append` and `read`. Its constructor takes the path of the file.
     """
 
     names: list[str]
@@ -21,10 +21,10 @@ class Table(Recorder):
 
     key = "table"
     quick_memory = True
-    """Whether `memory` costs nothing."""
+    """Whether `memory` is fast."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Keep what the outline says from here on; rows seen before count."""
+        """Begin a table, or continue from a `memory`, whose rows count."""
         self.names = ["time", *(outline.names[i] for i in outline.recorded)]
         self._columns = [0, *(1 + i for i in outline.recorded)]
         self._whole = len(outline.recorded) == len(outline.names)
@@ -33,7 +33,7 @@ class Table(Recorder):
         self._last: Vector | None = None
 
     def write(self, rows: Vector) -> None:
-        """Append those of the rows that are due."""
+        """Append the rows that are due."""
         due = rows[-self._seen % self._every :: self._every]
         self._last = None
         if len(due):
@@ -49,7 +49,7 @@ class Table(Recorder):
             self.append(last)
 
     def memory(self) -> Any:
-        """How many rows came, due or not."""
+        """Return the number of rows so far, due or not."""
         return {"rows": self._seen}
 
     @abstractmethod
@@ -57,15 +57,14 @@ class Table(Recorder):
         """Append these rows, time first. May raise OSError."""
 
     def open(self) -> None:
-        """Take the names of the columns from the file that an earlier run wrote, so that `read` can read it.
-
-        May raise OSError.
-        """
+        """Read the column names from the file of an earlier run, before `read`. May raise OSError."""
         raise NotImplementedError(f"{type(self).__name__} has no method 'open'")
 
     @abstractmethod
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name; one that the table does not have is left out.
+        """Return columns by name, without those that the table does not have. May raise OSError.
 
-        Of a table with more than `most` rows only every n-th may be given. May raise OSError.
+        Args:
+            names: Names of the columns.
+            most: If the table has more rows, only every n-th row may be returned.
         """

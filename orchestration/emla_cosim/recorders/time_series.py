@@ -11,10 +11,10 @@ from .table import Table
 
 
 class TimeSeries(Table):
-    """Keeps its rows in memory."""
+    """A table that keeps its rows in memory."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin an empty table; a run that continues another one gives the rows that follow."""
+        """Begin an empty table, also in a run that continues another one."""
         super().begin(outline, memory)
         self._blocks: list[Vector] = []
 
@@ -24,13 +24,13 @@ class TimeSeries(Table):
 
     @property
     def rows(self) -> Vector:
-        """All rows, time first, then the signals of `names`."""
+        """All rows: time, then the signals, as in `names`."""
         if len(self._blocks) != 1:
             self._blocks = [np.concatenate([np.empty((0, len(self.names))), *self._blocks])]
         return self._blocks[0]
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name; one that the table does not have is left out."""
+        """Return columns by name, without those that the table does not have; see `Table.read`."""
         rows, every = self.rows, 1
         if most is not None:
             every = max(-(-len(rows) // most), 1)

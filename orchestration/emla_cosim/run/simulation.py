@@ -326,7 +326,7 @@ class Simulation:
             self.start()
         component, variable = self.system.split(name)
         alias = component.alias(variable)
-        slave = self._assembly.slaves[component.name]
+        slave = self._assembly.instances[component.name]
         value = slave.value(find_variable(component.name, slave.file.variables, alias.variable))
         return alias.transformation.inverse()(value) if component.aliases else value
 
@@ -343,7 +343,7 @@ class Simulation:
             self.start()
         component, variable = self.system.split(name)
         alias = component.alias(variable)
-        slave = self._assembly.slaves[component.name]
+        slave = self._assembly.instances[component.name]
         found = find_variable(component.name, slave.file.variables, alias.variable)
         driver = next((x for x in self.system.into(component.name) if x.input == found.name), None)
         if driver is not None:

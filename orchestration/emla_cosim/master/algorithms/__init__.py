@@ -1,1 +1,1 @@
-"""Co-simulation algorithms: what is exchanged when, within one step."""
+"""Co-simulation algorithms: the order of exchanges and calls within a step."""

@@ -16,23 +16,23 @@ from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 
 Span = Callable[[int], tuple[float, float]]
-"""Where so many communication steps up to the end of the present one begin, and their length, in s."""
+"""Maps a number of steps, counted back from the end of the present one, to their begin and length in s."""
 
 
 @dataclass(eq=False)
 class Algorithm(ABC):
-    """Advances a network by communication steps.
+    """Advance a network by communication steps.
 
-    Its fields are its options; `setup` begins everything else anew, so that one can serve many runs.
+    The fields are options. Call `setup` once, `initialize` once, then `step` for each step. `setup` resets
+    everything else, so that one algorithm can serve many runs.
 
-    The calling order is `setup` once, `initialize` once, then `step` for each step. All may
-    raise InstanceError; after that the algorithm is not used again, except that a step which raised
-    StepDiscardedError may be tried anew from a snapshot.
+    All three may raise InstanceError. Then call `setup` before you use the algorithm again. After
+    DiscardedStepError you can also restore a snapshot and try another step.
     """
 
     extrapolation: str = option(
         "none",
-        help="How inputs go on during a step: held, extrapolated by us, or by the FMU itself.",
+        help="Inputs during a step: held (none), extrapolated by the master, or extrapolated by the FMU.",
         choices=lambda: EXTRAPOLATIONS,
         identity="extrapolation",
     )
@@ -43,9 +43,13 @@ class Algorithm(ABC):
     """Steps done since `setup`."""
 
     def setup(self, network: Network) -> None:
-        """Take the network to work on; nothing has been called on its slaves yet.
+        """Prepare for a run.
 
-        Raises CommandError where a slave lacks an ability that the algorithm needs.
+        Args:
+            network: Its instances are instantiated but not initialized.
+
+        Raises:
+            CommandError: An instance lacks a capability that the algorithm needs.
         """
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
@@ -54,64 +58,76 @@ class Algorithm(ABC):
         self.steps = 0
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
-        """Bring all slaves through initialization mode; signals then hold the initial outputs.
+        """Initialize all instances; signals then hold the initial outputs.
 
-        Without a stop time slaves have to be ready for steps without end.
+        Args:
+            start_time: In s.
+            stop_time: In s; None if the run has no fixed end.
         """
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 
     def step(self, time: float, step: float, span: Span | None = None) -> None:
-        """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end.
+        """Advance all instances; signals then hold the outputs at the end of the step.
 
-        `span` knows the steps that some slaves do at once, whose lengths rounding may make differ
-        from multiples of `step`.
+        Args:
+            time: Where the step begins, in s.
+            step: Its length in s.
+            span: Begin and length of several steps at once, for instances with a step multiple. Rounding can
+                make this length differ from a multiple of `step`.
         """
         self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 
     @abstractmethod
     def late(self) -> list[Link]:
-        """Links whose target sees its source one step late, or extrapolated."""
+        """Return the links whose target reads its source one step late, or extrapolated."""
 
     def warning(self) -> str | None:
-        """A sentence on why a run may have failed that is the algorithm's doing; None where it is not."""
+        """Return a warning that explains how the algorithm may have made a run fail; None without one."""
         return None
 
     def report(self) -> dict[str, Any]:
-        """How the steps are made, as plain data for run.json."""
+        """Return how the steps were done, as plain data for run.json."""
         return {"late_connections": [link.name for link in self.late()]}
 
     def memory(self) -> dict[str, Vector]:
-        """What the algorithm remembers besides the signals, as arrays by name; see `remember`."""
+        """Return the state of the algorithm without the signals, as arrays by name; see `remember`."""
         return self.kept | {"steps": np.array([float(self.steps)])}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Take over what an algorithm of the same kind remembered."""
+        """Restore the state from `memory` of an algorithm of the same class."""
         self.steps = int(memory["steps"][0])
         for name, present in self.kept.items():
             present[:] = memory[name]
 
-    def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Free what the algorithm holds of the slaves; never raises."""
+    def close(self) -> None:  # noqa: B027 - most algorithms hold no resources
+        """Free saved FMU states; never raises."""
 
     @abstractmethod
     def _step(self, time: float, step: float, span: Span) -> None:
-        """One step."""
+        """Do one step."""
 
     @property
     def accuracy(self) -> int:
-        """Order of accuracy in the step size, of states in smooth motion."""
+        """Order of accuracy of states with respect to the step size, in smooth motion."""
         return self.exchange.accuracy
 
     @property
     def kept(self) -> dict[str, Vector]:
-        """The arrays, by name, that go back with a snapshot; they are changed in place."""
+        """Arrays by name that a snapshot copies and restores; the algorithm changes them in place."""
         return vars(self.exchange.history)
 
 
-def require(slaves: Sequence[FmuInstance], ability: str, flag: str, purpose: str) -> None:
-    """Raise CommandError unless all slaves have an ability; `flag` is its name in the FMI."""
-    lacking = [slave.name for slave in slaves if not getattr(slave, ability)]
+def require(instances: Sequence[FmuInstance], ability: str, flag: str, purpose: str) -> None:
+    """Raise CommandError if an instance lacks a capability.
+
+    Args:
+        instances: The instances to check.
+        ability: Attribute of `FmuInstance` that says whether it has the capability.
+        flag: Name of the capability in FMI.
+        purpose: What needs the capability, for the error message.
+    """
+    lacking = [instance.name for instance in instances if not getattr(instance, ability)]
     if lacking:
         raise CommandError(f"{purpose} needs FMUs with {flag}; {', '.join(lacking)} cannot do it.")

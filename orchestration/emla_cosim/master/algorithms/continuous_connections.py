@@ -1,4 +1,4 @@
-"""What the consumer of every continuous connection uses during a step, as far as the master knows it."""
+"""Find the continuous connections of a network, and what their consumers read during a step."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,11 +16,16 @@ from .strong import Strong
 class ContinuousConnection:
     """A continuous connection between two components that compute in continuous time.
 
-    `signal` is the position of its source among all signals, `source` and `target` are the names of the
-    components. The consumer sees the source's value of the end of a step, or, where the connection `is_late`,
-    that of its beginning; `mode` says how the input goes on from there. `is_in_loop` says whether the
-    source depends on the target, so that an error comes back. Where a loop agrees on the signal, `group` is
-    the number of the loop and `place` the position among the signals that it agrees on; else both are -1.
+    Args:
+        name: Names of output and input.
+        signal: Position of the output among all signals.
+        source: Name of the component with the output.
+        target: Name of the component with the input.
+        is_late: Whether the consumer reads the value from the begin of a step instead of its end.
+        mode: How the input changes during the step; see `Mode`.
+        is_in_loop: Whether the source depends on the target, so that an error is fed back.
+        group: Number of the loop that iterates on the signal; -1 without one.
+        place: Position of the signal among the coupling variables of that loop; -1 without one.
     """
 
     name: str
@@ -37,21 +42,19 @@ class ContinuousConnection:
 def list_continuous_connections(
     algorithm: Algorithm, samplers: Collection[str] = ()
 ) -> list[ContinuousConnection]:
-    """List the connections at which an exchange can cost accuracy, with what their consumers use.
+    """Return the connections at which the exchange can cost accuracy, in the order of the network.
 
-    Leaves out discrete variables and components that sample: they see a value at a point of time on purpose.
+    Leaves out discrete variables and components that sample: they read values at points in time on purpose.
 
     Args:
-        algorithm: one that is set up.
-        samplers: names of components that sample; those with a step multiple are added.
-
-    Returns:
-        One entry per connection, in the order of the network.
-
+        algorithm: An algorithm after `setup`.
+        samplers: Names of components that sample. Components with a step multiple are added.
     """
     network, exchange = algorithm.network, algorithm.exchange
     sampling = {*samplers, *getattr(algorithm, "step_multiples", ())}
-    sampling |= {slave.name for slave, rare in zip(network.instances, exchange.rare, strict=True) if rare}
+    sampling |= {
+        instance.name for instance, rare in zip(network.instances, exchange.rare, strict=True) if rare
+    }
     late = {id(link) for link in algorithm.late()}
     ways = [
         (first, last, is_late)
@@ -73,10 +76,10 @@ def list_continuous_connections(
 
 
 def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
-    """Return how much the answers of each loop miss guesses that are wrong: F' - 1, by the loop's number.
+    """Return the matrix F' - 1 of each loop, by its number: by how much wrong guesses miss the answers.
 
-    F' has the derivatives of the answers with respect to the guesses, as the algorithm learned them; a loop
-    of which it learned nothing is left out.
+    F' are the derivatives of the answers with respect to the guesses, as the algorithm learned them. Loops
+    of which it learned nothing are left out.
     """
     found = {}
     for number, group in enumerate(algorithm.groups if isinstance(algorithm, Strong) else ()):
@@ -94,7 +97,7 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
 
 
 def _readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
-    """The links by which a signal comes to its users, through what only passes it on, and whether late."""
+    """Yield the last link to each consumer of a signal, through followers, and whether it is late."""
     if link.target not in network.followers:
         yield link, id(link) in late
         return
@@ -112,14 +115,14 @@ def _is_continuous(network: Network, first: Link, last: Link, sampling: Collecti
 
 
 def _loops(ways: Collection[tuple[int, int]]) -> dict[int, int]:
-    """The number of the loop of every slave that is in one: strongly connected components (Kosaraju)."""
+    """Return the number of the loop by instance: strongly connected components (Kosaraju)."""
     readers: dict[int, list[int]] = {}
     sources: dict[int, list[int]] = {}
     for source, target in ways:
         readers.setdefault(source, []).append(target)
         sources.setdefault(target, []).append(source)
     left: set[int] = set()
-    order = [slave for start in readers for slave in _finishing_order(start, readers, left)]
+    order = [instance for start in readers for instance in _finishing_order(start, readers, left)]
     loops, left = {}, set()
     for number, start in enumerate(reversed(order)):
         members = _finishing_order(start, sources, left)
@@ -129,16 +132,16 @@ def _loops(ways: Collection[tuple[int, int]]) -> dict[int, int]:
 
 
 def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: set[int]) -> list[int]:
-    """Those that can be reached without those `left`, each after all it reaches; they are left now."""
+    """Return the instances that are reachable outside of `left`, in post-order, and add them to `left`."""
     if start in left:
         return []
     left.add(start)
     found, path = [], [(start, iter(neighbours.get(start, ())))]
     while path:
-        slave, rest = path[-1]
+        instance, rest = path[-1]
         following = next((i for i in rest if i not in left), None)
         if following is None:
-            found.append(slave)
+            found.append(instance)
             path.pop()
         else:
             left.add(following)
@@ -147,7 +150,7 @@ def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: 
 
 
 def _agreed(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
-    """Loop and position among what it agrees on, by signal."""
+    """Return the number of the loop and the position among its coupling variables, by signal."""
     groups = algorithm.groups if isinstance(algorithm, Strong) else []
     return {
         int(signal): (number, place)

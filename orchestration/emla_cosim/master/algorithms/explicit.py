@@ -1,4 +1,4 @@
-"""Algorithms that call every slave once per step."""
+"""Algorithms that call every instance once per step."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -12,29 +12,28 @@ from .tasks import Operation
 
 @dataclass(eq=False)
 class Explicit(OperationTableAlgorithm):
-    """Works through a table of operations in every step."""
+    """Work through a table of operations in every step."""
 
     def setup(self, network: Network) -> None:
-        """Take the network; CommandError where multiples make no sense."""
+        """Prepare for a run; CommandError if a step multiple is invalid."""
         super().setup(network)
         self.exchange.rare = [bool(m > 1) for m in self.multiples]
         self.use(self.table(network))
 
     @abstractmethod
     def table(self, network: Network) -> list[Operation]:
-        """The operations of one step, in order."""
+        """Return the operations of one step, in order."""
 
     def warning(self) -> str | None:
-        """That signals answer each other at once, some of which this algorithm hands on a step late."""
+        """Return a warning if the network has an algebraic loop, which can diverge here."""
         loops = self.network.loops_without_delay()
         if not loops:
             return None
         return (
-            f"{join_names(loops[0])} depend on each other without delay, but here some are a step late: "
-            "where a "
-            "round through such a loop amplifies (a spectral radius of more than 1, as of a load with more "
-            "mass than what drives it), that diverges at any step size. Use the algorithm strong, which lets "
-            "them agree."
+            f"{join_names(loops[0])} depend on each other without delay, but this algorithm passes some of "
+            "them on one step late. If the loop amplifies (spectral radius above 1, for example a load with "
+            "more mass than its drive), the run diverges at any step size. Use the algorithm strong, which "
+            "iterates the loop."
         )
 
     def _step(self, time: float, step: float, span: Span) -> None:

@@ -1,21 +1,21 @@
-"""What the inputs do during a step: held, or followed along the straight line of their sources.
+"""Set inputs during a step: held, or extrapolated along a straight line through their sources.
 
 Let y and y' be the two newest values of a source, from the times t_y and t_y'. A step from t of
-length h then sees
+length h then reads
 
     none    u = y                                                   all through the step
     master  u = y + (t + h/2 - t_y)/(t_y - t_y') (y - y')           all through the step
     fmu     u(s) = y + (s - t_y)/(t_y - t_y') (y - y')              for t <= s <= t + h
 
-`master` uses the line's value in the middle of the step, `fmu` gives the line itself to
-`fmi2SetRealInputDerivatives`. A source that has been stepped already makes this an interpolation.
-The factor and the offset of a link are applied to what comes out, and the factor to its slope.
-For a slave that does several steps at once, y' is the value that it took at its step before, where that
-is older: the line goes over all of its long step, and noise in the last short one is not prolonged.
+`master` uses the value of the line in the middle of the step; `fmu` passes the line itself to
+`fmi2SetRealInputDerivatives`. If the source has already done the step, this is an interpolation.
+The factor and the offset of a link apply to the result, and the factor to its slope. If an instance does
+several steps at once, y' is the value from its previous step if that is older. Then the line spans its whole
+long step, and noise in the last short step is not amplified.
 
-In smooth motion held inputs make states exact to first order in the step, followed ones to second
-order. After `master` an output in which an input shows at once is still that of the middle of the
-step: exact to first order, and so is what it drives.
+In smooth motion, states are accurate to first order in the step with held inputs, and to second order
+with a line. With `master`, an output that depends directly on an input is still that of the middle of the
+step: it is accurate to first order, and so is everything that it drives.
 """
 
 from collections.abc import Collection
@@ -32,23 +32,26 @@ EXTRAPOLATIONS = ("none", "master", "fmu")
 
 
 class Mode(IntEnum):
-    """How one slave's inputs are treated."""
+    """How the inputs of one instance change during a step."""
 
     HOLD = 0
     MIDDLE = 1
     LINE = 2
 
 
-_HOLD, _MIDDLE, _LINE = (int(mode) for mode in Mode)  # comparing numbers is cheaper in the loop
+_HOLD, _MIDDLE, _LINE = (int(mode) for mode in Mode)  # integers compare faster
 
 
 @dataclass
 class History:
-    """The signals one communication point earlier, and when each slave's signals were.
+    """Earlier values of the signals, and their times.
 
-    `previous` has the shape of the signals; `at` and `before` hold, per slave, the times in s of
-    its newest signals and of those in `previous`. `taken` holds, per input of slaves that step more
-    rarely than others, the signal that it took last, and `taken_at` that signal's time.
+    Args:
+        previous: Signals one communication point earlier.
+        at: Per instance, the time in s of its newest signals.
+        before: Per instance, the time in s of its signals in `previous`.
+        taken: Per input of instances with a step multiple, the signal that it read last.
+        taken_at: The times in s of these signals.
     """
 
     previous: Vector
@@ -59,10 +62,10 @@ class History:
 
 
 class Exchange:
-    """Passes signals on to the slaves, extrapolated or not, and reads them back.
+    """Pass signals to the instances, extrapolated or held.
 
-    A slave that cannot take input derivatives gets the middle of the line instead; discrete
-    signals and discrete inputs are always held.
+    With `fmu`, an instance without support for input derivatives gets the value in the middle of the line.
+    Discrete signals and discrete inputs are always held.
     """
 
     def __init__(self, network: Network, extrapolation: str = "none") -> None:
@@ -70,54 +73,54 @@ class Exchange:
         count, size = len(network.instances), len(network.signals)
         self.owners: Indices = np.zeros(size, dtype=np.intp)
         self.smooth = np.zeros(size, dtype=bool)
-        for i, (slave, part) in enumerate(zip(network.instances, network.parts, strict=True)):
-            self.owners[part], self.smooth[part] = i, slave.continuous_outputs
-        self.modes = [int(_mode(extrapolation, slave.interpolates)) for slave in network.instances]
+        for i, (instance, part) in enumerate(zip(network.instances, network.parts, strict=True)):
+            self.owners[part], self.smooth[part] = i, instance.continuous_outputs
+        self.modes = [int(_mode(extrapolation, instance.interpolates)) for instance in network.instances]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         taken = len(network.inputs)
         self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
         self.rare = [False] * count
-        """Which slaves take inputs more rarely than others give outputs."""
+        """Per instance, whether it reads its inputs more rarely than each step."""
 
     @property
     def accuracy(self) -> int:
-        """Order in the step of what is exchanged, in smooth motion."""
+        """Order of accuracy of the exchange with respect to the step size, in smooth motion."""
         behind = any(link.direct and self.modes[link.target] == _MIDDLE for link in self.network.links)
         return 1 if behind or _HOLD in self.modes else 2
 
-    def sample(self, slaves: Collection[int]) -> None:
-        """Let these slaves hold their outputs, and know when they took inputs last."""
-        for i in slaves:
+    def sample(self, instances: Collection[int]) -> None:
+        """Treat these instances as sampled: others hold their outputs, and lines span their long steps."""
+        for i in instances:
             self.rare[i], self.smooth[self.network.parts[i]] = True, False
 
     def begin(self, time: float) -> None:
-        """The present signals are those of `time` in s, and there were none before."""
+        """Start a new history with the present signals at `time` in s."""
         self.history.previous[:] = self.network.signals
         self.history.at[:] = self.history.before[:] = self.history.taken_at[:] = time
         for taken, sources in zip(self.network.input_parts, self.network.sources, strict=True):
             self.history.taken[taken] = self.network.signals[sources]
 
     def pass_inputs(self, i: int, time: float, step: float) -> None:
-        """Give slave i its inputs for the step from `time` of length `step`, both in s."""
+        """Set the inputs of instance i for the step from `time` of length `step`, both in s."""
         mode = self.modes[i]
         if mode == _HOLD:
             self.network.pass_inputs(i)
             return
-        slave, sources = self.network.instances[i], self.network.sources[i]
+        instance, sources = self.network.instances[i], self.network.sources[i]
         slopes = self.derivatives[self.network.input_parts[i]]
         rates = self._rates_since_taken(i) if self.rare[i] else self._rates(sources)
-        slopes[:] = np.where(slave.continuous_inputs, rates, 0.0)
+        slopes[:] = np.where(instance.continuous_inputs, rates, 0.0)
         ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == _MIDDLE else 0.0)
-        slave.inputs[:] = self.network.signals[sources] + ahead * slopes
+        instance.inputs[:] = self.network.signals[sources] + ahead * slopes
         if self.network.transforms[i]:
             self.network.transform(i)
             slopes *= self.network.factors[i]
-        slave.set_inputs()
+        instance.set_inputs()
         if mode == _LINE:
-            slave.set_input_derivatives(slopes)
+            instance.set_input_derivatives(slopes)
 
     def shares(self, i: int) -> Vector:
-        """How far slave i's inputs at the end of a step follow a change of the signals there."""
+        """Return how much instance i's inputs change per change of the signals at the end of a step."""
         follows = self.network.factors[i].copy()
         if self.modes[i] == _MIDDLE:
             moves = self.smooth[self.network.sources[i]] & self.network.instances[i].continuous_inputs
@@ -125,16 +128,16 @@ class Exchange:
         return follows
 
     def predict(self, which: Indices, time: float) -> Vector:
-        """Where these signals would be at `time` in s if they went on along their lines."""
+        """Return these signals, extrapolated to `time` in s."""
         ahead = time - self.history.at[self.owners[which]]
         return self.network.signals[which] + ahead * self._rates(which)
 
     def _rates(self, which: Indices) -> Vector:
-        """How fast these signals changed last, per s; 0 for discrete ones and where nothing is known."""
+        """Return the last slopes of these signals, per s; 0 for discrete or unknown ones."""
         return self._slopes(which, self.history.previous[which], self.history.before[self.owners[which]])
 
     def _rates_since_taken(self, i: int) -> Vector:
-        """How fast the signals changed that slave i reads since it read them; it reads them now."""
+        """Return the slopes of instance i's signals since it last read them, and record the new reading."""
         history, which, part = self.history, self.network.sources[i], self.network.input_parts[i]
         before = history.before[self.owners[which]]
         older = history.taken_at[part] < before
@@ -147,14 +150,14 @@ class Exchange:
         return rates
 
     def _slopes(self, which: Indices, earlier: Vector, then: Vector) -> Vector:
-        """Slopes from these earlier values, of these times, to the present ones."""
+        """Return the slopes from earlier values at the times `then` to the present ones."""
         span = self.history.at[self.owners[which]] - then
         change = self.network.signals[which] - earlier
         rates = np.zeros(len(which))
         return np.divide(change, span, out=rates, where=self.smooth[which] & (span > 0.0))
 
     def shift(self, i: int, time: float) -> None:
-        """Slave i's signals become the earlier ones; new ones of `time` in s will follow."""
+        """Move instance i's signals to the history, before it writes those of `time` in s."""
         history, part = self.history, self.network.parts[i]
         history.previous[part] = self.network.signals[part]
         history.before[i] = history.at[i]

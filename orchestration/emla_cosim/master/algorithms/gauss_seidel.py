@@ -1,4 +1,4 @@
-"""Gauss-Seidel: one after the other, each with the newest values there are."""
+"""Gauss-Seidel: instances step one after the other, each with the newest values."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ from .tasks import Call, Operation
 
 @dataclass(eq=False)
 class GaussSeidel(InOrder, Explicit):
-    """Slaves step in the network's order; who comes later reads what earlier ones just computed.
+    """Step the instances in the order of the network; later ones read the new outputs of earlier ones.
 
-    Only connections against the order are late by one step; see `Network.find_feedback_links`.
+    Only connections against the order are one step late; see `Network.find_feedback_links`.
     """
 
     def table(self, network: Network) -> list[Operation]:
-        """Inputs, step and outputs of one slave, then of the next."""
+        """Return the operations: inputs, step and outputs of one instance, then of the next."""
         return [Operation(call, i) for i in network.order for call in Call]
 
     def late(self) -> list[Link]:
-        """Those against the order."""
+        """Return the links against the order."""
         return self.network.find_feedback_links()

@@ -1,4 +1,4 @@
-"""Slaves that depend on each other, as strong coupling steps them together."""
+"""Groups of coupled instances that strong coupling steps together."""
 
 from dataclasses import dataclass
 
@@ -12,10 +12,14 @@ from .snapshot import Snapshot
 
 @dataclass
 class CoupledGroup:
-    """Slaves in order, the signals to agree on, and what was learned about them.
+    """A group of instances, and the state of its iteration.
 
-    `start` is where the present step began; None where a slave of the group cannot go back. `halves`
-    says whether all can do shorter steps.
+    Args:
+        members: Positions of the instances, in order.
+        coupling_variables: Positions of the signals to iterate on.
+        newton: The quasi-Newton iteration.
+        start: Snapshot from the begin of the present step; None if an instance cannot restore its state.
+        halves: Whether all instances can do steps of other lengths.
     """
 
     members: list[int]
@@ -26,9 +30,9 @@ class CoupledGroup:
 
 
 def loop_derivatives(exchange: Exchange, group: CoupledGroup) -> Vector | None:
-    """How the answer of a step changes with the guess, value by value; None where a slave does not say.
+    """Return the derivatives of a step's answer with respect to the guess; None without FMU support.
 
-    What shows at once in outputs counts; what goes through states is less, the shorter the step.
+    They contain direct feedthrough only. The part that passes through states vanishes with the step size.
     """
     network, count = exchange.network, len(group.coupling_variables)
     if not all(network.instances[i].differentiates for i in group.members):

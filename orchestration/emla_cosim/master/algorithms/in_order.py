@@ -1,4 +1,4 @@
-"""Algorithms for which it matters who comes first."""
+"""Algorithms that step instances in an order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ def _names(text: str) -> list[str]:
 
 @dataclass(eq=False)
 class InOrder(Algorithm):
-    """Goes through the slaves in an order: the user's, or the one that the network finds good."""
+    """Step instances in the user's order, or in one that the network derives from the connections."""
 
     order: Sequence[str] = option(
         [],
@@ -25,11 +25,11 @@ class InOrder(Algorithm):
     )
 
     def setup(self, network: Network) -> None:
-        """Take the network; CommandError where the order does not name every slave once."""
+        """Prepare for a run; CommandError if the order does not name every instance once."""
         if self.order:
             network.reorder(self.order)
         super().setup(network)
 
     def report(self) -> dict[str, Any]:
-        """Also the order."""
+        """Add the order to the report."""
         return {**super().report(), "order": [self.network.instances[i].name for i in self.network.order]}

@@ -1,4 +1,4 @@
-"""Initial values: brought along the graph, and solved for where the graph has loops."""
+"""Compute consistent initial values: along the connections, and by Newton's method in loops."""
 
 import numpy as np
 
@@ -10,26 +10,34 @@ from .scale import Scale
 
 
 def initialize(network: Network, start_time: float, stop_time: float | None) -> None:
-    """Bring all slaves through initialization mode; signals then hold the initial outputs.
+    """Initialize all instances; signals then hold the initial outputs.
 
-    Slaves get their inputs in the order in which initial values depend on each other; loops of
-    such dependencies are solved, beginning at the start values of the inputs. Values are
-    exchanged once more after initialization mode. Raises RunError where a loop has no solution
-    that can be found, InstanceError where a slave fails.
+    Instances get their inputs in the order in which initial values depend on each other. Loops are
+    solved, with the start values of the inputs as first guess. Values are exchanged once more after
+    initialization mode.
+
+    Args:
+        network: Instances with start values.
+        start_time: In s.
+        stop_time: In s; None if the run has no fixed end.
+
+    Raises:
+        RunError: No solution of a loop was found, or a value is not finite.
+        InstanceError: A call of an FMU failed.
     """
-    for slave in network.instances:
-        slave.enter_initialization(start_time, stop_time)
+    for instance in network.instances:
+        instance.enter_initialization(start_time, stop_time)
     for i in range(len(network.instances)):
-        network.assume_inputs(i)  # start values stand in for what is not known yet
+        network.assume_inputs(i)  # start values replace signals that are not known yet
     scale = Scale(network)
     for group in network.groups(_is_initial):
         _settle(network, group, scale)
     for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
-    for slave in network.instances:
-        slave.exit_initialization()
-    for slave in network.instances:
-        slave.get_outputs()
+    for instance in network.instances:
+        instance.exit_initialization()
+    for instance in network.instances:
+        instance.get_outputs()
     for i in network.order:
         network.pass_inputs(i)
     network.check_finite(start_time)
@@ -40,7 +48,7 @@ def _is_initial(link: Link) -> bool:
 
 
 def _settle(network: Network, group: list[int], scale: Scale) -> None:
-    """Exchange values within a group until what is guessed of its loops is also what comes out."""
+    """Exchange values within a group until they are consistent."""
 
     def sweep() -> None:
         for i in group:
@@ -58,11 +66,13 @@ def _settle(network: Network, group: list[int], scale: Scale) -> None:
         return network.signals[cut]
 
     def sizes(values: Vector) -> Vector:
-        return np.abs(values) + scale.floor[cut]  # not the largest so far: tries on the way may be huge
+        return np.abs(values) + scale.floor[cut]  # not the largest so far: earlier guesses can be huge
 
     try:
         solution = Newton(answer, sizes).solve(network.signals[cut])
-        network.signals[cut] = solution  # the answer has rounding errors times the gain of the loop
+        network.signals[cut] = (
+            solution  # more accurate than the answer, whose rounding errors the loop amplifies
+        )
     except NoSolutionError as failure:
         raise RunError(_no_solution(network, group, cut, failure)) from failure
 
@@ -73,15 +83,13 @@ def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: N
         names = join_names([network.names[s] for s in cut[failure.singular]])
         gap = failure.gap[failure.singular]
         return (
-            f"the initial values of the loop {loop} have no solution: a change of {names} comes back "
-            f"unchanged (the gain round the loop is 1), so that a difference of {np.abs(gap).max():.3g} "
-            "always remains. Change a parameter of the loop, or remove a connection."
+            f"the initial values of the loop {loop} have no solution: the gain around the loop is 1 "
+            f"for {names}, so a difference of {np.abs(gap).max():.3g} always remains. "
+            "Change a parameter of the loop, or remove a connection."
         )
     lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
     moving = [network.names[s] for s in cut[failure.gap != 0.0]]
-    problem = (
-        f"{join_names(lost)} became infinite or no number" if lost else f"{join_names(moving)} still change"
-    )
+    problem = f"{join_names(lost)} became infinite or NaN" if lost else f"{join_names(moving)} still change"
     return (
         f"the initial values of the loop {loop} do not settle in {failure.calls} exchanges: {problem}. "
         "Set start values of its inputs nearer to the solution, or remove a connection."

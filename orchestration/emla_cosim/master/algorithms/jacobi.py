@@ -1,4 +1,4 @@
-"""Jacobi: everyone steps with the values of the last communication point."""
+"""Jacobi: every instance steps with the values of the last communication point."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,15 @@ from .tasks import Call, Operation
 
 @dataclass(eq=False)
 class Jacobi(Explicit):
-    """All slaves get their inputs, all step, then all outputs are read.
+    """Set all inputs, step all instances, then read all outputs.
 
-    The order of the slaves does not matter; every connection is late by one step.
+    The order of the instances does not matter; every connection is one step late.
     """
 
     def table(self, network: Network) -> list[Operation]:
-        """All inputs, all steps, all outputs."""
+        """Return the operations: all inputs, all steps, all outputs."""
         return [Operation(call, i) for call in Call for i in range(len(network.instances))]
 
     def late(self) -> list[Link]:
-        """All of them."""
+        """Return all links."""
         return self.network.links

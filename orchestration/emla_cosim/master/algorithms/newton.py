@@ -1,12 +1,12 @@
-"""Newton's method for values that must agree with themselves, with derivatives from differences.
+"""Newton's method for fixed points x = F(x), with derivatives from differences.
 
-A loop of slaves answers a guess x with F(x); x = F(x) is the solution. The method solves
+A loop of instances answers a guess x with F(x). The method solves
 
     (1 - F') dx = F(x) - x
 
-and goes along dx as far as the correction at the new point is smaller (natural monotonicity test). So
-the scale of values and equations makes no difference, and a linear loop is solved in one step whatever
-its gain. The derivatives F' stay as they are while the corrections shrink fast.
+and shortens dx until the correction at the new point is smaller (natural monotonicity test). So the scale
+of values and equations makes no difference, and a linear loop needs one step at any gain. The
+derivatives F' are kept while the corrections shrink fast.
 
 P. Deuflhard: Newton Methods for Nonlinear Problems, Springer 2011, section 3.3,
 doi:10.1007/978-3-642-23899-4.
@@ -20,19 +20,19 @@ import numpy as np
 from ...base.arrays import Vector
 
 TOLERANCE = 1e-12
-"""Values agree when they differ, and would be corrected, by no more than this part of their size."""
+"""Values agree if their difference and their correction are at most this fraction of their size."""
 
 ITERATIONS = 50
 
 _DIFFERENCE = 1e-4
-"""Difference for the derivatives, as a part of a value's size."""
+"""Difference for the derivatives, as a fraction of a value's size."""
 
 _ROUNDING = 8.0 * np.finfo(float).eps
 _ROUGH = 1e-6
-"""Corrections below this part of a value that shrink no more are rounding errors."""
+"""Corrections below this fraction of a value are rounding errors once they stop shrinking."""
 
 _FAST = 0.1
-"""While each correction is at most this part of the one before, the derivatives are kept."""
+"""The derivatives are kept while each correction is at most this fraction of the previous one."""
 
 _HALVINGS = 8
 
@@ -43,9 +43,8 @@ class NoSolutionError(Exception):
     Args:
         gap: F(x) - x at the last guess, shape (n,).
         calls: Number of calls of F.
-        singular: Values, shape (n,), whose changes come back unchanged, as true; all false where the
+        singular: Whether a change of the value comes back unchanged, shape (n,), bool. All false if the
             derivatives are not the cause.
-
     """
 
     def __init__(self, gap: Vector, calls: int, singular: np.ndarray) -> None:
@@ -55,7 +54,7 @@ class NoSolutionError(Exception):
 
 @dataclass
 class _Inverse:
-    """(1 - F')^-1 without the directions that rounding hides; those are in `hidden`, one per column."""
+    """(1 - F')^-1 without the directions that rounding errors hide, which are the columns of `hidden`."""
 
     matrix: Vector
     hidden: Vector
@@ -66,22 +65,20 @@ class Newton:
 
     Args:
         answer: F, from shape (n,) to shape (n,).
-        sizes: Return the sizes of values, shape (n,), positive, in the unit of each.
-
+        sizes: Return the sizes of values, shape (n,), positive, each in its value's unit.
     """
 
     def __init__(self, answer: Callable[[Vector], Vector], sizes: Callable[[Vector], Vector]) -> None:
         self._answer, self._sizes, self._calls = answer, sizes, 0
 
     def solve(self, guess: Vector) -> Vector:
-        """Return the solution x, shape (n,); F was called with it last.
+        """Return the solution x, shape (n,). The last call of F has this argument.
 
         Args:
-            guess: Where to begin, shape (n,).
+            guess: First guess, shape (n,).
 
         Raises:
-            NoSolutionError: There is no solution, or none was found.
-
+            NoSolutionError: No solution was found.
         """
         x, inverse, last = guess.copy(), None, np.inf
         found = self._value(x)
@@ -95,7 +92,7 @@ class Newton:
             correction = inverse.matrix @ gap
             size = self._weigh(x, correction)
             if self._agree(x, gap, size, last):
-                x = x + correction  # also what a loop amplifies agrees then
+                x = x + correction  # so that values which the loop amplifies agree, too
                 self._value(x)
                 return x
             step, found, inverse = self._go(x, correction, size, inverse)
@@ -108,7 +105,7 @@ class Newton:
             return np.array(self._answer(x), dtype=float)
 
     def _weigh(self, x: Vector, difference: Vector) -> float:
-        """The largest difference relative to the values' sizes; infinite where it is no number."""
+        """Return the largest difference relative to the values' sizes; infinity if it is not finite."""
         with np.errstate(all="ignore"):
             largest = float((np.abs(difference) / self._sizes(x)).max())
         return largest if np.isfinite(largest) else np.inf
@@ -121,11 +118,10 @@ class Newton:
     def _go(
         self, x: Vector, correction: Vector, size: float, inverse: _Inverse
     ) -> tuple[float, Vector, _Inverse | None]:
-        """Find how far to go along a correction: all the way where no part of it helps.
+        """Find how far to go along a correction: the whole correction if no part of it helps.
 
         Returns:
-            The part of the correction; F there; the inverse if it still serves.
-
+            The part of the correction; F at that point; the inverse if it can be kept, else None.
         """
         for halvings in range(_HALVINGS):
             step = 0.5**halvings
@@ -137,7 +133,7 @@ class Newton:
         return 1.0, self._value(x + correction), None
 
     def _inverse(self, x: Vector, found: Vector) -> _Inverse:
-        """Return the inverse at a point, from large differences where small ones say too little."""
+        """Return the inverse at a point, from large differences if rounding errors hide small ones."""
         sizes, gap = self._sizes(x), found - x
         inverse = self._differences(x, found, _DIFFERENCE * sizes)
         if inverse.hidden.size:
@@ -150,7 +146,7 @@ class Newton:
         return inverse
 
     def _correctable_part(self, inverse: _Inverse, gap: Vector) -> Vector:
-        """The part of a gap that a correction takes away."""
+        """Return the part of a gap that a correction removes."""
         return self._slopes @ (inverse.matrix @ gap)
 
     def _differences(self, x: Vector, found: Vector, steps: Vector) -> _Inverse:
@@ -166,7 +162,7 @@ class Newton:
         if not np.isfinite(slopes).all():
             raise NoSolutionError(np.full(count, np.nan), self._calls, np.zeros(count, dtype=bool))
         self._slopes = slopes
-        rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # how much each equation moves
+        rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # size of each equation
         scaled, rounding = slopes * sizes / rows[:, None], noise * sizes / rows[:, None]
         left, values, right = np.linalg.svd(scaled)
         seen = values > max(float(np.linalg.norm(rounding)), _ROUNDING * float(values[0]))

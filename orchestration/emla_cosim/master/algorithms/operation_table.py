@@ -1,4 +1,4 @@
-"""Slaves that step more rarely than others: tables of operations, run here or compiled."""
+"""Algorithms that work through a table of operations, with instances that step more rarely."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,12 +18,11 @@ MOST = 2**31
 
 @dataclass(eq=False)
 class OperationTableAlgorithm(Algorithm):
-    """Algorithms in which a table of operations says who is called once per step, or more rarely.
+    """Work through a table of operations: each instance is called once per step, or more rarely.
 
-    `step_multiples` gives, by name, slaves that step more rarely: one with the multiple m waits
-    until the others come to an m-th communication point, and then does m steps at once in its place
-    of the table, with the inputs that it finds there. It samples at these points: nothing is late
-    that would not be late with short steps, and then by a short step.
+    An instance with the step multiple m waits until the others reach every m-th communication point. Then
+    it does m steps at once, in its place of the table, with the inputs of that moment. It samples at these
+    points: the same connections are late as with short steps, and only by a short step.
     """
 
     step_multiples: Mapping[str, int] = option(
@@ -37,12 +36,12 @@ class OperationTableAlgorithm(Algorithm):
     operations: list[Operation] = field(init=False, repr=False)
 
     def setup(self, network: Network) -> None:
-        """Take the network; CommandError where multiples make no sense."""
+        """Prepare for a run; CommandError if a step multiple is invalid."""
         super().setup(network)
         names = [s.name for s in network.instances]
         for name, multiple in self.step_multiples.items():
             if name not in names:
-                raise CommandError(f"there is no component '{name}' to step more rarely.")
+                raise CommandError(f"there is no component '{name}' for a step multiple.")
             if not 1 <= multiple <= MOST:
                 least = multiple < 1
                 right = "at least 1" if least else f"at most {MOST}"
@@ -50,14 +49,14 @@ class OperationTableAlgorithm(Algorithm):
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
 
     def use(self, operations: Sequence[Operation]) -> None:
-        """Work through these operations, in order; part of `setup`."""
+        """Use this table of operations, in order; call it in `setup`."""
         self.operations = list(operations)
-        self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in operations]
-        apart = sum(self.network.instances[o.slave].steps_apart for o in operations if o.call == Call.STEP)
+        self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in operations]
+        apart = sum(self.network.instances[o.instance].steps_apart for o in operations if o.call == Call.STEP)
         self._apart = OverlappedSteps(self.exchange, self.operations, self.multiples) if apart > 1 else None
 
     def tasks(self) -> list[StepTask]:
-        """What a step consists of, so that several threads can share it."""
+        """Return the tasks of a step, which several threads can share."""
         return plan_tasks(self.exchange, self.operations)
 
     def operate(self, time: float, step: float, span: Span) -> None:

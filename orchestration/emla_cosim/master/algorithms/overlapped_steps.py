@@ -1,4 +1,4 @@
-"""Steps of slaves in other processes, side by side."""
+"""Overlap the steps of instances in other processes."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -11,10 +11,10 @@ from .tasks import Call, Operation, perform, plan_tasks
 
 
 class OverlappedSteps:
-    """Works through a table of operations as it would be in order, but that steps overlap where they can.
+    """Work through a table of operations with the result of its order, but let steps overlap.
 
-    A step that is done apart is begun as soon as what it depends on is there, and ended when nothing else can
-    be done. All that goes on is ended before the first failure, in the order of the table, is raised.
+    A step in another process begins as soon as its inputs are ready. It is awaited when nothing else can be
+    done. All running steps end before the first failure, in the order of the table, is raised.
     """
 
     def __init__(self, exchange: Exchange, operations: Sequence[Operation], multiples: Indices) -> None:
@@ -27,8 +27,8 @@ class OverlappedSteps:
                 self._followers[before].append(place)
 
     def operate(self, time: float, step: float, span: Span, reached: int) -> None:
-        """Do the step from `time` of length `step`, both in s, after which so many are `reached`."""
-        slaves, waits = self._exchange.network.instances, self._waits.copy()
+        """Do the step from `time` of length `step`, both in s; `reached` is the number of steps after it."""
+        instances, waits = self._exchange.network.instances, self._waits.copy()
         possible, under_way = [p for p, n in enumerate(waits) if not n], deque[int]()
         heapify(possible)
         failed, failure = len(waits), None
@@ -41,7 +41,7 @@ class OverlappedSteps:
                     under_way.append(place)
                     continue
                 if not fresh:
-                    slaves[self._operations[place].slave].end_step()
+                    instances[self._operations[place].instance].end_step()
             except Exception as error:
                 if place < failed:
                     failed, failure = place, error
@@ -53,15 +53,15 @@ class OverlappedSteps:
             raise failure
 
     def _begins(self, place: int, time: float, step: float, span: Span, reached: int) -> bool:
-        """Do an operation, or begin it; whether it is still to be ended."""
+        """Do an operation, or begin it. Return whether it is still running."""
         operation = self._operations[place]
-        i, slave = operation.slave, self._exchange.network.instances[operation.slave]
+        i, instance = operation.instance, self._exchange.network.instances[operation.instance]
         multiple = int(self._multiples[i])
         if reached % multiple:
             return False
         begin, length = (time, step) if multiple == 1 else span(multiple)
-        if operation.call == Call.STEP and slave.steps_apart:
-            slave.begin_step(begin, length)
+        if operation.call == Call.STEP and instance.steps_apart:
+            instance.begin_step(begin, length)
             return True
         perform(self._exchange, operation.call, i, begin, length, time + step)
         return False

@@ -1,15 +1,15 @@
-"""Multi-vector quasi-Newton iteration (IQN-MVJ) for values that must agree with themselves.
+"""Multi-vector quasi-Newton iteration (IQN-MVJ) for fixed points x = F(x).
 
-A loop of slaves answers a guess x of its coupling values with F(x). Plain repetition of x <- F(x)
-diverges where the coupling is strong. The iteration learns the inverse of the residual's Jacobian
-from the differences V of residuals r = F(x) - x and W of answers F(x) seen so far,
+A loop of instances answers a guess x of its coupling values with F(x). Plain repetition of x <- F(x)
+diverges if the coupling is strong. The iteration learns the inverse of the residual's Jacobian
+from the differences V of residuals r = F(x) - x and W of answers F(x) so far,
 
     J <- J + (W - J V) V^+,    x <- F(x) - J r,
 
 and keeps J from one step to the next, so that a loop that changes little needs two sweeps. Newer
-differences count first; one that says little besides them is left out (QR2 filter), because an old
-one is no secant of where a nonlinear loop is now. The pseudoinverse comes from the orthogonal basis that
-the filter makes of V, one secant after the other.
+differences come first. A difference that adds little to them is left out (QR2 filter), because an old
+one is no secant at the present point of a nonlinear loop. The pseudoinverse is computed from the orthogonal
+basis that the filter makes of V, one secant after the other.
 
 Bogaers, Kok, Reddy, Franz: Quasi-Newton methods for implicit black-box FSI coupling, Comput.
 Methods Appl. Mech. Engrg. 279 (2014), doi:10.1016/j.cma.2014.06.033. Haelterman, Bogaers, Scheufele,
@@ -25,17 +25,17 @@ import numpy as np
 from ...base.arrays import Vector
 
 RELAXATION = 0.1
-"""How much of the first residual is followed while nothing is known of the Jacobian."""
+"""Relaxation factor while nothing is known of the Jacobian."""
 
 NOISE = 1e-10
-"""Changes of the residual below this fraction of it are taken for rounding errors."""
+"""Changes of the residual below this fraction of it count as rounding errors."""
 
 FILTER = 1e-3
-"""A difference counts where this part of it is in no direction of newer ones."""
+"""A difference is used if at least this fraction of it is orthogonal to newer ones."""
 
 
 class NoAgreementError(Exception):
-    """The guesses and answers came no closer than `gap`, in the end, after `sweeps` tries."""
+    """Guess and answer still differ by `gap` after `sweeps` tries."""
 
     def __init__(self, gap: Vector, sweeps: int) -> None:
         super().__init__(gap, sweeps)
@@ -44,17 +44,14 @@ class NoAgreementError(Exception):
 
 
 class QuasiNewton:
-    """Solves x = F(x) for `count` values, better and better from call to call.
-
-    `jacobian` is J, changed in place.
-    """
+    """Solve x = F(x) for `count` values, and learn J (`jacobian`, changed in place) from call to call."""
 
     def __init__(self, count: int) -> None:
         self.jacobian: Vector = np.empty((count, count))
         self.forget()
 
     def forget(self, derivatives: Vector | None = None) -> None:
-        """Begin anew, with the derivatives dF/dx if they are known: J = F' (F' - 1)^-1."""
+        """Reset J, from the derivatives F' = dF/dx if they are known: J = F' (F' - 1)^-1."""
         count = len(self.jacobian)
         self.jacobian[:] = np.eye(count) * (1.0 - RELAXATION)
         if derivatives is None:
@@ -75,11 +72,20 @@ class QuasiNewton:
         sweeps: int,
         sizes: Vector,
     ) -> int:
-        """Find x with `agreed(answer(x) - x)`, beginning at a guess; returns the sweeps it took.
+        """Find x with `agreed(answer(x) - x)`. The last call of `answer` has the solution as argument.
 
-        `sizes` says how large the values usually are, so that newtons and micrometres weigh alike.
-        `answer` was last called with the solution. Raises NoAgreementError after `sweeps` calls of
-        `answer`, or when one of them is not finite.
+        Args:
+            guess: First guess, shape (n,).
+            answer: F, from shape (n,) to shape (n,).
+            agreed: Return whether a residual F(x) - x is small enough.
+            sweeps: Largest number of calls of `answer`.
+            sizes: Typical sizes of the values, shape (n,), so that newtons and micrometres have equal weight.
+
+        Returns:
+            Number of calls of `answer`.
+
+        Raises:
+            NoAgreementError: No x was found, or an answer is not finite.
         """
         n, x, residual = len(guess), guess.copy(), guess
         earlier, jacobian = self.jacobian.ravel().tolist(), self.jacobian.ravel().tolist()
@@ -94,7 +100,7 @@ class QuasiNewton:
             agrees = agreed(residual)
             if not np.isfinite(residual).all():
                 break
-            if 0 < sweep <= n or not agrees:  # of more than n differences the small last tells the least
+            if 0 < sweep <= n or not agrees:  # n differences are enough; the last, small one adds least
                 improve(n, sweep + 1, residuals, answers, scales, earlier, jacobian, *room)
                 self.jacobian.reshape(-1)[:] = jacobian
                 x = np.array(room[-1])
@@ -116,12 +122,21 @@ def improve(
     direction: Any,
     guess: Any,
 ) -> None:
-    """Learn J from all sweeps of this step, and make the next guess of it.
+    """Learn J from all sweeps of this step, and compute the next guess.
 
-    `earlier` is J before this step, `residuals` and `answers` have n numbers per sweep; all but the
-    first two arguments are numbers in a row, matrices row by row. `jacobian` and `guess` are written to,
-    `basis` and `direction` are room for n^2 and n numbers. In Python and compiled this text gives the
-    same bits.
+    This function runs in Python and compiled, with the same bits. All arrays are flat, matrices row by row.
+
+    Args:
+        n: Number of values.
+        sweeps: Number of sweeps in this step so far.
+        residuals: n residuals per sweep.
+        answers: n answers per sweep.
+        sizes: Typical sizes of the values.
+        earlier: J before this step.
+        jacobian: Output: J.
+        basis: Work space for n^2 numbers.
+        direction: Work space for n numbers.
+        guess: Output: the next guess.
     """
     for e in range(n * n):
         jacobian[e] = earlier[e]
@@ -153,7 +168,7 @@ def improve(
             rest += direction[i] * direction[i]
         if not rest > FILTER * FILTER * square:
             continue
-        for i in range(n):  # what J does not yet make of this difference
+        for i in range(n):  # the part of this difference that J does not explain yet
             basis[used * n + i] = direction[i]
             guess[i] = answers[new + i] - answers[old + i]
             for j in range(n):

@@ -1,4 +1,4 @@
-"""Which algorithms there are."""
+"""The registry of co-simulation algorithms."""
 
 from .algorithm import Algorithm
 from .gauss_seidel import GaussSeidel
@@ -6,4 +6,4 @@ from .jacobi import Jacobi
 from .strong import Strong
 
 ALGORITHMS: dict[str, type[Algorithm]] = {"jacobi": Jacobi, "gauss-seidel": GaussSeidel, "strong": Strong}
-"""Algorithms by name; whoever adds a class here can choose it wherever a name is given."""
+"""Algorithms by name. Add a class to select it by its name in Python, in files and on the command line."""

@@ -1,4 +1,4 @@
-"""How large a difference of signals is, measured by the signals themselves."""
+"""Sizes of signals, to which differences are compared."""
 
 import numpy as np
 
@@ -6,33 +6,33 @@ from ...base.arrays import Indices, Vector
 from ..network import Network
 
 NOMINAL_SHARE = 0.01
-"""Part of a variable's nominal value that counts where the signal itself is smaller."""
+"""Fraction of a variable's nominal value that is added to the size of its signal."""
 
 TINY = np.finfo(float).tiny
-"""No size is smaller, so that one can divide by it."""
+"""Smallest size, so that a division by a size is safe."""
 
 
 class Scale:
-    """The size of every signal: the largest value seen so far, plus a hundredth of its nominal.
+    """The size of every signal: its largest absolute value so far, plus a hundredth of its nominal value.
 
-    So a force that passes through zero is still judged as a force of its usual size.
+    So a force that passes through zero keeps the size of a typical force.
     """
 
     def __init__(self, network: Network) -> None:
         self._signals = network.signals
-        nominals = [slave.nominals for slave in network.instances]
+        nominals = [instance.nominals for instance in network.instances]
         self.floor: Vector = np.fmax(NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals]), TINY)
         self.largest: Vector = np.zeros(len(network.signals))
 
     def see(self) -> None:
-        """Take the present signals into account."""
+        """Update the largest values with the present signals."""
         sizes = np.abs(self._signals)
         np.fmax(self.largest, sizes, out=self.largest, where=np.isfinite(sizes))
 
     def sizes(self, which: Indices) -> Vector:
-        """The sizes of these signals."""
+        """Return the sizes of these signals."""
         return self.largest[which] + self.floor[which]
 
     def relative(self, difference: Vector, which: Indices) -> Vector:
-        """Absolute differences of these signals, relative to the signals' sizes."""
+        """Return absolute differences of these signals, divided by their sizes."""
         return np.abs(difference) / self.sizes(which)

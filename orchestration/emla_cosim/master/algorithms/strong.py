@@ -1,4 +1,4 @@
-"""Strong coupling: a step is repeated until the exchanged values agree with themselves."""
+"""Strong coupling: repeat a step until the exchanged values are consistent."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,30 +21,29 @@ from .snapshot import Snapshot
 from .tasks import Call, Operation, StepTask, plan_tasks
 
 SWEEPS = 30
-"""A loop that has not agreed after so many sweeps is taken to have no solution near."""
+"""Largest number of sweeps over a loop. After these, no solution is assumed to be near."""
 
 HALVINGS = 10
-"""A step that cannot be done is halved so many times before the run is given up."""
+"""Number of times that a failed step is halved before the run ends."""
 
 
 @dataclass(eq=False)
 class Strong(InOrder, OperationTableAlgorithm):
-    """Every slave steps with the values of its sources at the *end* of the step.
+    """Step every instance with the values of its sources at the *end* of the step.
 
-    Slaves outside loops are stepped once, in the order of the graph. Each loop of slaves goes back
-    and repeats its step, with quasi-Newton acceleration, until no value that closes the loop
-    changes by more than `coupling_tolerance` of its size. A step that a slave discards, or on which the
-    loop finds no agreement, is done in halves.
+    Instances outside loops step once, in the order of the graph. The instances of a loop restore their states
+    and repeat the step, with quasi-Newton acceleration, until no coupling variable changes by more than
+    `coupling_tolerance` of its size. If an instance discards the step, or the loop does not converge, the
+    step is done in halves.
 
-    A slave that is named in `step_multiples`, also with 1, is sampled, as a digital controller is: it
-    steps once, after all loops have agreed, with the values at the end of the step, which may be one
-    of several steps at once. Others see during a step what it gave at the beginning, so that no loop
-    goes through it.
+    Instances in `step_multiples`, also with the multiple 1, are sampled like a digital controller. They step
+    once after all loops have converged, with the values at the end of the step. During a step the others
+    read their outputs from its begin, so no loop passes through them.
     """
 
     coupling_tolerance: float = option(
         1e-8,
-        help="When the values of an algebraic loop count as agreed: their difference as a part of each "
+        help="Convergence of algebraic loops: the largest difference of a value, as a fraction of its "
         "signal's size.",
         above=0.0,
         below=1.0,
@@ -52,16 +51,16 @@ class Strong(InOrder, OperationTableAlgorithm):
     )
 
     sweeps: int = field(init=False, repr=False)
-    """Times that a loop was stepped so far."""
+    """Sweeps over loops so far."""
     done: set[int] = field(init=False, repr=False)
-    """Numbers of the groups that have done the present step already."""
+    """Numbers of the groups that have finished the present step."""
 
     def setup(self, network: Network) -> None:
-        """Take the network; CommandError where a slave of a loop cannot go back, or multiples are wrong."""
+        """Prepare for a run; CommandError if a loop cannot restore its state, or a multiple is invalid."""
         super().setup(network)
         self.sweeps, self.done = 0, set()
         self.scale = Scale(network)
-        self._sampled = self._sampled_slaves()
+        self._sampled = self._sampled_instances()
         if self._sampled:
             network.hold_back(self._sampled, bool(self.order))
         self.exchange.sample(self._sampled)
@@ -69,61 +68,61 @@ class Strong(InOrder, OperationTableAlgorithm):
         groups = network.groups(lambda link: link.source not in self._sampled)
         self.groups = [self._group(group) for group in groups if group[0] not in self._sampled]
 
-    def _sampled_slaves(self) -> set[int]:
-        """Those that are named, and what passes their values on."""
+    def _sampled_instances(self) -> set[int]:
+        """Return the positions of instances with a step multiple, and of the followers of their outputs."""
         network = self.network
-        sampled = {i for i, slave in enumerate(network.instances) if slave.name in self.step_multiples}
+        sampled = {i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples}
         for _ in network.followers:  # one may follow another
             links = [link for link in network.links if link.target in network.followers]
             sampled |= {link.target for link in links if link.source in sampled}
         return sampled
 
     def _group(self, members: list[int]) -> CoupledGroup:
-        slaves = [self.network.instances[i] for i in members]
+        instances = [self.network.instances[i] for i in members]
         cut = self.network.find_coupling_variables(members)
         if len(cut):
-            require(slaves, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
-        start = Snapshot(self, members) if all(s.rolls_back for s in slaves) else None
-        return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
+            require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
+        start = Snapshot(self, members) if all(s.rolls_back for s in instances) else None
+        return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in instances))
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
-        """Also learn of the loops what their slaves can say."""
+        """Initialize all instances, and the loops from directional derivatives if FMUs provide them."""
         super().initialize(start_time, stop_time)
         for group in self.groups:
             if len(group.coupling_variables):
                 group.newton.forget(loop_derivatives(self.exchange, group))
 
     def tasks(self) -> list[StepTask]:
-        """What a step consists of: the groups, each as a whole, then what is sampled."""
+        """Return the tasks of a step: the groups, then the sampled instances."""
         return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
 
     def late(self) -> list[Link]:
-        """Those from sampled slaves to the others, and against the order of the sampled."""
+        """Return the links from sampled instances to those that step before them."""
         return [link for link in self.network.find_feedback_links() if link.source in self._sampled]
 
     @property
     def loops(self) -> list[list[int]]:
-        """The loops found, each as the positions of its slaves."""
+        """Positions of the instances of each loop."""
         return [group.members for group in self.groups if len(group.coupling_variables)]
 
     def report(self) -> dict[str, Any]:
-        """Also the loops, and how often they were stepped."""
+        """Add the loops and the number of sweeps to the report."""
         names = [[self.network.instances[i].name for i in loop] for loop in self.loops]
         return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
 
     @property
     def kept(self) -> dict[str, Vector]:
-        """Also the sizes of the signals."""
+        """Arrays of the base class, and the sizes of the signals."""
         return super().kept | {"strong/largest": self.scale.largest}
 
     def memory(self) -> dict[str, Vector]:
-        """Also what was learned about the loops."""
+        """Add what was learned about the loops to the memory."""
         learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self.groups)}
         sweeps = np.array([float(self.sweeps)])
         return super().memory() | learned | {"sweeps": sweeps}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Take over what a strong coupling of the same network remembered."""
+        """Restore the state from `memory` of a strong coupling of the same network."""
         super().remember(memory)
         for i, group in enumerate(self.groups):
             group.newton.jacobian[:] = memory[f"jacobian/{i}"]
@@ -144,7 +143,7 @@ class Strong(InOrder, OperationTableAlgorithm):
         self.operate(time, step, span)
 
     def _advance(self, group: CoupledGroup, time: float, step: float, halvings: int) -> None:
-        """Bring a group to the end of the step, in halves where it does not work in one."""
+        """Bring a group to the end of the step, in halves if one step fails."""
         if group.start is not None:
             group.start.take()
         try:
@@ -169,7 +168,7 @@ class Strong(InOrder, OperationTableAlgorithm):
         def answer(guess: Vector) -> Vector:
             nonlocal fresh
             if not fresh:
-                start.restore_slaves()
+                start.restore_instances()
             fresh = False
             self.network.signals[group.coupling_variables] = guess
             self._sweep(group, time, step)
@@ -199,9 +198,10 @@ class Strong(InOrder, OperationTableAlgorithm):
         worst = self.network.names[group.coupling_variables[gaps.argmax()]]
         if not np.isfinite(gaps).all():
             return RunError(
-                f"the loop {names} gives no finite {worst} on the step from t = {time:.9g} s of {step:.3g} s."
+                f"in the loop {names}, {worst} is infinite or NaN on the step from t = {time:.9g} s of "
+                f"{step:.3g} s."
             )
         return RunError(
-            f"the loop {names} finds no agreement on the step from t = {time:.9g} s of {step:.3g} s in "
+            f"the loop {names} does not converge on the step from t = {time:.9g} s of {step:.3g} s in "
             f"{failure.sweeps} sweeps: {worst} still changes by {gaps.max():.2g} of its size."
         )

@@ -1,4 +1,4 @@
-"""What a step consists of, and what has to come before what, whoever does it."""
+"""Split a step into tasks, with the dependencies between them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ from .extrapolation import Exchange
 
 
 class Call(IntEnum):
-    """What is done with a slave."""
+    """The kinds of calls to an instance within a step."""
 
     SET = 0
     STEP = 1
     GET = 2
 
 
-_SET, _STEP = int(Call.SET), int(Call.STEP)  # comparing numbers is cheaper in the loop
+_SET, _STEP = int(Call.SET), int(Call.STEP)  # integers compare faster
 
 
 @dataclass(frozen=True)
 class Operation:
-    """One call on the slave at this position."""
+    """One call of the instance at this position."""
 
     call: Call
-    slave: int
+    instance: int
 
 
 def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, end: float) -> None:
-    """Make a call of slave i: its step is from `begin` of this length, its outputs are of `end`, all in s."""
+    """Do one call of instance i. Its step is from `begin` of this length, its outputs are of `end`, in s."""
     if call == _SET:
         exchange.pass_inputs(i, begin, length)
     elif call == _STEP:
@@ -39,14 +39,16 @@ def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, 
 
 @dataclass(frozen=True)
 class StepTask:
-    """A part of a step that one thread does: the step of a group of slaves, or one call of a slave.
+    """A part of a step that one thread does: the step of a group of instances, or one call of an instance.
 
-    `slaves` are the positions of those that it calls. `after` are the places of tasks that have to be through
-    before: all of them come earlier where one thread does everything, which gives the same results.
-    `steps` says whether slaves do their step in it.
+    Args:
+        instances: Positions of the instances that it calls.
+        after: Places of the tasks that must be finished before. All are smaller than its own place, so that
+            one thread can do all tasks in order, with the same results.
+        steps: Whether instances do their step in it.
     """
 
-    slaves: tuple[int, ...]
+    instances: tuple[int, ...]
     after: tuple[int, ...]
     steps: bool
 
@@ -54,9 +56,9 @@ class StepTask:
 def plan_tasks(
     exchange: Exchange, operations: Sequence[Operation], groups: Sequence[Sequence[int]] = ()
 ) -> list[StepTask]:
-    """The tasks of a step by place: groups of slaves come first, if there are any, then operations.
+    """Return the tasks of a step by place: groups of instances first, then operations.
 
-    Operations come after all groups: where one of these is done anew, none of them has been done.
+    Operations wait for all groups, so that none is done yet if a group has to repeat the step.
     """
     network, found = exchange.network, _TaskList(len(exchange.network.instances))
     sources = [sorted(set(exchange.owners[signals].tolist())) for signals in network.sources]
@@ -65,32 +67,32 @@ def plan_tasks(
         found.add(members, reads=read - set(members), writes=members, steps=True)
     every = range(len(groups))
     for operation in operations:
-        i, call = operation.slave, operation.call
+        i, call = operation.instance, operation.call
         reads, writes = (sources[i] if call == Call.SET else ()), ((i,) if call == Call.GET else ())
         found.add((i,), reads, writes, steps=call == Call.STEP, after=every if call == Call.SET else ())
     return found.tasks
 
 
 class _TaskList:
-    """Tasks so far, and who used what last: slaves themselves, and their outputs."""
+    """Tasks so far, and which of them last called each instance, and last wrote and read its outputs."""
 
-    def __init__(self, slaves: int) -> None:
+    def __init__(self, instances: int) -> None:
         self.tasks: list[StepTask] = []
-        self._called: list[set[int]] = [set() for _ in range(slaves)]
-        self._written: list[set[int]] = [set() for _ in range(slaves)]
-        self._read: list[list[int]] = [[] for _ in range(slaves)]
+        self._called: list[set[int]] = [set() for _ in range(instances)]
+        self._written: list[set[int]] = [set() for _ in range(instances)]
+        self._read: list[list[int]] = [[] for _ in range(instances)]
 
     def add(
         self,
-        slaves: Iterable[int],
+        instances: Iterable[int],
         reads: Iterable[int],
         writes: Iterable[int],
         steps: bool,
         after: Iterable[int] = (),
     ) -> None:
-        """A task that calls these slaves, reads outputs of some, and writes those of others."""
+        """Add a task that calls these instances, reads outputs of some, and writes those of others."""
         place, before = len(self.tasks), set(after)
-        for i in slaves:
+        for i in instances:
             before |= self._called[i]
             self._called[i] = {place}
         for i in reads:
@@ -99,4 +101,4 @@ class _TaskList:
         for i in writes:
             before |= {*self._written[i], *self._read[i]}
             self._written[i], self._read[i] = {place}, []
-        self.tasks.append(StepTask(tuple(slaves), tuple(sorted(before - {place})), steps))
+        self.tasks.append(StepTask(tuple(instances), tuple(sorted(before - {place})), steps))

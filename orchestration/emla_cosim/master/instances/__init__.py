@@ -1,1 +1,1 @@
-"""What is stepped: the slave interface, and FMUs behind it."""
+"""FMU instances, in this process or in processes of their own."""

@@ -1,4 +1,4 @@
-"""Calls of slaves by number, as `black_box` has them."""
+"""Number the calls of instances, so that `black_box` can record the present one."""
 
 from ...sandbox.black_box import Activity
 
@@ -30,20 +30,20 @@ CALLS = (
     "freeInstance",
     "getDirectionalDerivative",
 )
-"""What a slave may be busy with; the first is nothing."""
+"""Calls of an instance; the first entry means no call."""
 
 _NUMBERS = {name: number for number, name in enumerate(CALLS)}
 
 
-def code_of(slave: int, call: str) -> int:
-    """The code of a call of the slave with this number."""
-    return slave * len(CALLS) + _NUMBERS[call]
+def code_of(instance: int, call: str) -> int:
+    """Return the code of a call of the instance with this number; `call` is an entry of `CALLS`."""
+    return instance * len(CALLS) + _NUMBERS[call]
 
 
 def decode_call(present: Activity) -> tuple[int | None, str]:
-    """The number of the slave that is called, if one is, and the call in words."""
-    slave, call = divmod(present.code, len(CALLS))
+    """Return the number of the instance that is called (None without a call), and the call in words."""
+    instance, call = divmod(present.code, len(CALLS))
     if not call:
-        return None, "no call of the FMI"
+        return None, "no FMI call"
     at = f" at t = {present.time:.9g} s" if CALLS[call] == "doStep" else ""
-    return slave, f"{CALLS[call]}{at}"
+    return instance, f"{CALLS[call]}{at}"

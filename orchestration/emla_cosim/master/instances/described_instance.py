@@ -1,4 +1,4 @@
-"""What is known of an FMU as a slave before any of its functions is called."""
+"""The part of an FMU instance that comes from its model description."""
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
@@ -13,19 +13,22 @@ from .fmu_instance import FmuInstance
 
 
 class DescribedInstance(FmuInstance):
-    """A slave that its FMU's model description describes; its functions are called elsewhere.
+    """An instance of an FMU with its model description. Subclasses call the FMU's functions.
 
-    `inputs` and `outputs` name the variables of the two vectors; see `TypedValues` for other types
-    than Real.
+    Args:
+        name: Name of the component.
+        file: The FMU.
+        inputs: Variables of the input vector. For other types than Real, see `TypedValues`.
+        outputs: Variables of the output vector.
     """
 
     def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
         self.name = name
         self.file = file
         self.read, self.written = ([file.variables[n] for n in names] for names in (inputs, outputs))
-        """Variables of the two vectors."""
+        """Variables of the input vector (`read`) and of the output vector (`written`)."""
         self.typed = any(v.type != "Real" for v in (*self.read, *self.written))
-        """Whether some of them are no Reals."""
+        """Whether some of them have another type than Real."""
         self.varies_step = file.has_capability("canHandleVariableCommunicationStepSize")
         self.rolls_back = file.has_capability("canGetAndSetFMUstate")
         self.serializes = self.rolls_back and file.has_capability("canSerializeFMUstate")
@@ -38,20 +41,20 @@ class DescribedInstance(FmuInstance):
         self.inputs, self.outputs = self._input_starts.copy(), np.zeros(len(self.written))
 
     def ready(self) -> None:
-        """Wait until the FMU is instantiated; CommandError where its library cannot be loaded."""
+        """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; InstanceError where the FMU refuses."""
+        """Set variables before initialization; InstanceError if the FMU rejects a value."""
         for variable, value in values:
             self.set_value(variable, value)
 
     @abstractmethod
     def set_value(self, variable: ModelVariable, value: Any) -> None:
-        """Set one variable to a value of its type; InstanceError where the FMU refuses."""
+        """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
 
     @abstractmethod
     def value(self, variable: ModelVariable) -> Any:
-        """The present value of a variable that is no String: a number, or true or false."""
+        """Return the present value of a numeric or Boolean variable."""
 
 
 def _start(variable: ModelVariable) -> float:
@@ -59,6 +62,6 @@ def _start(variable: ModelVariable) -> float:
 
 
 def _nominal(variable: ModelVariable) -> float:
-    """The usual size of a variable: what is declared if that is a positive number, as it must be, else 1."""
+    """Return the nominal value of a variable; 1 if the declared one is not positive and finite."""
     declared = abs(float(variable.nominal or 1.0))
     return declared if 0.0 < declared < float("inf") else 1.0

@@ -1,4 +1,4 @@
-"""What an algorithm sees of a component, whatever is behind it."""
+"""The interface of FMU instances for algorithms."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -12,32 +12,39 @@ from ...base.errors import RunError
 
 
 class InstanceError(RunError):
-    """A call that the slave refused or failed: which one, and what the slave said."""
+    """A call of an instance failed.
+
+    Args:
+        instance: Name of the instance.
+        call: The FMI function or action.
+        status: What the call returned.
+        log: Messages of the instance.
+    """
 
     did = "answered {call} with {status}"
 
-    def __init__(self, slave: str, call: str, status: str, log: list[str]) -> None:
+    def __init__(self, instance: str, call: str, status: str, log: list[str]) -> None:
         did = self.did.format(call=call, status=status)
         said = f" It said: {' '.join(log)}" if log else ""
-        super().__init__(f"{slave} {did}.{said}", component=slave, call=call, status=status, log=log)
+        super().__init__(f"{instance} {did}.{said}", component=instance, call=call, status=status, log=log)
 
 
 class DiscardedStepError(InstanceError):
-    """A step that the slave could not do; from an earlier state a shorter one may succeed."""
+    """The instance discarded a step; a shorter step from an earlier state may succeed."""
 
 
 class EndRequestedError(InstanceError):
-    """A slave that wants the simulation to end here."""
+    """The instance requested the end of the simulation."""
 
     did = "asked to end the simulation during {call}"
 
 
 @dataclass(frozen=True)
 class EntryPoints:
-    """Addresses that compiled code needs to call a slave through the FMI.
+    """Addresses that compiled code needs to call an instance through FMI functions.
 
-    `component` is the instance, the functions are those of its library, and value references
-    are 32-bit numbers, one per element of `inputs` and `outputs`.
+    `component` is the instance (`fmi2Component`); the functions are in its library. There is one value
+    reference per element of `inputs` and `outputs`.
     """
 
     component: int
@@ -53,16 +60,24 @@ class EntryPoints:
 
 
 class FmuInstance(ABC):
-    """A co-simulation slave that exchanges two preallocated vectors.
+    """A co-simulation instance that exchanges two preallocated vectors.
 
-    `inputs` holds the values of its connected inputs until `set_inputs` passes them on;
-    `get_outputs` writes to `outputs`, a part of the network's signals. Both are bound to memory
-    of the network by `bind`. Every method may raise InstanceError.
+    `inputs` holds the values of its connected inputs until `set_inputs` passes them on.
+    `get_outputs` writes to `outputs`, a part of the network's signals. `bind` connects both to memory
+    of the network. Every method may raise InstanceError.
 
-    `continuous_inputs` and `continuous_outputs` say which elements change smoothly, and
-    `nominals` gives the usual size of each output. The flags say what the slave is able to do:
-    steps of any length, going back to a saved state, writing a state as bytes, taking
-    derivatives of its inputs, and giving those of its outputs.
+    Attributes:
+        name: Name of the component.
+        inputs: Values of the connected inputs.
+        outputs: Values of the outputs.
+        continuous_inputs: Whether each input is continuous.
+        continuous_outputs: Whether each output is continuous.
+        nominals: Nominal value of each output.
+        varies_step: Whether steps may have any length.
+        rolls_back: Whether it can save and restore its state.
+        serializes: Whether it can write its state as bytes.
+        interpolates: Whether it accepts derivatives of its inputs.
+        differentiates: Whether it provides directional derivatives.
     """
 
     name: str
@@ -77,85 +92,85 @@ class FmuInstance(ABC):
     interpolates = False
     differentiates = False
     steps_apart = False
-    """Whether its steps can be begun and ended, so that others can step meanwhile."""
+    """Whether it supports `begin_step` and `end_step`, so that others can step meanwhile."""
     runs_beside_others = True
-    """Whether its calls may be made while another thread calls other slaves of its kind."""
+    """Whether other threads may call other instances at the same time."""
 
     def reset(self) -> None:
-        """Become as it was when it was new; needs nothing to be set or stepped before."""
+        """Return to the state right after instantiation."""
         raise NotImplementedError
 
     @abstractmethod
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
-        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        """Enter initialization mode; times in s, None without a fixed stop time."""
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """Leave initialization mode: the slave is ready to step."""
+        """Leave initialization mode: the instance is ready to step."""
 
     @abstractmethod
     def set_inputs(self) -> None:
-        """Pass `inputs` on to the slave."""
+        """Pass `inputs` to the FMU."""
 
     @abstractmethod
     def get_outputs(self) -> None:
-        """Read the slave's outputs into `outputs`."""
+        """Read the FMU's outputs into `outputs`."""
 
     @abstractmethod
     def do_step(self, time: float, step: float) -> None:
-        """Advance from `time` by `step`, both in s; StepDiscardedError where it could not."""
+        """Advance from `time` by `step`, both in s; DiscardedStepError if the FMU discards the step."""
 
     def begin_step(self, time: float, step: float) -> None:
-        """Begin to advance, if the slave `steps_apart`; nothing else is called before `end_step`."""
+        """Begin a step; needs `steps_apart`. Call nothing else before `end_step`."""
         raise NotImplementedError
 
     def end_step(self) -> None:
-        """Wait until the step that was begun is done; raises what `do_step` does."""
+        """Wait for the end of the step; raises the errors of `do_step`."""
         raise NotImplementedError
 
     @abstractmethod
     def close(self) -> None:
-        """Free the slave; never raises."""
+        """Free the instance; never raises."""
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
-        """Use this memory from now on; values of the inputs are kept."""
+        """Use this memory for inputs and outputs, and copy the present inputs to it."""
         inputs[:] = self.inputs
         self.inputs, self.outputs = inputs, outputs
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
-        """Say how fast the inputs change during the next step, per s; needs `interpolates`."""
+        """Set the slopes of the inputs during the next step, per s; needs `interpolates`."""
         raise NotImplementedError
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
-        """How fast the outputs change at once when the inputs move in a direction; needs `differentiates`.
+        """Return the derivative of the outputs along a direction of the inputs; needs `differentiates`.
 
-        None where the slave cannot say it here.
+        Returns None if the FMU cannot compute it at this point.
         """
         raise NotImplementedError
 
     def save(self, state: Any = None) -> Any:
-        """A copy of the slave's state, in the memory of an earlier one if given; needs `rolls_back`."""
+        """Return a copy of the FMU's state, in the memory of the earlier copy `state`; needs `rolls_back`."""
         raise NotImplementedError
 
     def restore(self, state: Any) -> None:
-        """Go back to a saved state."""
+        """Restore a saved state."""
         raise NotImplementedError
 
-    def forget(self, state: Any) -> None:  # noqa: B027 - needed only where states are saved
+    def forget(self, state: Any) -> None:  # noqa: B027 - only instances that save states need it
         """Free a saved state; never raises."""
 
     def serialize(self) -> bytes:
-        """The slave's state as bytes; needs `serializes`."""
+        """Return the FMU's state as bytes; needs `serializes`."""
         raise NotImplementedError
 
     def deserialize(self, content: bytes) -> None:
-        """Go to a state that was written by `serialize`, perhaps by another process."""
+        """Restore a state from the bytes of `serialize`, also from another process."""
         raise NotImplementedError
 
     def entry_points(self) -> EntryPoints | None:
-        """Addresses for compiled code; None where the slave has none."""
+        """Return addresses for compiled code; None if the instance cannot be called from there."""
         return None
 
     def error(self, call: str, status: int) -> InstanceError:
-        """The error of an FMI call that compiled code made."""
+        """Return the error for an FMI call from compiled code that returned this status."""
         return InstanceError(self.name, call, f"status {status}", [])

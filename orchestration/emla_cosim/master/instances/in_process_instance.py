@@ -1,4 +1,4 @@
-"""An FMI 2.0 co-simulation FMU as a slave, called through preallocated vectors."""
+"""Instances of FMI 2.0 co-simulation FMUs in this process."""
 
 import contextlib
 import ctypes
@@ -31,14 +31,14 @@ _ONE, _REAL, _INTEGER, _TEXT = (
 _DEAD_LIBRARIES: set[Path] = set()
 
 _INTERPRETED = "slavemodule.txt"
-"""What an FMU of PythonFMU has among its resources: all of these share the lock of one interpreter."""
+"""A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
 
 LARGEST_STATE = 2**32
-"""Bytes that a serialized state may have; an FMU that answers more is not believed."""
+"""Largest accepted size of a serialized state, in bytes."""
 
 
 class InProcessInstance(FmiInstance, DescribedInstance):
-    """One instance of an FMU in this process; see `Slave` and `DescribedInstance`."""
+    """One instance of an FMU in this process; see `FmuInstance` and `DescribedInstance`."""
 
     def __init__(
         self,
@@ -49,17 +49,30 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         log: FmuLog,
         number: int = 0,
     ) -> None:
-        """Instantiate the FMU; raises CommandError where its library cannot be loaded.
+        """Instantiate the FMU.
 
-        `number` is what this slave is called by where the present call is told.
+        Args:
+            name: Name of the component.
+            file: The FMU.
+            inputs: Variables of the input vector.
+            outputs: Variables of the output vector.
+            log: Collects the FMU's messages.
+            number: Number of the instance in `black_box`, which records the present call.
+
+        Raises:
+            CommandError: The library of the FMU cannot be loaded.
+            RunError: The FMU returned fmi2Fatal earlier in this process.
         """
         if file.library in _DEAD_LIBRARIES:
-            raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
+            raise RunError(
+                f"the FMU '{file.path}' of {name} returned fmi2Fatal and cannot be used again. "
+                "Prepare the run again to load a new copy."
+            )
         super().__init__(name, file, inputs, outputs)
         self.runs_beside_others = _is_thread_safe(file)
         self._log = log
         self._stepping = False
-        self._no_way_back = 1  # until a state is saved, a step may forget the past
+        self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
         self._present = black_box.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
         try:
@@ -94,17 +107,17 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.bind(self.inputs.copy(), self.outputs)
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
-        """Use this memory from now on; the slave keeps its addresses."""
+        """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
-        """Set one variable to a value of its type; InstanceError where the FMU refuses."""
+        """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
         reference = _ONE(variable.valueReference)
         if variable.type == "String":
             status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
-        else:  # tables have thousands of them, and fmpy takes its time
+        else:  # tables have thousands of values, and the calls of fmpy are slow
             kind = kind_of(variable)
             place = _REAL(value) if kind == "Real" else _INTEGER(value)
             status = self._functions[f"set{kind}"](self._component, reference, 1, place)
@@ -112,19 +125,19 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
-        """The present value of a variable that is no String: a number, or true or false."""
+        """Return the present value of a numeric or Boolean variable."""
         with self.calling(f"getting {variable.name}"):
             (value,) = self.get_typed([variable])
         return bool(value) if variable.type == "Boolean" else value
 
     def reset(self) -> None:
-        """Become as it was when it was new."""
+        """Return to the state right after instantiation."""
         super().reset()
         self._stepping, self._no_way_back = False, 1
         self.inputs[:] = self._input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
-        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        """Enter initialization mode; times in s, None without a fixed stop time."""
         self._present.time = start_time
         super().enter_initialization(start_time, stop_time)
 
@@ -134,7 +147,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._stepping = True
 
     def set_inputs(self) -> None:
-        """Pass `inputs` on to the FMU."""
+        """Pass `inputs` to the FMU."""
         if not len(self.inputs):
             return
         if self._typed is not None:
@@ -145,7 +158,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(call, status)
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
-        """Say how fast the inputs change during the next step, per s."""
+        """Set the slopes of the inputs during the next step, per s."""
         if len(derivatives):
             references, count, orders = self._input_references, len(derivatives), self._derivative_orders
             addresses = (x.ctypes.data for x in (references, orders, derivatives))
@@ -171,7 +184,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(f"doStep at t = {time:.9g} s", status)
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
-        """How fast the outputs change at once when the inputs move in a direction."""
+        """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
         found = np.zeros(len(self.outputs))
         if not len(found) or not len(direction):
             return found
@@ -189,12 +202,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return found if status in FINE else None
 
     def save(self, state: Any = None) -> Any:
-        """A copy of the FMU's state, in the memory of an earlier one if given."""
+        """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
         self._no_way_back = 0
         return self._copy_state(state or ctypes.c_void_p())
 
     def restore(self, state: Any) -> None:
-        """Go back to a saved state."""
+        """Restore a saved state."""
         self._call("setFMUstate", state)
 
     def forget(self, state: Any) -> None:
@@ -204,7 +217,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 self.fmu.freeFMUstate(state)
 
     def serialize(self) -> bytes:
-        """The FMU's state as bytes."""
+        """Return the FMU's state as bytes."""
         state, size = self._copy_state(ctypes.c_void_p()), ctypes.c_size_t()
         try:
             with self.calling():
@@ -219,7 +232,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self.forget(state)
 
     def deserialize(self, content: bytes) -> None:
-        """Go to a state that was written by `serialize`."""
+        """Restore a state from the bytes of `serialize`."""
         with self.calling():
             state = self.fmu.deSerializeFMUstate(content)
         try:
@@ -228,7 +241,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self.forget(state)
 
     def close(self) -> None:
-        """Terminate the FMU where the standard allows it, and free the instance and its library."""
+        """Terminate the FMU if the standard allows it, and free the instance and its library."""
         if self._is_dead():
             return
         with contextlib.suppress(Exception):
@@ -239,7 +252,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
-        """Addresses of the FMU's functions for compiled code, which knows Reals only."""
+        """Return the addresses of the FMU's functions; None with other types than Real."""
         if self._typed is not None:
             return None
         address = self._library.addresses
@@ -257,15 +270,15 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         )
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
-        """Leave in the black box what is called next."""
+        """Record the next call in the black box."""
         self._present.code = self._codes[plain_name(function)]
 
     def returned(self) -> None:
-        """Leave in the black box that nothing is called."""
+        """Record in the black box that no call is running."""
         self._present.code = 0
 
     def error(self, call: str, status: int) -> InstanceError:
-        """The error of a call that returned this status."""
+        """Return the error for a call that returned this status."""
         kind = InstanceError
         if status == DISCARD and call.startswith("doStep"):
             kind = EndRequestedError if self.asks_to_end() else DiscardedStepError
@@ -276,7 +289,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return kind(self.name, plain_name(call), answer, self._log.last(self.name))
 
     def _is_dead(self) -> bool:
-        """Whether an instance of this FMU answered fmi2Fatal: then none of them may be called again."""
+        """Whether an instance of this FMU returned fmi2Fatal. Then none of its functions may be called."""
         return self.file.library in _DEAD_LIBRARIES
 
     def _copy_state(self, state: Any) -> Any:
@@ -284,7 +297,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return state
 
     def _with_notice(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
-        """A function that says that it is called."""
+        """Return the function, with its calls recorded in the black box."""
         present, code = self._present, self._codes[name]
 
         def called(*arguments: Any) -> int:
@@ -306,7 +319,7 @@ def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ..
 
 
 def _is_thread_safe(file: FmuFile) -> bool:
-    """Whether nothing is known of the FMU that only one thread of a process may have to do with."""
+    """Whether other threads may call other FMUs at the same time, as far as the FMU's files show."""
     shares = file.has_capability("canBeInstantiatedOnlyOncePerProcess") or file.has_capability(
         "needsExecutionTool"
     )

@@ -1,4 +1,4 @@
-"""An FMU in a process of its own, which can end without ending the run's."""
+"""Instances of FMUs in processes of their own: a crash of the FMU does not end the run's process."""
 
 import contextlib
 import os
@@ -20,26 +20,26 @@ from .fmu_instance import InstanceError
 from .request import Request
 
 _TIMEOUT = 10.0
-"""Seconds that an FMU has to terminate and to be freed."""
+"""Seconds that an FMU has to terminate and to free its memory."""
 
 
 class ProcessEndedError(InstanceError):
-    """A slave whose process is no more."""
+    """The process of an isolated instance ended."""
 
     did = "ended its process in {call} ({status})"
 
 
 class IsolatedInstance(DescribedInstance):
-    """One instance of an FMU in a process of its own; see `Slave` and `DescribedInstance`.
+    """One instance of an FMU in a process of its own; see `FmuInstance` and `DescribedInstance`.
 
-    Inputs travel with the next call, and outputs come back with a step, so that a step costs one
+    Inputs are sent with the next call, and outputs return with a step, so that a step needs one
     exchange of messages.
     """
 
     steps_apart = True
 
     def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-        """Start the process, which goes on to instantiate the FMU; CommandError where it cannot start."""
+        """Start the process, and instantiate the FMU there; CommandError if the process cannot start."""
         super().__init__(name, file, inputs, outputs)
         self._inputs_to_set: bytes | None = None
         self._slopes_to_set: bytes | None = None
@@ -47,39 +47,39 @@ class IsolatedInstance(DescribedInstance):
         self._end: InstanceError | None = None
         self._under_way = False
         try:
-            with contextlib.ExitStack() as held:
-                self._calls = held.enter_context(contextlib.closing(BlackBoxFile()))
+            with contextlib.ExitStack() as resources:
+                self._calls = resources.enter_context(contextlib.closing(BlackBoxFile()))
                 self._server = Server(f"{__package__}.isolated_process", str(self._calls.path))
-                held.pop_all()
+                resources.pop_all()
         except OSError as error:
-            raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
+            raise CommandError(f"the process of {name} cannot start: {error.strerror}.") from error
         self._owner = os.getpid()
         self._send(Request("start", (name, file, list(inputs), list(outputs))))
 
     def ready(self) -> None:
-        """Wait until the FMU is instantiated; CommandError where its library cannot be loaded."""
+        """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
         self._receive()
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; InstanceError where the FMU refuses."""
+        """Set variables before initialization; InstanceError if the FMU rejects a value."""
         self._ask("set_values", [(str(variable.name), value) for variable, value in values])
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
-        """Set one variable to a value of its type; InstanceError where the FMU refuses."""
+        """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
         self.set_start_values([(variable, value)])
 
     def value(self, variable: ModelVariable) -> Any:
-        """The present value of a variable that is no String: a number, or true or false."""
+        """Return the present value of a numeric or Boolean variable."""
         return self._ask("value", str(variable.name))
 
     def reset(self) -> None:
-        """Become as it was when it was new."""
+        """Return to the state right after instantiation."""
         self._inputs_to_set = self._slopes_to_set = None
         self._ask("reset")
         self.inputs[:] = self._input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
-        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        """Enter initialization mode; times in s, None without a fixed stop time."""
         self._ask("enter_initialization", start_time, stop_time)
 
     def exit_initialization(self) -> None:
@@ -87,11 +87,11 @@ class IsolatedInstance(DescribedInstance):
         self._ask("exit_initialization")
 
     def set_inputs(self) -> None:
-        """Pass `inputs` on with the next call."""
+        """Send `inputs` with the next call."""
         self._inputs_to_set, self._outputs_of_step = self.inputs.tobytes(), None
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
-        """Say with the next call how fast the inputs change during the next step, per s."""
+        """Send the slopes of the inputs, per s, with the next call."""
         self._slopes_to_set = derivatives.tobytes()
 
     def get_outputs(self) -> None:
@@ -115,15 +115,15 @@ class IsolatedInstance(DescribedInstance):
         self._outputs_of_step = self._receive()
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
-        """How fast the outputs change at once when the inputs move in a direction."""
+        """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
         return self._ask("directional_derivative", direction)
 
     def save(self, state: Any = None) -> Any:
-        """A copy of the FMU's state, in the memory of an earlier one if given."""
+        """Save the FMU's state in its process and return its number; `state` is a number to overwrite."""
         return self._ask("save", state)
 
     def restore(self, state: Any) -> None:
-        """Go back to a saved state."""
+        """Restore a saved state."""
         self._ask("restore", state)
 
     def forget(self, state: Any) -> None:
@@ -132,29 +132,29 @@ class IsolatedInstance(DescribedInstance):
             self._ask("forget", state)
 
     def serialize(self) -> bytes:
-        """The FMU's state as bytes."""
+        """Return the FMU's state as bytes."""
         return self._ask("serialize")
 
     def deserialize(self, content: bytes) -> None:
-        """Go to a state that was written by `serialize`."""
+        """Restore a state from the bytes of `serialize`."""
         self._ask("deserialize", content)
 
     def close(self) -> None:
-        """Terminate the FMU where the standard allows it, free the instance, and end its process."""
-        if os.getpid() != self._owner:  # this process divided from the one that has the FMU
+        """Terminate the FMU if the standard allows it, free the instance, and end its process."""
+        if os.getpid() != self._owner:  # this process is a fork of the one that owns the FMU
             return
         with contextlib.suppress(Exception):
-            self._ask("close", patience=_TIMEOUT)
+            self._ask("close", timeout=_TIMEOUT)
         self._server.close(_TIMEOUT)
         self._calls.close()
 
-    def _ask(self, call: str, *arguments: Any, patience: float | None = None) -> Any:
-        """Let the FMU's process do a call, after it set what is still to be set."""
+    def _ask(self, call: str, *arguments: Any, timeout: float | None = None) -> Any:
+        """Send a call with the pending inputs, and return its result."""
         self._request(call, arguments)
-        return self._receive(patience)
+        return self._receive(timeout)
 
     def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
-        if self._under_way:  # what goes on was given up, and its answer is of no use
+        if self._under_way:  # an interrupted step: wait for its end and discard the result
             with contextlib.suppress(InstanceError):
                 self.end_step()
         request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)
@@ -163,7 +163,7 @@ class IsolatedInstance(DescribedInstance):
 
     def _send(self, request: Request) -> None:
         if os.getpid() != self._owner:
-            raise RunError(f"the FMU of {self.name} belongs to another process; prepare it in this one.")
+            raise RunError(f"the FMU of {self.name} belongs to another process. Prepare it in this process.")
         if self._end is not None:
             raise self._end
         try:
@@ -171,9 +171,9 @@ class IsolatedInstance(DescribedInstance):
         except ServerEndedError as error:
             raise self._ended_error(str(error)) from error
 
-    def _receive(self, patience: float | None = None) -> Any:
+    def _receive(self, timeout: float | None = None) -> Any:
         try:
-            answer = self._server.receive(patience)
+            answer = self._server.receive(timeout)
         except ServerEndedError as error:
             raise self._ended_error(str(error)) from error
         except BaseException:
@@ -184,7 +184,7 @@ class IsolatedInstance(DescribedInstance):
         return answer
 
     def _ended_error(self, how: str) -> InstanceError:
-        """The error of a process that is no more; it is the answer to everything from now on."""
+        """Return the error for an ended process. All later calls raise it, too."""
         call = decode_call(self._calls.present())[1]
         self._end = ProcessEndedError(self.name, call, how, [])
         return self._end

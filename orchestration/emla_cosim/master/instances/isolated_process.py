@@ -1,4 +1,4 @@
-"""The process of one isolated FMU: answers requests until its parent is gone."""
+"""The process of one isolated FMU. It answers requests until its parent ends."""
 
 import sys
 from collections.abc import Callable
@@ -17,58 +17,58 @@ from .request import Request
 
 
 class IsolatedProcess:
-    """Calls its FMU as it is told to; every method is a request, see `IsolatedInstance`."""
+    """Answer the requests of an `IsolatedInstance`: each method is one kind of request."""
 
-    def __init__(self, slave: InProcessInstance) -> None:
-        self._slave = slave
+    def __init__(self, instance: InProcessInstance) -> None:
+        self._instance = instance
         self._states: dict[int, Any] = {}
 
     def do(self, request: Request) -> Any:
-        """Set what is to be set, then do the call; its answer."""
+        """Set inputs and slopes, then do the call and return its result."""
         if request.inputs is not None:
-            self._slave.inputs[:] = np.frombuffer(request.inputs)
-            self._slave.set_inputs()
+            self._instance.inputs[:] = np.frombuffer(request.inputs)
+            self._instance.set_inputs()
         if request.slopes is not None:
-            self._slave.set_input_derivatives(np.frombuffer(request.slopes))
-        own = getattr(self, request.call, None) or getattr(self._slave, request.call)
+            self._instance.set_input_derivatives(np.frombuffer(request.slopes))
+        own = getattr(self, request.call, None) or getattr(self._instance, request.call)
         return own(*request.arguments)
 
     def set_values(self, values: list[tuple[str, Any]]) -> None:
         """Set variables by name."""
-        known = self._slave.file.variables
-        self._slave.set_start_values((known[name], value) for name, value in values)
+        known = self._instance.file.variables
+        self._instance.set_start_values((known[name], value) for name, value in values)
 
     def value(self, name: str) -> Any:
-        """The value of a variable."""
-        return self._slave.value(self._slave.file.variables[name])
+        """Return the value of a variable."""
+        return self._instance.value(self._instance.file.variables[name])
 
     def outputs(self) -> bytes:
-        """All outputs."""
-        self._slave.get_outputs()
-        return self._slave.outputs.tobytes()
+        """Read all outputs."""
+        self._instance.get_outputs()
+        return self._instance.outputs.tobytes()
 
     def do_step(self, at: float, step: float) -> bytes:
-        """Do a step; the outputs after it."""
-        self._slave.do_step(at, step)
+        """Do a step and return the outputs after it."""
+        self._instance.do_step(at, step)
         return self.outputs()
 
     def save(self, known: int | None) -> int:
-        """Save the state; the number that it has."""
+        """Save the state and return its number; `known` is a number to overwrite."""
         number = known if known is not None else max(self._states, default=0) + 1
-        self._states[number] = self._slave.save(self._states.get(number))
+        self._states[number] = self._instance.save(self._states.get(number))
         return number
 
     def restore(self, number: int) -> None:
-        """Go back to a saved state."""
-        self._slave.restore(self._states[number])
+        """Restore a saved state."""
+        self._instance.restore(self._states[number])
 
     def forget(self, number: int) -> None:
         """Free a saved state."""
-        self._slave.forget(self._states.pop(number))
+        self._instance.forget(self._states.pop(number))
 
 
 def main() -> None:
-    """Serve the parent at the other end of standard input and output."""
+    """Serve the parent process through standard input and output."""
     worker: IsolatedProcess | None = None
 
     def answer(request: Request, tell: Callable[[Any], None]) -> Any:

@@ -1,10 +1,10 @@
-"""What an isolated slave is asked."""
+"""Requests to the process of an isolated instance."""
 
 from typing import Any, NamedTuple
 
 
 class Request(NamedTuple):
-    """What an isolated slave is asked to do: first to set inputs and their slopes, then a call by name."""
+    """A call by name; inputs and their slopes are set before it."""
 
     call: str
     arguments: tuple[Any, ...]

@@ -1,4 +1,4 @@
-"""Variables of several types as one vector of numbers: Booleans are 0 or 1, Enumerations their values."""
+"""Map variables of several types to one vector: Booleans are 0 or 1, Enumerations their values."""
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from ...fmu.instance import by_type
 
 @dataclass(frozen=True)
 class _TypeGroup:
-    """Elements of one type: where they are in the vector, and memory in the type of the FMI."""
+    """Elements of one type: their positions in the vector, and memory in the FMI type."""
 
     elements: NDArray[np.intp]
     references: NDArray[np.uint32]
@@ -25,7 +25,7 @@ class _TypeGroup:
 
 
 class TypedValues:
-    """Gets or sets variables by one FMI call per type; `access` is get or set."""
+    """Get or set variables with one FMI call per type; `access` is `get` or `set`."""
 
     def __init__(
         self, access: str, variables: Sequence[ModelVariable], functions: Mapping[str, Callable[..., int]]
@@ -43,17 +43,19 @@ class TypedValues:
             )
 
     def set(self, component: Any, vector: Vector) -> int:
-        """Set all variables; returns the worst status. Numbers between two values are rounded."""
+        """Set all variables, rounded to the nearest value of their type, and return the worst status."""
         worst = 0
         for group in self._groups:
-            given = vector[group.elements]
+            values = vector[group.elements]
             exact = group.values.dtype == np.float64
-            group.values[:] = given if exact else np.rint(given) != 0.0 if group.boolean else np.rint(given)
+            group.values[:] = (
+                values if exact else np.rint(values) != 0.0 if group.boolean else np.rint(values)
+            )
             worst = max(worst, self._call(component, group), key=abs)
         return worst
 
     def get(self, component: Any, vector: Vector) -> int:
-        """Get all variables; returns the worst status."""
+        """Get all variables and return the worst status."""
         worst = 0
         for group in self._groups:
             worst = max(worst, self._call(component, group), key=abs)

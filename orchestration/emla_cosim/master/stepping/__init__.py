@@ -1,1 +1,1 @@
-"""From step to step: fixed or controlled step sizes, compiled loops, pace, and checkpoints."""
+"""Fixed and controlled step sizes, compiled loops, real-time pacing, and checkpoints."""

@@ -1,4 +1,4 @@
-"""Memory and C functions by address, for compiled code."""
+"""Access memory and C functions by address in compiled code."""
 
 import platform
 from typing import Any
@@ -8,17 +8,17 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .record_layout import GROUP, INPUT, LANE, LOOP, OPERATION, PRESENT, SLAVE, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OPERATION, PRESENT, TASK
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
-"""What all functions are compiled with."""
+"""Options of numba for all functions."""
 
 part = njit(forceinline=True, **OPTIONS)
-"""Makes a function a part of those that call it."""
+"""Decorator for functions that are inlined into their callers."""
 
 
 def _records(layout: np.dtype) -> Any:
-    """A function that gives the record number i of those that begin at an address, in place."""
+    """Return a function that accesses record i of an array of records at an address, in place."""
     kind = from_dtype(layout)
 
     @intrinsic
@@ -33,7 +33,7 @@ def _records(layout: np.dtype) -> Any:
 
 
 def _numbers(kind: types.Type) -> Any:
-    """A function that gives the numbers that begin at an address."""
+    """Return a function that accesses the array of numbers at an address."""
 
     @intrinsic
     def numbers(typing_context: Any, address: Any) -> Any:
@@ -46,7 +46,7 @@ def _numbers(kind: types.Type) -> Any:
 
 
 def _caller(*argument_types: types.Type) -> Any:
-    """A function that calls the address of a C function with these arguments and an int result."""
+    """Return a function that calls a C function by address, with these argument types and an int result."""
 
     @intrinsic
     def call(typing_context: Any, address: Any, arguments: Any) -> Any:
@@ -66,7 +66,7 @@ def _caller(*argument_types: types.Type) -> Any:
 
 
 def _counter(order: str) -> Any:
-    """A function that reads a number that other threads write; what they wrote before it is there then."""
+    """Return a function that loads a number atomically, with the other threads' earlier writes."""
 
     @intrinsic
     def load(typing_context: Any, address: Any) -> Any:
@@ -79,7 +79,7 @@ def _counter(order: str) -> Any:
 
 
 def _count(order: str) -> Any:
-    """A function that writes a number for other threads, with all that was written before it."""
+    """Return a function that stores a number atomically, after all earlier writes of this thread."""
 
     @intrinsic
     def store(typing_context: Any, address: Any, number: Any) -> Any:
@@ -93,7 +93,7 @@ def _count(order: str) -> Any:
 
 
 def _lower() -> Any:
-    """A function that makes a number the lesser of itself and another, whoever else does so now."""
+    """Return a function that replaces a number atomically by its minimum with another."""
 
     @intrinsic
     def lower(typing_context: Any, address: Any, number: Any) -> Any:
@@ -106,7 +106,7 @@ def _lower() -> Any:
 
 
 def _pause() -> Any:
-    """A function that tells the processor that this thread only waits, where it can be told."""
+    """Return a function that hints to the processor that this thread waits, if it has such a hint."""
 
     @intrinsic
     def pause(typing_context: Any) -> Any:
@@ -123,8 +123,8 @@ def _pause() -> Any:
 _SIZE, _COUNTER = 8, ir.IntType(64).as_pointer()
 _NOTHING = ir.FunctionType(ir.VoidType(), ())
 
-loop_at, operation_at, slave_at, input_at, group_at, present_at, lane_at, task_at = (
-    _records(r) for r in (LOOP, OPERATION, SLAVE, INPUT, GROUP, PRESENT, LANE, TASK)
+loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at = (
+    _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK)
 )
 doubles, positions = _numbers(types.float64), _numbers(types.intp)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)

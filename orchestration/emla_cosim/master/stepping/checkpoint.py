@@ -1,4 +1,4 @@
-"""A run put aside in a file, to be continued bit for bit."""
+"""Save a run in a file, and continue it from there bit for bit."""
 
 import json
 import zipfile
@@ -24,37 +24,42 @@ _STATE, _MEMORY = "state/", "memory/"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """States of all slaves by name, what signals and stepping remember, and notes of the caller."""
+    """The content of a checkpoint.
+
+    Args:
+        states: State of each FMU, by the name of its instance.
+        memory: Signals, and the state of stepping and algorithm, by name.
+        notes: Plain data of the caller.
+    """
 
     states: Mapping[str, bytes]
     memory: Mapping[str, Vector]
     notes: Mapping[str, Any]
 
     def restore(self, stepping: Stepping) -> None:
-        """Bring a simulation of the same system, which has been initialized, to this point.
-
-        Raises InstanceError where a slave does not take its state.
-        """
+        """Restore an initialized simulation of the same system; InstanceError if an FMU rejects its state."""
         network = stepping.algorithm.network
-        for slave in network.instances:
-            slave.deserialize(self.states[slave.name])
+        for instance in network.instances:
+            instance.deserialize(self.states[instance.name])
         network.signals[:] = self.memory["signals"]
         stepping.remember(self.memory)
 
 
 def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> Path:
-    """Return where the checkpoint of this path, which is relative to `folder`, will be written.
+    """Return the place of a checkpoint whose path is relative to `folder`.
 
-    Raises CommandError where the file cannot be written, or is no checkpoint and not to be overwritten.
+    Raises:
+        CommandError: The file cannot be written, or another file is there and `overwrite` is false.
     """
     return check_replaceable(path, "the checkpoint", _is_checkpoint, overwrite, folder)
 
 
 def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool = False) -> Path:
-    """Where the checkpoint of this path, which is relative to `folder`, will be written.
+    """Return the place of a checkpoint whose path is relative to `folder`.
 
-    Raises CommandError unless all slaves can be put aside, and the file can be written, see
-    `check_checkpoint`.
+    Raises:
+        CommandError: An instance cannot serialize its state, or the file cannot be written; see
+            `check_checkpoint`.
     """
     place = check_checkpoint(path, overwrite, folder)
     try:
@@ -67,9 +72,16 @@ def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool
 
 
 def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) -> None:
-    """Write where a simulation is; `notes` is plain data to find again.
+    """Write a checkpoint. It replaces an earlier file only when it is complete.
 
-    An earlier file is replaced only when the new one is complete. Raises OSError, InstanceError.
+    Args:
+        path: The file.
+        stepping: The simulation.
+        notes: Plain data of the caller, returned by `load_checkpoint`.
+
+    Raises:
+        OSError: The file cannot be written.
+        InstanceError: An FMU cannot save its state.
     """
     network = stepping.algorithm.network
     content: dict[str, Any] = {
@@ -84,14 +96,14 @@ def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) ->
 
 
 def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
-    """Read a checkpoint, its path relative to `folder`; raises CommandError where the file is none."""
+    """Read a checkpoint whose path is relative to `folder`; CommandError if the file is no checkpoint."""
     place = folder / path
     if not place.is_file():
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
         header, arrays = _read(place)
         form, notes, names = header["format"], header["notes"], sorted(header["arrays"])
-    except Exception as error:  # zip, JSON and array readers raise whatever they like
+    except Exception as error:  # zip, JSON and array readers raise errors of many types
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
     if form != FORMAT:
         raise CommandError(f"the checkpoint '{path}' has the format {form}; this version reads {FORMAT}.")
@@ -103,7 +115,7 @@ def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
 
 
 def _is_checkpoint(path: Path) -> bool:
-    """Whether a file looks like one, of any format and however damaged inside."""
+    """Whether a file looks like a checkpoint, of any format, even if its content is damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             return "header.npy" in archive.namelist()
@@ -112,7 +124,7 @@ def _is_checkpoint(path: Path) -> bool:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
-    """The header and the arrays of a file, of which not a bit has changed."""
+    """Read the header and the arrays of a file; ValueError if its checksums are wrong."""
     with zipfile.ZipFile(path) as archive:
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"{damaged} has changed")

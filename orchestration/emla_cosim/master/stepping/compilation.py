@@ -1,4 +1,4 @@
-"""Whether and how steps can be compiled on this host."""
+"""Compile the steps of an algorithm, if this host can."""
 
 from typing import TYPE_CHECKING
 
@@ -10,17 +10,18 @@ if TYPE_CHECKING:
     from .kernel import Kernel
 
 COMPILED = (Explicit, Strong)
-"""Kinds of algorithms whose steps can be compiled."""
+"""Base classes of algorithms whose steps can be compiled."""
 
 
 def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
-    """The compiled loop for an algorithm; None where it or a slave cannot be compiled, or without numba.
+    """Return the compiled loop for an algorithm.
 
-    A host that has compiled the loop before needs no numba.
+    Returns None if the algorithm or an instance does not support it, or if numba is missing. A host that
+    has compiled the loop before needs no numba.
     """
     if not isinstance(algorithm, COMPILED):
         return None
-    points = [slave.entry_points() for slave in algorithm.network.instances]
+    points = [instance.entry_points() for instance in algorithm.network.instances]
     known = [p for p in points if p is not None]
     if len(known) < len(points):
         return None
@@ -28,5 +29,5 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
         from .kernel import Kernel
 
         return Kernel(algorithm, known)
-    except (ImportError, OSError):  # which is how LLVM says that it cannot be loaded
+    except (ImportError, OSError):  # OSError: LLVM cannot be loaded
         return None

@@ -1,4 +1,4 @@
-"""Calls of slaves through the FMI, for compiled code; each answers a failure and the slave's status."""
+"""FMI calls in compiled code. Each returns a `Failure` and the FMI status."""
 
 from ..algorithms.extrapolation import Mode
 from ..instances.call_codes import CALLS
@@ -25,13 +25,13 @@ _OK, _WARNING = 0, 1
 
 @part
 def _is_bad(status):
-    """Whether a status is worse than a warning, or none of the standard's."""
+    """Whether a status is worse than a warning, or not in the standard."""
     return status > _WARNING or status < _OK
 
 
 @part
 def prediction(source, time):
-    """Slope and value at `time` of what drives an input; see `Exchange.predict`."""
+    """Return the signal that drives an input, extrapolated to `time`; see `Exchange.predict`."""
     signal, newest = doubles(source.signal)[0], doubles(source.at)[0]
     span = newest - doubles(source.before)[0]
     slope = 0.0
@@ -41,19 +41,19 @@ def prediction(source, time):
 
 
 @part
-def _compute_inputs(slave, time, length):
+def _compute_inputs(instance, time, length):
     """See `Exchange.pass_inputs`."""
-    inputs, derivatives = doubles(slave.inputs), doubles(slave.derivatives)
-    middle = 0.5 * length if slave.mode == _MIDDLE else 0.0
-    for j in range(slave.input_count):
-        source = input_at(slave.sources, j)
+    inputs, derivatives = doubles(instance.inputs), doubles(instance.derivatives)
+    middle = 0.5 * length if instance.mode == _MIDDLE else 0.0
+    for j in range(instance.input_count):
+        source = input_at(instance.sources, j)
         signal = doubles(source.signal)[0]
-        if slave.mode == _HOLD:
+        if instance.mode == _HOLD:
             inputs[j] = source.factor * signal + source.offset
             continue
         newest = doubles(source.at)[0]
         earlier, then = doubles(source.previous)[0], doubles(source.before)[0]
-        if slave.rare:
+        if instance.rare:
             taken, taken_at = doubles(source.taken), doubles(source.taken_at)
             if taken_at[0] < then:
                 earlier, then = taken[0], taken_at[0]
@@ -67,21 +67,21 @@ def _compute_inputs(slave, time, length):
 
 
 @part
-def set_inputs(slave, present, time, length):
-    """Give a slave its inputs for the step from `time` of this length."""
-    references, count = slave.input_references, slave.input_count
+def set_inputs(instance, present, time, length):
+    """Set the inputs of an instance for the step from `time` of this length."""
+    references, count = instance.input_references, instance.input_count
     if count == 0:
         return _NONE, _OK
-    _compute_inputs(slave, time, length)
-    present.code = slave.code + _SETTING
-    status = exchange(slave.set_real, (slave.component, references, count, slave.inputs))
+    _compute_inputs(instance, time, length)
+    present.code = instance.code + _SETTING
+    status = exchange(instance.set_real, (instance.component, references, count, instance.inputs))
     if _is_bad(status):
         return _SET_REAL, status
-    if slave.mode == _LINE:
-        orders, values = slave.derivative_orders, slave.derivatives
-        present.code = slave.code + _DERIVING
+    if instance.mode == _LINE:
+        orders, values = instance.derivative_orders, instance.derivatives
+        present.code = instance.code + _DERIVING
         status = derive(
-            slave.set_real_input_derivatives, (slave.component, references, count, orders, values)
+            instance.set_real_input_derivatives, (instance.component, references, count, orders, values)
         )
         if _is_bad(status):
             return _SET_DERIVATIVES, status
@@ -89,67 +89,69 @@ def set_inputs(slave, present, time, length):
 
 
 @part
-def step(slave, present, time, length):
-    """Let a slave do its step."""
-    present.code, present.time = slave.code + _STEPPING, time
-    status = do_step(slave.do_step, (slave.component, time, length, slave.no_way_back))
+def step(instance, present, time, length):
+    """Do the step of an instance."""
+    present.code, present.time = instance.code + _STEPPING, time
+    status = do_step(instance.do_step, (instance.component, time, length, instance.no_way_back))
     return _DO_STEP if _is_bad(status) else _NONE, status
 
 
 @part
-def shift(slave, time):
-    """The present outputs become the previous ones; new ones of `time` will follow. See `Exchange.shift`."""
-    outputs, previous = doubles(slave.outputs), doubles(slave.previous)
-    for s in range(slave.output_count):
+def shift(instance, time):
+    """Move the present outputs to the history, before those of `time`; see `Exchange.shift`."""
+    outputs, previous = doubles(instance.outputs), doubles(instance.previous)
+    for s in range(instance.output_count):
         previous[s] = outputs[s]
-    at = doubles(slave.at)
-    doubles(slave.before)[0] = at[0]
+    at = doubles(instance.at)
+    doubles(instance.before)[0] = at[0]
     at[0] = time
 
 
 @part
-def keep_history(slave):
-    """Keep what the next shift forgets."""
-    undo, previous = doubles(slave.undo), doubles(slave.previous)
-    for s in range(slave.output_count):
+def keep_history(instance):
+    """Save the part of the history that the next `shift` overwrites."""
+    undo, previous = doubles(instance.undo), doubles(instance.previous)
+    for s in range(instance.output_count):
         undo[s] = previous[s]
-    undo[slave.output_count] = doubles(slave.before)[0]
+    undo[instance.output_count] = doubles(instance.before)[0]
 
 
 @part
-def shift_back(slave):
-    """Undo a shift, and whatever happened to the outputs after it."""
-    outputs, undo, previous = doubles(slave.outputs), doubles(slave.undo), doubles(slave.previous)
-    for s in range(slave.output_count):
+def shift_back(instance):
+    """Undo a `shift`, and restore the outputs from before it."""
+    outputs, undo, previous = doubles(instance.outputs), doubles(instance.undo), doubles(instance.previous)
+    for s in range(instance.output_count):
         outputs[s] = previous[s]
         previous[s] = undo[s]
-    before = doubles(slave.before)
-    doubles(slave.at)[0] = before[0]
-    before[0] = undo[slave.output_count]
+    before = doubles(instance.before)
+    doubles(instance.at)[0] = before[0]
+    before[0] = undo[instance.output_count]
 
 
 @part
-def get_outputs(slave, present):
-    """Read the outputs."""
-    count = slave.output_count
+def get_outputs(instance, present):
+    """Read the outputs of an instance."""
+    count = instance.output_count
     if count == 0:
         return _NONE, _OK
-    present.code = slave.code + _GETTING
-    status = exchange(slave.get_real, (slave.component, slave.output_references, count, slave.outputs))
+    present.code = instance.code + _GETTING
+    status = exchange(
+        instance.get_real, (instance.component, instance.output_references, count, instance.outputs)
+    )
     return _GET_REAL if _is_bad(status) else _NONE, status
 
 
 @part
-def save(slave, present):
-    """Let a slave copy its state."""
-    present.code = slave.code + _SAVING
-    status = copy_state(slave.get_state, (slave.component, slave.state))
+def save(instance, present):
+    """Save the state of an instance."""
+    present.code = instance.code + _SAVING
+    status = copy_state(instance.get_state, (instance.component, instance.state))
     return _GET_STATE if _is_bad(status) else _NONE, status
 
 
 @part
-def restore(slave, present):
-    """Bring a slave back to the state that it copied."""
-    present.code = slave.code + _RESTORING
-    status = copy_state(slave.set_state, (slave.component, positions(slave.state)[0]))
+def restore(instance, present):
+    """Restore the saved state of an instance."""
+    present.code = instance.code + _RESTORING
+    status = copy_state(instance.set_state, (instance.component, positions(instance.state)[0]))
     return _SET_STATE if _is_bad(status) else _NONE, status

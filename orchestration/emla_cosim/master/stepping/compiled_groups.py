@@ -1,14 +1,14 @@
-"""A group of slaves brought to the end of a step, for compiled code; `Strong` does the same in Python.
+"""Bring a group of instances to the end of a step in compiled code, as `Strong` does in Python.
 
-A loop goes back and repeats its step until it agrees. Where it does not, or where a slave discards the
-step, the group is brought back to the beginning, and Python does this one step of it.
+A loop repeats its step until it converges. If it does not converge, or an instance discards the step,
+the group returns to the begin of the step, and Python does this one step.
 """
 
 import numpy as np
 
 from ..algorithms import quasi_newton
 from ..algorithms.strong import SWEEPS
-from .by_address import doubles, group_at, input_at, part, positions, present_at, slave_at
+from .by_address import doubles, group_at, input_at, instance_at, part, positions, present_at
 from .compiled_calls import (
     get_outputs,
     keep_history,
@@ -30,28 +30,28 @@ _improve = part(quasi_newton.improve)
 
 @part
 def _member(loop, group, m):
-    return slave_at(loop.slaves, positions(group.members)[m])
+    return instance_at(loop.instances, positions(group.members)[m])
 
 
 @part
 def _failed(lane, group, m, failure, status):
-    """Whether a call failed; notes which."""
+    """Return whether a call failed, and store its instance and status in the lane."""
     if failure == _NONE:
         return False
-    lane.slave, lane.status = positions(group.members)[m], status
+    lane.instance, lane.status = positions(group.members)[m], status
     return True
 
 
 @part
 def _begin(loop, lane, group, present, end):
-    """Save the slaves, predict what they agree on, and make room for new outputs; the failure."""
+    """Save the states, predict the coupling variables, and shift the outputs. Return the failure."""
     if group.saved:
         for m in range(group.member_count):
-            slave = _member(loop, group, m)
-            failure, status = save(slave, present)
+            instance = _member(loop, group, m)
+            failure, status = save(instance, present)
             if _failed(lane, group, m, failure, status):
                 return failure
-            keep_history(slave)
+            keep_history(instance)
     guess = doubles(group.guess)
     for c in range(group.cut_count):
         guess[c] = prediction(input_at(group.cut, c), end)
@@ -62,7 +62,7 @@ def _begin(loop, lane, group, present, end):
 
 @part
 def _restore(loop, lane, group, present):
-    """Bring the slaves back to where the step began; the failure."""
+    """Restore the states from the begin of the step. Return the failure."""
     for m in range(group.member_count):
         failure, status = restore(_member(loop, group, m), present)
         if _failed(lane, group, m, failure, status):
@@ -72,14 +72,14 @@ def _restore(loop, lane, group, present):
 
 @part
 def _sweep(loop, lane, group, present, time, length):
-    """Every slave of the group does the step with the newest values; the failure."""
+    """Do the step of every instance with the newest values. Return the failure."""
     for m in range(group.member_count):
-        slave = _member(loop, group, m)
-        failure, status = set_inputs(slave, present, time, length)
+        instance = _member(loop, group, m)
+        failure, status = set_inputs(instance, present, time, length)
         if failure == _NONE:
-            failure, status = step(slave, present, time, length)
+            failure, status = step(instance, present, time, length)
         if failure == _NONE:
-            failure, status = get_outputs(slave, present)
+            failure, status = get_outputs(instance, present)
         if _failed(lane, group, m, failure, status):
             return failure
     return _NONE
@@ -87,7 +87,7 @@ def _sweep(loop, lane, group, present, time, length):
 
 @part
 def _compare(loop, group, sweep):
-    """Note answer and residual; whether the group agrees, and whether the residual is finite."""
+    """Store answer and residual. Return whether the group converged, and whether the residual is finite."""
     n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
     guess, sizes = doubles(group.guess), doubles(group.sizes)
     answers, residuals = doubles(group.answers), doubles(group.residuals)
@@ -103,7 +103,7 @@ def _compare(loop, group, sweep):
 
 @part
 def _agree(loop, lane, group, present, time, length):
-    """See `Strong.agree` and `QuasiNewton.solve`; the failure."""
+    """Iterate as `QuasiNewton.solve` does in Python. Return the failure and the number of sweeps."""
     n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
     guess, sizes, floors = doubles(group.guess), doubles(group.sizes), doubles(group.floors)
     jacobian, earlier, largest = doubles(group.jacobian), doubles(group.earlier), doubles(loop.largest)
@@ -144,7 +144,7 @@ def _agree(loop, lane, group, present, time, length):
 
 @part
 def _give_up(loop, lane, group, present):
-    """Bring everything back to where the step began; the failure."""
+    """Restore states, outputs and Jacobian from the begin of the step. Return the failure."""
     failure = _restore(loop, lane, group, present)
     if failure != _NONE:
         return failure
@@ -158,7 +158,7 @@ def _give_up(loop, lane, group, present):
 
 @part
 def advance_group(loop, lane, g, time, length):
-    """Bring the group with this number to the end of the step; the failure."""
+    """Bring group `g` to the end of the step. Return the failure."""
     group, present = group_at(loop.groups, g), present_at(lane.present, 0)
     failure = _begin(loop, lane, group, present, time + length)
     if failure != _NONE:

@@ -1,9 +1,9 @@
-"""What belongs to a step, for compiled code, however many threads do it."""
+"""Parts of a step in compiled code, for one thread or several."""
 
 import numpy as np
 
 from ..algorithms.tasks import Call
-from .by_address import doubles, operation_at, part, positions, present_at, slave_at
+from .by_address import doubles, instance_at, operation_at, part, positions, present_at
 from .compiled_calls import get_outputs, set_inputs, shift, step
 from .record_layout import Failure
 
@@ -13,7 +13,7 @@ _NONE = int(Failure.NONE)
 
 @part
 def divides(multiple, k):
-    """Whether k is a multiple; a division would take as long as a call of an FMU."""
+    """Whether `multiple` divides k. The shortcut saves a division, which takes as long as an FMU call."""
     return multiple == 1 or k % multiple == 0
 
 
@@ -25,7 +25,7 @@ def point(clock, k):
 
 @part
 def all_finite(loop):
-    """Whether all signals that somebody reads are finite."""
+    """Whether all signals that instances read are finite."""
     signals, read = doubles(loop.signals), positions(loop.read)
     for r in range(loop.read_count):  # noqa: SIM110 - compiled
         if not np.isfinite(signals[read[r]]):
@@ -35,7 +35,7 @@ def all_finite(loop):
 
 @part
 def record(loop, present, time, rows):
-    """Fill the next row: time, then all signals."""
+    """Fill the next row with the time and all signals."""
     row, signals = loop.recorded * (1 + loop.signal_count), doubles(loop.signals)
     values = doubles(rows)
     values[row] = time
@@ -47,10 +47,10 @@ def record(loop, present, time, rows):
 
 @part
 def operate(loop, lane, o, k, time, length):
-    """The operation with this number in step k; the failure. See `Sampling.operate`."""
+    """Do operation `o` in step k and return the failure; see `OperationTableAlgorithm.operate`."""
     operation = operation_at(loop.operations, o)
-    slave, call = slave_at(loop.slaves, operation.slave), operation.call
-    present, multiple = present_at(lane.present, 0), slave.multiple
+    instance, call = instance_at(loop.instances, operation.instance), operation.call
+    present, multiple = present_at(lane.present, 0), instance.multiple
     if not divides(multiple, k + 1):
         return _NONE
     begin, span = time, length
@@ -58,12 +58,12 @@ def operate(loop, lane, o, k, time, length):
         begin = point(loop.clock, k + 1 - multiple)
         span = point(loop.clock, k + 1) - begin
     if call == _SET:
-        failure, status = set_inputs(slave, present, begin, span)
+        failure, status = set_inputs(instance, present, begin, span)
     elif call == _STEP:
-        failure, status = step(slave, present, begin, span)
+        failure, status = step(instance, present, begin, span)
     else:
-        shift(slave, time + length)
-        failure, status = get_outputs(slave, present)
+        shift(instance, time + length)
+        failure, status = get_outputs(instance, present)
     if failure != _NONE:
-        lane.slave, lane.status = operation.slave, status
+        lane.instance, lane.status = operation.instance, status
     return failure

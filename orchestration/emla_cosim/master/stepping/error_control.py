@@ -1,4 +1,4 @@
-"""Steps as long as the error allows, found by doing every step twice: whole, and in halves."""
+"""Control the step size by the error, which is estimated from one whole step and two halves."""
 
 import math
 from bisect import bisect_right
@@ -19,57 +19,58 @@ from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
 SMALLEST = 1e-6
-"""The smallest step, as a fraction of the first one."""
+"""Smallest step, as a fraction of the first step."""
 
 ROUNDING_ERROR = 1e-12
-"""Errors below this part of a signal are rounding errors, which no shorter step makes smaller."""
+"""Errors below this fraction of a signal are rounding errors. Shorter steps do not reduce them."""
 
 LARGEST_SHARE, SHORTEST_LIMIT = 50, 10
-"""By default no step is longer than this part of the run's time, or so many first steps if that is longer."""
+"""Default limit of a step: a `LARGEST_SHARE`-th of the run, at least `SHORTEST_LIMIT` first steps."""
 
 EARLY = 10
-"""So many first steps count as passed when a run begins."""
+"""Number of first steps that is added to the elapsed time when the tolerance is shared among steps."""
 
 JUST_BEFORE = 1e-5
-"""The step that ends at an event, as a part of the first step."""
+"""Length of the step that ends at an event, as a fraction of the first step."""
 
 SHORT = 1e-5
-"""Steps shorter than this part of the first one may make that part of the tolerance, too."""
+"""Steps shorter than this fraction of the first one may have an error of `BENT` times the tolerance."""
 
 UNREAD = 1e-2
-"""Of FMUs that are read, what nobody reads makes no step shorter than this part of the first one."""
+"""Unread outputs shorten no step below this fraction of the first one, if others of the FMU are read."""
 
 BENT = 0.1
-"""The part of the tolerance that a step may make over a bend, and where errors do not add up."""
+"""Fraction of the tolerance for the error of a step over a bend, and for errors that do not add up."""
 
 CRAWLING, CRAWLING_STEPS = 1e-2, 200
-"""So many steps in a row, each below this part of the first one, show that something jumps at every point."""
+"""Step length (as a fraction of the first step) and number of such steps that show a jump at every point."""
 
 REMARK_THRESHOLD = 10.0
-"""The sum of all errors, in tolerances, from which on it is worth a remark."""
+"""Sum of all errors above which a remark is added, as a multiple of the tolerance."""
 
 
 class ErrorControl(Stepping):
     """Step doubling with rollback.
 
-    The difference between one step and two of half the length, divided by 2^p - 1 for an
-    algorithm of order p, estimates the error of the halves, which are kept. Errors are relative to the
-    sizes of all continuous signals; see `Scale`. A signal that jumps is not judged there, once the step
-    has become short.
+    The error is estimated from one step and two steps of half the length: their difference, divided by
+    2^p - 1 for an algorithm of order p. The result of the halves is kept. Errors are relative to the
+    sizes of all continuous signals; see `Scale`. The error of a signal is ignored at its jumps, once the
+    step is short.
 
-    With order 2 the error *per unit step* is kept: a step of length h may make the part
+    With order 2, the error *per unit step* is controlled: a step of length h from t may have the error
 
         tolerance h / (t - t_start + h + 10 h_first)
 
-    of it, with t where the step begins. All steps together then make at most tolerance ln(1 + T / 10 h_first)
-    in the time T, seven times the tolerance after 10,000 first steps, wherever the run stops. With order 1
-    (held inputs) that would need steps in proportion to the tolerance: there every step may make an error of
-    the tolerance, and `remarks` say how many times the tolerance they add up to. So it is where a component
-    is `sampled`, or steps show that something jumps at every point; there only signals that are read are
-    judged, and those of slaves that nobody reads.
+    All steps together then add up to at most tolerance ln(1 + T / 10 h_first) in the time T. That is seven
+    times the tolerance after 10,000 first steps, wherever the run stops.
 
-    The first step tried is that of `times`. With an `interval` in s, its multiples are met
-    exactly and only they are recorded; without, every accepted step is.
+    With order 1 (held inputs) this would need steps in proportion to the tolerance. There every step may
+    have an error of the tolerance, and `remarks` reports the sum of all errors. The same applies if a
+    component is `sampled`, or if the step sizes show a jump at every point. Then only connected outputs
+    are controlled, and all outputs of instances without connected outputs.
+
+    The first trial step is the step of `times`. With an `interval` in s, its multiples are reached
+    exactly, and only they are recorded. Without it, every accepted step is recorded.
 
     L. F. Shampine: Local error control in codes for ordinary differential equations, Appl. Math. Comput. 3
     (1977), doi:10.1016/0096-3003(77)90003-2, on errors per step and per unit step.
@@ -85,27 +86,28 @@ class ErrorControl(Stepping):
         events: Sequence[float] = (),
         sampled: bool = False,
     ) -> None:
-        """Take an algorithm that is set up.
+        """Prepare for a run.
 
         Args:
-            algorithm: The algorithm.
-            times: Where the run begins and ends; its step is the first one to try.
-            tolerance: What the error may be, as a part of each signal's size.
+            algorithm: An algorithm after `setup`.
+            times: Start time, stop time and first trial step.
+            tolerance: Allowed error, as a fraction of each signal's size.
             interval: Time between recorded rows in s; None records every accepted step.
-            largest: The longest step in s; None is a fiftieth of the run's time.
+            largest: Longest step in s; None is a fiftieth of the run's time.
             events: Times in s at which inputs jump or bend; steps end there.
             sampled: Whether a component computes at communication points, as a digital controller does.
 
         Raises:
-            CommandError: A slave cannot go back or vary its step, or steps more rarely than others.
-
+            CommandError: An instance cannot restore its state, cannot vary its step, or has a step multiple.
         """
         super().__init__(algorithm, times)
         if any(algorithm.exchange.rare):
-            raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
-        slaves = algorithm.network.instances
-        require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
-        require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
+            raise CommandError(
+                "step multiples need fixed steps. Remove the error tolerance or the multiples."
+            )
+        instances = algorithm.network.instances
+        require(instances, "rolls_back", "canGetAndSetFMUstate", "error control")
+        require(instances, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
         self._sampled = sampled
         self._per_unit = algorithm.accuracy > 1 and not sampled
@@ -120,33 +122,33 @@ class ErrorControl(Stepping):
         self._start = Snapshot(algorithm)
         self._scale = Scale(algorithm.network)
         self._rejected: tuple[float, Vector] | None = None
-        """The first step tried from here, and its errors, if it was rejected."""
+        """The first rejected step from the present point, and its errors; None without one."""
         self._last_rejected: tuple[float, Vector] | None = None
-        """The same of the last one."""
+        """The last rejected step from the present point, and its errors; None without one."""
         self._judged = _find_controlled_signals(algorithm)
         self._jumped = np.zeros(len(self._judged), dtype=bool)
-        """Which signals were found to jump in the last step."""
+        """Per controlled signal, whether it jumped in the last step."""
         self._sum: Vector = np.zeros(len(self._judged))
-        """Errors of all steps so far, relative to the sizes, added up."""
+        """Sum of the errors of all steps so far, relative to the sizes."""
         self._unread = ~np.isin(self._judged, algorithm.network.read)
         self._looked_at = ~self._unread | _find_unread_signals(algorithm)[self._judged] | (not sampled)
-        """Which of the signals make a step too long."""
+        """Per controlled signal, whether its error can reject a step."""
         self._beside = self._unread & ~_find_unread_signals(algorithm)[self._judged]
-        """Which signals nobody reads, of slaves of which something is read."""
+        """Unread signals of instances with other signals that are read."""
         self._short_steps = 0
-        """Steps in a row that were far shorter than the first one."""
+        """Number of successive steps far shorter than the first one."""
         late = {link.target for link in algorithm.late() if link.direct}
         self._instant = np.isin(algorithm.exchange.owners[self._judged], list(late))
-        """Which signals show at once what is followed along a line: that error does not add up."""
+        """Signals that depend directly on an extrapolated input: their errors do not add up."""
 
     @property
     def time(self) -> float:
-        """Where the simulation is, in s."""
+        """Present simulation time in s."""
         return self._time
 
     @property
     def steps(self) -> int:
-        """Steps accepted since the start time, each of two halves."""
+        """Accepted steps since the start time, each of two halves."""
         return self.control.accepted
 
     @property
@@ -155,7 +157,7 @@ class ErrorControl(Stepping):
         return self._time >= self._end
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
-        """Do at most so many steps, none beyond `until` in s, and record them."""
+        """Do at most `most` steps, none beyond `until` in s, and record them."""
         if self.watch is not None and self._time == self.times.start:
             self.watch(self._time, self.algorithm.network.signals)
         for _ in range(most):
@@ -174,12 +176,12 @@ class ErrorControl(Stepping):
                 self.watch(end, self.algorithm.network.signals)
             self._points += met and output
             if met and event:
-                self.algorithm.exchange.begin(end)  # no line goes over a jump
+                self.algorithm.exchange.begin(end)  # do not extrapolate across a jump
             if (met and output) or self._output is None:
                 self.record(rows)
 
     def report(self) -> dict[str, Any]:
-        """Also how many steps were rejected, the longest allowed in s, and what the errors add up to."""
+        """Add rejected steps, the longest allowed step in s, and the sum of the errors to the report."""
         return {
             **super().report(),
             "rejected_steps": self.control.rejected,
@@ -189,23 +191,23 @@ class ErrorControl(Stepping):
         }
 
     def remarks(self) -> list[str]:
-        """Say so where the errors of all steps add up to far more than the tolerance."""
+        """Return a remark if the errors of all steps add up to far more than the tolerance."""
         if self._sampled or not self._sum.max(initial=0.0) > REMARK_THRESHOLD * self.tolerance:
             return []
         worst, total = self.algorithm.network.names[self._judged[self._sum.argmax()]], self._sum.max()
         reason = (
-            "inputs bend or jump too often. Set a smaller tolerance, or shorter steps by --largest-step."
+            "inputs bend or jump too often. Set a smaller tolerance, or shorter steps with --largest-step."
             if self._per_unit
             else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu "
             "if the FMUs interpolate inputs, or a smaller tolerance."
         )
         return [
-            f"the errors of all steps add up to {total:.2g} of the size of {worst}, "
+            f"the errors of all steps add up to {total:.2g} of the size of {worst}, which is "
             f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}"
         ]
 
     def memory(self) -> dict[str, Vector]:
-        """Also where the simulation is, and what the step control knows."""
+        """Add the present time and the state of the step control to the memory."""
         control = self.control
         progress = [self._time, self._points, control.step, control.last_error]
         counts = [control.accepted, control.rejected]
@@ -222,7 +224,7 @@ class ErrorControl(Stepping):
         }
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Take over what an error control of the same algorithm remembered."""
+        """Restore the state from `memory` of an error control with the same algorithm."""
         super().remember(memory)
         time, points, step, last_error, accepted, rejected = (float(x) for x in memory["control"])
         self._time, self._points = time, int(points)
@@ -244,7 +246,7 @@ class ErrorControl(Stepping):
         self._start.close()
 
     def _next_point(self, until: float) -> tuple[float, bool, bool]:
-        """The next time in s to be met exactly, whether it is one to be recorded, and whether an event."""
+        """Return the next time in s to reach exactly, whether to record it, and whether it is an event."""
         following = math.inf if self._output is None else self._output.point(self._points + 1)
         recorded = min(following, self._end)
         k = bisect_right(self._events, self._time)
@@ -257,9 +259,9 @@ class ErrorControl(Stepping):
         return recorded, True, event == recorded
 
     def _try_step(self, step: float, end: float, leap: bool) -> bool:
-        """Whether the step to `end` was done and is good enough; if not, everything is as before.
+        """Try the step to `end`. Return whether it was accepted; otherwise the previous state is restored.
 
-        One that is a `leap` over an event is good enough.
+        The error of a `leap` over an event is not checked.
         """
         self._start.take()
         self._scale.see()
@@ -301,7 +303,7 @@ class ErrorControl(Stepping):
         return accepted
 
     def _try_doubled_step(self, end: float) -> Vector:
-        """Do a step whole, go back, and do it in halves; returns the error relative to the sizes."""
+        """Do a step as a whole, restore, and do it in halves. Return the errors relative to the sizes."""
         algorithm, time = self.algorithm, self._time
         signals, middle = algorithm.network.signals, time + 0.5 * (end - time)
         algorithm.step(time, end - time)
@@ -309,39 +311,39 @@ class ErrorControl(Stepping):
         self._start.restore()
         algorithm.step(time, middle - time)
         algorithm.step(middle, end - middle)
-        with np.errstate(invalid="ignore"):  # infinity less infinity
+        with np.errstate(invalid="ignore"):  # infinity minus infinity
             difference = (signals[self._judged] - whole) / (2.0**algorithm.accuracy - 1.0)
         errors = self._scale.relative(difference, self._judged)
-        errors[self._unread & ~np.isfinite(errors)] = 0.0  # what nobody reads may be infinite
+        errors[self._unread & ~np.isfinite(errors)] = 0.0  # unread signals may be infinite
         return errors
 
     def _judge_each_step(self) -> None:
-        """Give up the error per unit step: something jumps at every communication point."""
+        """Control the error of each step instead of the error per unit step; see the class."""
         self._per_unit, self._sampled = False, True
         self.control.power = self.algorithm.accuracy + 1
         self._looked_at = ~self._unread | _find_unread_signals(self.algorithm)[self._judged]
 
     def _allowed(self, step: float) -> float:
-        """The error that a step from here may make, relative to the sizes."""
+        """Return the allowed error of a step from the present point, relative to the sizes."""
         if not self._per_unit:
             return self.tolerance
         passed = self._time - self.times.start + step + EARLY * self.times.step
         return max(self.tolerance * step / passed, ROUNDING_ERROR)
 
     def _jumps(self, step: float, errors: Vector, allowed: float) -> NDArray[np.bool_]:
-        """Which signals jump: their error is too large, and as large as in a much longer step.
+        """Return which signals jump: their error is too large, and as large as in a much longer step.
 
-        Not those that did so in the step before, because an unstable coupling looks the same; it shows in
-        signals that are read. One that is not, such as noise, may jump as often as it likes.
+        A signal does not jump twice in a row: an unstable coupling would look the same. Unread signals,
+        such as noise, may jump in every step.
         """
         if self._rejected is None or step > 0.5 * self._rejected[0]:
             return np.zeros(len(errors), dtype=bool)
         return (errors > allowed) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
 
     def _bends(self, step: float, errors: Vector) -> NDArray[np.bool_]:
-        """Which errors go with the step itself: a line is followed over a bend.
+        """Return which errors are proportional to the step: inputs were extrapolated over a bend.
 
-        No step is short enough for those per unit step.
+        No step is short enough for the tolerance per unit step there.
         """
         if self._last_rejected is None:
             return np.zeros(len(errors), dtype=bool)
@@ -350,26 +352,26 @@ class ErrorControl(Stepping):
 
 
 def _read_rejected_step(memory: Vector) -> tuple[float, Vector] | None:
-    """A rejected step and its errors; None where there was none."""
+    """Return a rejected step and its errors; None if there was none."""
     return None if np.isnan(memory[0]) else (float(memory[0]), memory[1:].copy())
 
 
 def default_largest_step(times: CommunicationPoints) -> float:
-    """Return the longest step in s that a run takes by default: a fiftieth of it, or ten first steps."""
+    """Return the default limit of a step in s: a fiftieth of the run's time, at least ten first steps."""
     return max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
 
 
 def _event_points(events: Sequence[float], times: CommunicationPoints) -> list[float]:
-    """The times of events within the run, each with a point just before it, in order.
+    """Return the times of events within the run, each with a point just before it, in order.
 
-    The step over a jump is so short that what is made of its two ends makes no difference.
+    The step over a jump is so short that interpolation between its ends makes no difference.
     """
     inside = [t for t in events if times.start < t <= times.stop]
     return sorted({t - before for t in inside for before in (0.0, JUST_BEFORE * times.step)})
 
 
 def _find_unread_signals(algorithm: Algorithm) -> NDArray[np.bool_]:
-    """Which signals belong to a slave that nobody reads."""
+    """Return which signals belong to an instance without any signal that is read."""
     network = algorithm.network
     read = np.zeros(len(network.signals), dtype=bool)
     read[network.read] = True
@@ -380,12 +382,12 @@ def _find_unread_signals(algorithm: Algorithm) -> NDArray[np.bool_]:
 
 
 def _find_controlled_signals(algorithm: Algorithm) -> Indices:
-    """All continuous signals: also what nobody reads tells of states, such as the speed behind a force."""
+    """Return all continuous signals. Unread ones also depend on states, such as the speed behind a force."""
     return np.flatnonzero(algorithm.exchange.smooth)
 
 
 def _last_point(times: CommunicationPoints, interval: float | None) -> float:
-    """The stop time in s, without the rounding by which it may differ from a multiple of the interval."""
+    """Return the stop time in s, rounded to a multiple of the interval if it is one up to rounding errors."""
     if interval is None:
         return times.stop
     point = make_clock(times.start, interval).point(round((times.stop - times.start) / interval))

@@ -19,22 +19,29 @@ if TYPE_CHECKING:
 
 
 class FixedSteps(Stepping):
-    """Steps from one communication point to the next.
+    """Steps from one communication point to the next, in Python or in compiled code.
 
-    Compiled where `compiled` is wanted and possible: FMUs in this process that exchange Reals, and numba.
+    Compiled code needs numba, and FMUs in this process that exchange only Reals.
     """
 
     def __init__(
         self, algorithm: Algorithm, times: CommunicationPoints, compiled: bool = True, threads: int | None = 1
     ) -> None:
-        """Take an algorithm that is set up.
+        """Prepare for a run.
 
-        So many threads step slaves in compiled code; with None as many as there are cores, where that is
-        measured to be faster. CommandError for more than can be.
+        Args:
+            algorithm: An algorithm after `setup`.
+            times: The communication points.
+            compiled: Whether to compile the steps if possible.
+            threads: Number of threads in compiled code; None uses up to one per core if measurements show
+                that this is faster.
+
+        Raises:
+            CommandError: The number of threads is not supported.
         """
         super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
-            raise CommandError(f"{threads} threads cannot step FMUs; at least 1 can, and at most {THREADS}.")
+            raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
         self._kernel = compile_kernel(algorithm) if compiled else None
         self._sharing: Sharing | None = None
         if self._kernel is not None and threads != 1 and isinstance(algorithm, OperationTableAlgorithm):
@@ -47,7 +54,7 @@ class FixedSteps(Stepping):
 
     @property
     def time(self) -> float:
-        """Where the simulation is, in s."""
+        """Present simulation time in s."""
         return self.times.point(self.algorithm.steps)
 
     @property
@@ -61,7 +68,7 @@ class FixedSteps(Stepping):
         return self.algorithm.steps >= self.times.steps
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
-        """Do at most so many steps, none beyond `until` in s, and record them."""
+        """Do at most `most` steps, none beyond `until` in s, and record them."""
         last = min(self.algorithm.steps + most, self._last(until))
         if self._kernel is None:
             self._advance_here(rows, last)
@@ -76,7 +83,7 @@ class FixedSteps(Stepping):
         return self.algorithm.steps >= self._last(until)
 
     def report(self) -> dict[str, Any]:
-        """Also whether compiled code did the steps, where that can be."""
+        """Add whether compiled code did the steps, and the use of threads, to the report."""
         found = super().report()
         if isinstance(self.algorithm, COMPILED):
             found["compiled"] = self.is_compiled
@@ -91,7 +98,7 @@ class FixedSteps(Stepping):
             self._kernel.close()
 
     def _last(self, until: float) -> int:
-        """The last communication point that is not beyond a time in s, but for rounding."""
+        """Return the number of the last communication point up to a time in s, apart from rounding."""
         ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
@@ -100,7 +107,7 @@ class FixedSteps(Stepping):
         for k in range(algorithm.steps, last):
             algorithm.step(times.point(k), times.span(k, 1), partial(times.stretch, k + 1))
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
-                algorithm.steps = k  # as in compiled code: the step does not count
+                algorithm.steps = k  # a failed step does not count, as in compiled code
                 raise failure
             if (k + 1) % rows.every == 0:
                 self.record(rows)
@@ -115,11 +122,11 @@ class FixedSteps(Stepping):
             rows.commit(recorded)
         if failure is not None:
             raise failure
-        if self.algorithm.steps < first + count:  # a step that compiled code leaves to Python
+        if self.algorithm.steps < first + count:  # compiled code leaves this step to Python
             self._advance_here(rows, self.algorithm.steps + 1)
 
     def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: RowSink, last: int) -> bool:
-        """As many steps as are measured at once; whether there are more to do, and room for their rows."""
+        """Do one measurement's steps. Return whether more steps remain, and room for their rows."""
         first = self.algorithm.steps
         if sharing.observing:
             with sharing.observed():

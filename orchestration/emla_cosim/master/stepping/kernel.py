@@ -1,7 +1,7 @@
-"""The compiled stepping loops: many steps of an algorithm per call, in one thread or in several.
+"""Run the compiled stepping loops: many steps of an algorithm per call, in one thread or in several.
 
-They work on the memory of the algorithm and its network, and call the FMI functions of the slaves by
-address. `loop.py` and `parallel_loop.py` say what they do.
+The loops (`loop.py` and `parallel_loop.py`) use the memory of the algorithm and its network, and call the
+FMI functions of the instances by address.
 """
 
 import ctypes
@@ -31,9 +31,9 @@ from .records import (
     add_undo,
     group_records,
     input_records,
+    instance_records,
     lane_records,
     operation_records,
-    slave_records,
     task_records,
 )
 from .timing import Clock
@@ -46,40 +46,50 @@ _CALL_NAMES = {
     Failure.SET_STATE: "setFMUstate",
 }
 _TEXTS = ("by_address.py", "compiled_calls.py", "compiled_groups.py", "compiled_steps.py")
-"""Modules that are compiled with every loop, and imported only then."""
+"""Modules that are compiled into every loop, and imported only to be compiled."""
 
 
 class Kernel:
-    """The compiled loop for one algorithm, set up and initialized or not; in one thread until `share_out`."""
+    """The compiled loop for one algorithm, after its `setup`. It uses one thread until `share_out`."""
 
     def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
-        """Collect the records; compiles the loop, or loads what an earlier process compiled.
+        """Fill the records, and load the loop from the cache or compile it.
 
-        Raises ImportError where the loop has to be compiled and numba is not there.
+        Args:
+            algorithm: An algorithm after `setup`.
+            entry_points: Addresses of the FMI functions, per instance.
+
+        Raises:
+            ImportError: The loop must be compiled, and numba is missing.
         """
         self._advance = _advance()
         self._algorithm = algorithm
         self._held: list[Any] = [entry_points]  # owners of memory whose addresses are in the records
         self._states = np.zeros(len(entry_points), dtype=np.uintp)
-        """Addresses of the saved states of slaves."""
+        """Addresses of the saved states of instances."""
         self._loop = self._whole(entry_points)
         self._threads: ThreadPoolExecutor | None = None
         self.together = False
-        """Whether `run` lets all lanes step, if it has been shared out among several."""
+        """Whether `run` uses all lanes, after `share_out` among several."""
         self.share_out([], [[]])
 
     def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
-        """From now on let each lane be run by a thread of its own, the first by that which calls `run`.
+        """Share the steps among threads: one per lane, the first lane in the thread that calls `run`.
 
-        Lanes have the places of the tasks of a step, each once, so that no lane waits for what comes later in
-        it. With one lane nothing is shared. Raises RunError where what threads run cannot be compiled.
+        Args:
+            work: The tasks of a step.
+            lanes: Places of the tasks of each lane. Each task is in one lane, after the tasks of this lane
+                that it depends on. With one lane nothing is shared.
+
+        Raises:
+            RunError: The loop for several threads cannot be compiled.
         """
         if len(lanes) > 1:
             try:
                 self._advance_lane, self._loop["give_way"] = _advance_lane(), _give_way()
             except (ImportError, OSError) as error:
                 raise RunError(
-                    f"threads cannot share steps, since they cannot be compiled: {error}."
+                    f"the loop for several threads cannot be compiled: {error}. Set one thread."
                 ) from error
         self._lane_records = lane_records(lanes, self._keep)
         self._task_records = task_records(work, lanes, self._keep)
@@ -98,11 +108,11 @@ class Kernel:
 
     @property
     def threads(self) -> int:
-        """How many threads step slaves in `run`."""
+        """Number of threads in `run`."""
         return len(self._lane_records) if self.together else 1
 
     def handover(self, steps: int = 1000) -> float:
-        """Seconds that lanes need to meet in a step in which there is nothing to do; nothing changes."""
+        """Return the seconds that the lanes need to synchronize in an empty step. No state changes."""
         loop, lanes = self._loop, self._lane_records
         kept, checked = lanes["task_count"].copy(), int(loop["read_count"])
         lanes["task_count"], loop["read_count"], loop["clock"] = 0, 0, (0.0, 0.0, 1.0)
@@ -116,12 +126,20 @@ class Kernel:
     def run(
         self, first: int, count: int, clock: Clock, every: int, rows: Vector
     ) -> tuple[int, RunError | None]:
-        """Do `count` steps from the one numbered `first`.
+        """Do steps, and record rows.
 
-        The step k begins at the point k of the clock; each `every`-th point fills the next of
-        `rows`, time first. Returns how many rows were recorded, and what ended the run in step
-        `algorithm.steps`, if anything did. Where nothing did, and less than all steps are done, the
-        algorithm in Python is to do the next one: it knows how much of it is done.
+        If fewer steps are done and there is no error, do the next step with the algorithm in Python. The
+        algorithm knows which groups have done that step already.
+
+        Args:
+            first: Number of the first step. Step k begins at point k of the clock.
+            count: Number of steps.
+            clock: The communication points.
+            every: Every `every`-th point is recorded.
+            rows: Output: time and all signals, shape (rows, 1 + signals).
+
+        Returns:
+            The number of recorded rows, and the error in step `algorithm.steps`; None without one.
         """
         self._check_room(rows, (first + count) // every - first // every)
         loop, algorithm = self._loop, self._algorithm
@@ -142,7 +160,7 @@ class Kernel:
         return self._advance(self._loop.ctypes.data, first, count, every, rows)
 
     def _run_threads(self, first: int, count: int, every: int, rows: int) -> int:
-        """All lanes at once; RunError where the system has no more threads."""
+        """Run all lanes at once; RunError if the system provides too few threads."""
         assert self._threads is not None
         loop, lanes, work = self._loop, self._lane_records, self._task_records
         lanes["failed"], lanes["reached"] = NOWHERE, first
@@ -154,13 +172,15 @@ class Kernel:
                 others.append(self._threads.submit(self._advance_lane, loop.ctypes.data, n, *steps))
             return self._advance_lane(loop.ctypes.data, 0, *steps)
         except RuntimeError as error:
-            raise RunError(f"the system gives no {len(lanes)} threads to step FMUs in: {error}.") from error
+            raise RunError(
+                f"the system cannot start {len(lanes)} threads for FMUs: {error}. Set fewer threads."
+            ) from error
         finally:
-            loop["released"] = NOWHERE  # if lanes have not met, the others wait for this
+            loop["released"] = NOWHERE  # ends lanes that wait for a step that will not begin
             wait(others)
 
     def _groups_done(self, reached: int) -> set[int]:
-        """Which groups have done the step that this many steps were followed by."""
+        """Return the groups that have done the step after the first `reached` steps."""
         if not self.together:
             return set(range(int(self._loop["group"])))
         done = self._task_records["done"][: int(self._loop["group_count"])]
@@ -168,21 +188,21 @@ class Kernel:
 
     @staticmethod
     def why_not_kept() -> str:
-        """Why this process had to compile and could not keep the code; empty if it could."""
+        """Return why compiled code could not be cached; empty if it was cached, or nothing was compiled."""
         return machine_code.why_not_kept()
 
     def _check_room(self, rows: Vector, needed: int) -> None:
-        """Raise ValueError where the loop would write past the end of the rows, or into gaps."""
+        """Raise ValueError if the loop would write past the end of the rows, or into gaps."""
         width = 1 + len(self._algorithm.network.signals)
         fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
         if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
-            raise ValueError(f"the rows have to be {needed} times {width} doubles without gaps")
+            raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
 
     def close(self) -> None:
-        """Free the saved states; never raises."""
-        for slave, state in zip(self._algorithm.network.instances, self._states, strict=True):
+        """Free saved states and end threads; never raises."""
+        for instance, state in zip(self._algorithm.network.instances, self._states, strict=True):
             if state:
-                slave.forget(ctypes.c_void_p(int(state)))
+                instance.forget(ctypes.c_void_p(int(state)))
         self._states[:] = 0
         self._end_threads()
 
@@ -203,12 +223,12 @@ class Kernel:
             groups, scale = algorithm.groups, algorithm.scale
             loop["tolerance"], loop["largest"] = algorithm.coupling_tolerance, scale.largest.ctypes.data
         saved = {i for group in groups if group.start is not None for i in group.members}
-        slaves = keep(slave_records(algorithm, points, inputs, self._states, saved))
-        add_undo(slaves, keep)
+        instances = keep(instance_records(algorithm, points, inputs, self._states, saved))
+        add_undo(instances, keep)
         loop["groups"] = keep(group_records(algorithm, groups, scale, keep)).ctypes.data
         loop["group_count"] = len(groups)
         loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
-        loop["slaves"] = slaves.ctypes.data
+        loop["instances"] = instances.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
         return loop
@@ -219,11 +239,11 @@ class Kernel:
             return None
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(clock.point(reached + 1))
-        i = int(lane["slave"])
-        slave, status = network.instances[i], int(lane["status"])
+        i = int(lane["instance"])
+        instance, status = network.instances[i], int(lane["status"])
         time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
-        return slave.error(call, status)
+        return instance.error(call, status)
 
 
 _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
@@ -231,20 +251,20 @@ _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
 
 @cache
 def _advance() -> Callable[..., int]:
-    """The loop as a function that releases the interpreter's lock."""
+    """Return the loop for one thread as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
     return prototype(_function_address("advance", "loop"))
 
 
 @cache
 def _advance_lane() -> Callable[..., int]:
-    """The same for one of several threads."""
+    """Return the loop for several threads as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
     return prototype(_function_address("advance_lane", "parallel_loop"))
 
 
 def _function_address(name: str, module: str) -> int:
-    """The address of a function of a module that is imported only where it has to be compiled."""
+    """Return the address of a function. Its module is imported only to be compiled."""
 
     def generate() -> str:
         return import_module(f".{module}", __package__).text()
@@ -257,6 +277,6 @@ def _function_address(name: str, module: str) -> int:
 
 @cache
 def _give_way() -> int:
-    """The address of the C function by which a thread lets others run."""
+    """Return the address of the C function that lets other threads run."""
     library, name = ("kernel32", "SwitchToThread") if os.name == "nt" else (None, "sched_yield")
     return ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value or 0

@@ -1,7 +1,7 @@
-"""The stepping loop that is compiled: many steps of an algorithm per call, in one thread.
+"""The compiled stepping loop for one thread: many steps of an algorithm per call.
 
-It does what `Explicit` and `Strong` do in Python, on the same memory, and gives the same bits. It is
-imported only where it has to be compiled.
+It does the same as `Explicit` and `Strong` in Python, on the same memory, with the same bits. It is
+imported only to be compiled.
 """
 
 from numba import cfunc, types
@@ -16,7 +16,7 @@ _NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), in
 
 @part
 def _advance(loop, lane, k, time, length):
-    """Step k: all groups, then all operations; the failure."""
+    """Do step k: all groups, then all operations. Return the failure."""
     if loop.group_count > 0:
         see(loop)
     for g in range(loop.group_count):
@@ -35,10 +35,14 @@ def _advance(loop, lane, k, time, length):
 
 @cfunc(types.int64(types.intp, types.int64, types.int64, types.int64, types.intp), **OPTIONS)
 def advance(address, first, count, every, rows):
-    """Do `count` steps from the one numbered `first`; returns the failure.
+    """Do steps and return the failure.
 
-    `address` is that of a LOOP record, `rows` that of the doubles to record to, row by row; each
-    `every`-th point fills one.
+    Args:
+        address: Address of a LOOP record.
+        first: Number of the first step.
+        count: Number of steps.
+        every: Every `every`-th communication point is recorded.
+        rows: Address of the doubles for the recorded rows.
     """
     loop = loop_at(address, 0)
     lane = lane_at(loop.lanes, 0)
@@ -57,5 +61,5 @@ def advance(address, first, count, every, rows):
 
 
 def text() -> str:
-    """LLVM's text of `advance`, under this name."""
+    """Return LLVM's text of `advance`, with this name."""
     return advance.inspect_llvm().replace(advance.native_name, "advance")

@@ -1,7 +1,7 @@
-"""Machine code of this host's processor, kept from one process to the next.
+"""Cache machine code for this host's processor between processes.
 
-numba keeps machine code itself, but needs 0.4 s to load it again, because it has to be imported and set
-up as if it were to compile. Code that calls nothing of numba is loaded by LLVM alone, in a tenth of that.
+numba has a cache of its own, but needs 0.4 s to load code from it, because numba must be imported and
+prepared as for compiling. LLVM alone loads code that calls nothing of numba, in a tenth of that time.
 """
 
 import hashlib
@@ -18,22 +18,25 @@ from ...sandbox.interruption import defer_interrupts
 _DIGEST = hashlib.sha256
 
 _unkept: list[str] = []
-"""Why code that was compiled could not be kept."""
+"""Reasons why compiled code could not be cached."""
 
 _loaded: list[llvm.ExecutionEngine] = []
-"""Owners of the code that is in memory; it stays there until the process ends."""
+"""Owners of the loaded code, which stays in memory until the process ends."""
 
 
 def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
-    """The address of a function in memory, compiled or taken from an earlier process.
+    """Load a function from the cache, or compile it, and return its address.
 
-    `generate` gives LLVM's text of the function `name`, compiled from `source`; it is called only where
-    the code for this source, processor and LLVM is not known yet.
+    Args:
+        name: Name of the function.
+        source: Source of the function, as a key of the cache.
+        generate: Return LLVM's text of the function. Called only if the cache has no code for this source,
+            processor and LLVM.
     """
     path = _path(f"{name}-{_key(source)}.o")
     code = _read(path)
     if code is None:
-        with defer_interrupts():  # LLVM calls Python as it compiles
+        with defer_interrupts():  # LLVM calls Python while it compiles
             code = _compile_text(generate())
         _keep(path, code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
@@ -44,12 +47,12 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
 
 
 def why_not_kept() -> str:
-    """Why code had to be compiled that could not be kept for later processes; empty if nothing had to."""
+    """Return why compiled code could not be cached; empty if it was cached, or nothing was compiled."""
     return _unkept[-1] if _unkept else ""
 
 
 def _path(name: str) -> Path | None:
-    """Where code of this name is kept; None where nothing can be."""
+    """Return the place of this code in the cache; None without a cache folder."""
     try:
         return cache_folder() / "code" / name
     except CacheError as error:
@@ -76,7 +79,7 @@ def _machine() -> llvm.TargetMachine:
 
 
 def _compile_text(text: str) -> bytes:
-    """Machine code in the form of an object file."""
+    """Compile LLVM's text to an object file."""
     module = llvm.parse_assembly(text)
     missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
     if missing:
@@ -85,7 +88,7 @@ def _compile_text(text: str) -> bytes:
 
 
 def _read(path: Path | None) -> bytes | None:
-    """What was kept; None where there is nothing, or something else than was written."""
+    """Return code from the cache; None if it is missing or damaged."""
     try:
         content = path.read_bytes() if path is not None else b""
     except OSError:
@@ -96,7 +99,7 @@ def _read(path: Path | None) -> bytes | None:
 
 
 def _keep(path: Path | None, code: bytes) -> None:
-    """Write the code for later processes, in one go; without a place for it, they will compile again."""
+    """Write the code to the cache. If that fails, later processes compile again."""
     if path is None:
         return
     try:

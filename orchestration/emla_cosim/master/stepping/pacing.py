@@ -1,4 +1,4 @@
-"""Simulated time held back to the pace of real time."""
+"""Hold a simulation back to a multiple of real time."""
 
 import time
 from collections.abc import Callable
@@ -6,19 +6,21 @@ from collections.abc import Callable
 from ...base.errors import CommandError
 
 SHORTEST_WAIT = 1e-3
-"""Wall time in s between two points at which time is compared, unless steps are longer."""
+"""Wall time in s between two comparisons with the clock, unless steps are longer."""
 
 _MOST_STEPS = 2**31
-"""So many steps are done at once at most, however fast the pace."""
+"""Largest number of steps between two comparisons."""
 
 _NAP = 0.1
 
 
 class Pacing:
-    """Waits until real time has come to where the simulation is.
+    """Wait until real time has reached the simulated time.
 
-    `factor` says how many seconds of simulation make one second on the clock. A point that is
-    reached too late is an overrun; nothing is left out, later points try to catch up.
+    A point that is reached too late is an overrun. No steps are skipped; later points catch up.
+
+    Args:
+        factor: Simulated seconds per second of real time.
     """
 
     def __init__(self, factor: float) -> None:
@@ -34,11 +36,11 @@ class Pacing:
         self._start = (0.0, 0.0)
 
     def begin(self, simulated: float) -> None:
-        """The clock starts now, at this simulated time in s."""
+        """Start the clock now, at this simulated time in s."""
         self._start = (simulated, time.perf_counter())
 
     def report(self) -> dict[str, float]:
-        """How well the pace was kept, as metrics.json has it."""
+        """Return how well the run kept the pace, for metrics.json."""
         return {
             "factor": self.factor,
             "points": self.points,
@@ -47,11 +49,11 @@ class Pacing:
         }
 
     def steps(self, step: float) -> int:
-        """Steps of this length in s to do between two points."""
+        """Return the number of steps of this length in s between two comparisons with the clock."""
         return max(1, round(min(SHORTEST_WAIT * self.factor / step, _MOST_STEPS)))
 
     def wait(self, simulated: float, interrupted: Callable[[], bool]) -> None:
-        """Wait for the clock to reach this simulated time in s, or for an interruption."""
+        """Wait until the clock reaches this simulated time in s, or until `interrupted` returns true."""
         origin, began = self._start
         due = began + (simulated - origin) / self.factor
         delay = time.perf_counter() - due

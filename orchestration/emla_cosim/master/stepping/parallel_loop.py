@@ -1,8 +1,7 @@
-"""The stepping loop of several threads: each has a lane, the tasks that it does in every step, in order.
+"""The compiled stepping loop for several threads. Each does the tasks of its lane in every step, in order.
 
-A task waits until those that it depends on are through, wherever they are done. All lanes meet at the end
-of a step, so that what is recorded, and what a failure leaves, is as if one thread had done everything.
-It is imported only where it has to be compiled.
+A task waits until the tasks that it depends on are finished, in any lane. All lanes meet at the end
+of a step, so rows and failures are the same as with one thread. The module is imported only to be compiled.
 """
 
 from numba import cfunc, types
@@ -34,12 +33,12 @@ _LANE, _REACHED = int(LANE.itemsize), int(LANE.fields["reached"][1])  # type: ig
 _TASK, _THROUGH = int(TASK.itemsize), int(TASK.fields["through"][1])  # type: ignore[index]
 
 _SPINS = 200
-"""How often a thread looks again before it lets others run: some ten microseconds."""
+"""Number of checks before a waiting thread lets others run: about ten microseconds."""
 
 
 @part
 def _wait(loop, counter, least):
-    """Wait until other threads have brought a counter so far."""
+    """Wait until other threads have raised a counter to `least`."""
     tries = 0
     while counted(counter) < least:
         tries += 1
@@ -51,19 +50,19 @@ def _wait(loop, counter, least):
 
 @part
 def _note(lane, address, place, failure):
-    """A task failed; all that comes after it is left out, and what comes first has failed."""
+    """Record a failed task. Later tasks are skipped; the first failed place counts."""
     if failure == _NOT_IN_ONE:
         lower(address + _GIVEN_UP, place)
         return
     lower(address + _FAILED, place)
     if place < lane.failed:
         lane.failed, lane.failure = place, failure
-        lane.failed_slave, lane.failed_status = lane.slave, lane.status
+        lane.failed_instance, lane.failed_status = lane.instance, lane.status
 
 
 @part
 def _do(loop, address, lane, place, k, time, length):
-    """Do the task at a place, once it may be done."""
+    """Wait for the tasks that the task at a place depends on, then do it."""
     task = task_at(loop.tasks, place)
     waits = positions(task.waits)
     for w in range(task.wait_count):
@@ -82,11 +81,11 @@ def _do(loop, address, lane, place, k, time, length):
 
 @part
 def _judge(loop, address):
-    """What a step came to that all lanes are through with."""
+    """Return the failure of a step that all lanes have finished."""
     for n in range(loop.lane_count):
         lane = lane_at(loop.lanes, n)
         if lane.failed < NOWHERE and lane.failed == counted(address + _FAILED):
-            loop.lane, lane.slave, lane.status = n, lane.failed_slave, lane.failed_status
+            loop.lane, lane.instance, lane.status = n, lane.failed_instance, lane.failed_status
             return lane.failure
     if counted(address + _GIVEN_UP) < NOWHERE:
         return _NOT_IN_ONE
@@ -95,10 +94,17 @@ def _judge(loop, address):
 
 @cfunc(types.int64(types.intp, types.int64, types.int64, types.int64, types.int64, types.intp), **OPTIONS)
 def advance_lane(address, n, first, count, every, rows):
-    """Do the n-th lane of `count` steps from the one numbered `first`; the first lane returns the failure.
+    """Do the tasks of lane n in several steps. The first lane returns the failure.
 
-    `address` is that of a LOOP record, `rows` that of the doubles to record to, row by row; each
-    `every`-th point fills one. All lanes have to be called, each by a thread of its own.
+    Call this for all lanes, each in a thread of its own.
+
+    Args:
+        address: Address of a LOOP record.
+        n: Number of the lane.
+        first: Number of the first step.
+        count: Number of steps.
+        every: Every `every`-th communication point is recorded.
+        rows: Address of the doubles for the recorded rows.
     """
     loop = loop_at(address, 0)
     lane, leads = lane_at(loop.lanes, n), n == 0
@@ -135,5 +141,5 @@ def advance_lane(address, n, first, count, every, rows):
 
 
 def text() -> str:
-    """LLVM's text of `advance_lane`, under this name."""
+    """Return LLVM's text of `advance_lane`, with this name."""
     return advance_lane.inspect_llvm().replace(advance_lane.native_name, "advance_lane")

@@ -1,7 +1,7 @@
-"""What the compiled loops work on: records in memory, one per operation, slave, connected input and group.
+"""Layouts of the records for compiled loops: one per operation, instance, connected input and group.
 
-Addresses point to doubles unless said otherwise. `loop.py` and `parallel_loop.py` read these records,
-`records.py` fills them.
+Addresses point to doubles unless a comment says otherwise. `records.py` fills the records; `loop.py` and
+`parallel_loop.py` read them.
 """
 
 from enum import IntEnum
@@ -12,10 +12,10 @@ from ...sandbox.black_box import Activity
 
 
 class Failure(IntEnum):
-    """What ended the loop before its last step.
+    """Why the loop ended before its last step.
 
-    An FMI function, a signal that is not finite, or a group of slaves that does not come through the
-    step in one: it is then where the step began, and those before it have done the step.
+    An FMI function failed, a signal is not finite, or a group of instances cannot do the step in one
+    (`NOT_IN_ONE`). That group is then at the begin of the step; the groups before it have done the step.
     """
 
     NONE = 0
@@ -43,31 +43,31 @@ CLOCK = _record(first="float64", per_step="float64", denominator="float64")
 PRESENT = np.dtype(Activity)
 """See `Activity`."""
 
-OPERATION = _record(call=_NUMBER, slave=_NUMBER)
-"""A `Call`, and the position of the slave."""
+OPERATION = _record(call=_NUMBER, instance=_NUMBER)
+"""A `Call`, and the position of its instance."""
 
 INPUT = _record(
     signal=_ADDRESS,  # that drives the input
     previous=_ADDRESS,  # the value of that signal one communication point earlier
-    at=_ADDRESS,  # when the signal was new
-    before=_ADDRESS,  # when the previous one was
-    taken=_ADDRESS,  # what the slave took of the signal last, if it steps rarely
-    taken_at=_ADDRESS,  # when that was new
+    at=_ADDRESS,  # time of the signal
+    before=_ADDRESS,  # time of the previous value
+    taken=_ADDRESS,  # last value that the instance read, if it has a step multiple
+    taken_at=_ADDRESS,  # time of that value
     factor="float64",
     offset="float64",
     moves="bool",  # whether signal and input are continuous
 )
 
-SLAVE = _record(
-    code=_NUMBER,  # by which `Activity` knows it, without a call
-    component=_ADDRESS,  # of the instance
-    set_real=_ADDRESS,  # of this FMI function, as the next five
+INSTANCE = _record(
+    code=_NUMBER,  # its code in `Activity`, without a call
+    component=_ADDRESS,  # fmi2Component
+    set_real=_ADDRESS,  # of this FMI function, as in the next five fields
     set_real_input_derivatives=_ADDRESS,
     do_step=_ADDRESS,
     get_real=_ADDRESS,
     get_state=_ADDRESS,
     set_state=_ADDRESS,
-    input_references=_ADDRESS,  # of value references, as FMI functions take them
+    input_references=_ADDRESS,  # of value references
     derivative_orders=_ADDRESS,  # of C ints
     output_references=_ADDRESS,
     input_count=_NUMBER,
@@ -77,25 +77,25 @@ SLAVE = _record(
     derivatives=_ADDRESS,
     outputs=_ADDRESS,
     previous=_ADDRESS,  # the outputs one communication point earlier
-    at=_ADDRESS,  # when the outputs were new
-    before=_ADDRESS,  # when the previous ones were
+    at=_ADDRESS,  # time of the outputs
+    before=_ADDRESS,  # time of the previous outputs
     multiple=_NUMBER,
     mode=_NUMBER,  # a `Mode`
-    rare="bool",  # whether it takes inputs more rarely than others give outputs
-    no_way_back="int32",  # whether it will not be set to an earlier state
+    rare="bool",  # whether it reads inputs more rarely than each step
+    no_way_back="int32",  # noSetFMUStatePriorToCurrentPoint
     state=_ADDRESS,  # of the address of its saved state
-    undo=_ADDRESS,  # room for what is behind `previous` and `before`
+    undo=_ADDRESS,  # room for the values before `previous` and `before`
 )
 
 GROUP = _record(
-    members=_ADDRESS,  # of the positions of its slaves, in order
+    members=_ADDRESS,  # of the positions of its instances, in order
     member_count=_NUMBER,
-    saved="bool",  # whether they are brought back to where a step began
-    cut_count=_NUMBER,  # values that the group has to agree on
-    cut=_ADDRESS,  # of their INPUT records, as if somebody read them untransformed
+    saved="bool",  # whether the instances save their states to repeat a step
+    cut_count=_NUMBER,  # number of coupling variables
+    cut=_ADDRESS,  # of their INPUT records, without factor and offset
     positions=_ADDRESS,  # of their positions among the signals
-    floors=_ADDRESS,  # of what their sizes are at least
-    jacobian=_ADDRESS,  # this and what follows: see `quasi_newton.improve`
+    floors=_ADDRESS,  # of the lower bounds of their sizes
+    jacobian=_ADDRESS,  # for this and the next fields, see `quasi_newton.improve`
     earlier=_ADDRESS,
     residuals=_ADDRESS,
     answers=_ADDRESS,
@@ -107,60 +107,60 @@ GROUP = _record(
 """See `algorithms.group.CoupledGroup`."""
 
 LANE = _record(
-    tasks=_ADDRESS,  # of the places of its tasks, in the order in which it does them
+    tasks=_ADDRESS,  # of the places of its tasks, in order
     task_count=_NUMBER,
     present=_ADDRESS,  # of a PRESENT record
-    sweeps=_NUMBER,  # answer: how often groups were stepped to agree
-    slave=_NUMBER,  # answer: the slave that failed
-    status=_NUMBER,  # answer: what its FMI function returned
+    sweeps=_NUMBER,  # output: sweeps over groups
+    instance=_NUMBER,  # output: the instance that failed
+    status=_NUMBER,  # output: what its FMI function returned
     failed=_NUMBER,  # the place of its first task that failed in the present step, or `NOWHERE`
-    failure=_NUMBER,  # the `Failure` then
-    failed_slave=_NUMBER,  # and what `slave` and `status` were
+    failure=_NUMBER,  # the `Failure` of that task
+    failed_instance=_NUMBER,  # `instance` and `status` of that task
     failed_status=_NUMBER,
-    reached=_NUMBER,  # steps that it is through with; others wait for it
-    apart=(_NUMBER, 5),  # so that a core that writes to one record does not slow down who reads the next
+    reached=_NUMBER,  # number of finished steps; other lanes wait for it
+    apart=(_NUMBER, 5),  # padding: avoids false sharing of cache lines between threads
 )
-"""One thread's part of the work, and what it answers."""
+"""One thread's part of the work, and its results."""
 
 TASK = _record(
-    waits=_ADDRESS,  # of the places of tasks of other lanes that come before it in every step
+    waits=_ADDRESS,  # of the places of tasks in other lanes that it waits for in every step
     wait_count=_NUMBER,
-    through=_NUMBER,  # steps that it is through with; others wait for it
-    done=_NUMBER,  # steps in which it was done; a step that fails has tasks that are left out
+    through=_NUMBER,  # number of steps in which it was done or skipped; other tasks wait for it
+    done=_NUMBER,  # number of steps in which it was done; a step that fails skips tasks
     apart=(_NUMBER, 4),
 )
-"""A group, or an operation, that one of several threads does.
+"""A group or an operation that one of several threads does.
 
-A task's place is where it comes when one thread does everything: groups first, then operations.
+The place of a task is its position in the order of a single thread: groups first, then operations.
 """
 
 LOOP = _record(
     operations=_ADDRESS,  # of OPERATION records
     operation_count=_NUMBER,
-    slaves=_ADDRESS,  # of SLAVE records
+    instances=_ADDRESS,  # of INSTANCE records
     groups=_ADDRESS,  # of GROUP records, which come before the operations
     group_count=_NUMBER,
-    tolerance="float64",  # to which groups agree
-    largest=_ADDRESS,  # of the largest absolute values that signals had so far
+    tolerance="float64",  # coupling tolerance
+    largest=_ADDRESS,  # of the largest absolute values of the signals so far
     signals=_ADDRESS,
     signal_count=_NUMBER,
-    read=_ADDRESS,  # of positions of the signals that have to be finite
+    read=_ADDRESS,  # of the positions of the signals that must be finite
     read_count=_NUMBER,
     lanes=_ADDRESS,  # of LANE records
     lane_count=_NUMBER,
-    tasks=_ADDRESS,  # of TASK records; none where one thread does everything
-    give_way=_ADDRESS,  # of a C function by which a thread that waits lets others run
+    tasks=_ADDRESS,  # of TASK records; none with a single thread
+    give_way=_ADDRESS,  # of a C function that lets other threads run
     clock=CLOCK,
-    reached=_NUMBER,  # answer: the step that failed, or the one after the last
-    recorded=_NUMBER,  # answer: how many rows were filled; others may write to the PRESENT record
-    group=_NUMBER,  # answer: the first group that did not come through the step
-    lane=_NUMBER,  # answer: the lane in which something failed
+    reached=_NUMBER,  # output: the step that failed, or the one after the last
+    recorded=_NUMBER,  # output: number of filled rows; other code may write to the PRESENT record
+    group=_NUMBER,  # output: the first group that could not do the step in one
+    lane=_NUMBER,  # output: the lane of the failure
     apart=(_NUMBER, 8),
-    released=_NUMBER,  # steps that all lanes may begin
+    released=_NUMBER,  # number of steps that all lanes may begin
     failed=_NUMBER,  # the first place that failed in the present step, or `NOWHERE`
-    given_up=_NUMBER,  # the first group that did not come through it, or `NOWHERE`
+    given_up=_NUMBER,  # the first group that could not do it in one, or `NOWHERE`
 )
-"""What a loop is called with, and its answers. The last three are what lanes tell each other."""
+"""Inputs and outputs of a loop. Lanes exchange the last three fields."""
 
 NOWHERE = 2**62
-"""A place beyond all others."""
+"""Larger than all places."""

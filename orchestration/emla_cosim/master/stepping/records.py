@@ -1,4 +1,4 @@
-"""Fills the records that compiled code works on, from an algorithm and its network; see `layout`."""
+"""Fill the records for compiled code from an algorithm and its network; see `record_layout`."""
 
 import ctypes
 from collections.abc import Callable, Sequence
@@ -15,19 +15,19 @@ from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
 from ..instances.fmu_instance import EntryPoints
-from .record_layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, OPERATION, TASK
 
 KeptArrays = Callable[[Any], Any]
-"""Takes an array whose address is in a record, so that it lives as long; gives it back."""
+"""Keeps a reference to an array whose address is in a record, and returns the array."""
 
 
 def operation_records(algorithm: OperationTableAlgorithm) -> Any:
-    """OPERATION records, in order."""
-    return np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
+    """Return the OPERATION records, in order."""
+    return np.array([(o.call, o.instance) for o in algorithm.operations], dtype=OPERATION)
 
 
 def input_records(algorithm: OperationTableAlgorithm) -> Any:
-    """INPUT records of all inputs, slave by slave."""
+    """Return the INPUT records of all inputs, instance by instance."""
     network, history = algorithm.network, algorithm.exchange.history
     sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
     movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
@@ -44,7 +44,7 @@ def input_records(algorithm: OperationTableAlgorithm) -> Any:
 
 
 def _source_records(algorithm: OperationTableAlgorithm, signals: Indices) -> Any:
-    """INPUT records of what is known of these signals."""
+    """Return INPUT records with the history of these signals."""
     exchange, history = algorithm.exchange, algorithm.exchange.history
     owners, records = exchange.owners[signals], np.zeros(len(signals), INPUT)
     records["signal"] = addresses(algorithm.network.signals, signals)
@@ -54,23 +54,27 @@ def _source_records(algorithm: OperationTableAlgorithm, signals: Indices) -> Any
     return records
 
 
-def slave_records(
+def instance_records(
     algorithm: OperationTableAlgorithm,
     points: Sequence[EntryPoints],
     sources: Any,
     states: Any,
     saved: set[int],
 ) -> Any:
-    """SLAVE records.
+    """Return the INSTANCE records.
 
-    `sources` are the records of their inputs, `states` has room for the address of a state of each, and
-    `saved` are those that are brought back to it.
+    Args:
+        algorithm: An algorithm after `initialize`.
+        points: Addresses of the FMI functions, per instance.
+        sources: INPUT records of all inputs.
+        states: Room for the address of a saved state, per instance.
+        saved: Positions of the instances that restore a saved state.
     """
     network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
     every = np.arange(len(points))
     first_inputs = np.array([part.start for part in network.input_parts], dtype=np.intp)
     first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
-    records = np.zeros(len(points), SLAVE)
+    records = np.zeros(len(points), INSTANCE)
     records["code"] = [code_of(int(i), "") for i in every]
     names = ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real")
     for name in (*names, "get_state", "set_state"):
@@ -92,7 +96,7 @@ def slave_records(
 
 
 def add_undo(records: Any, kept: KeptArrays) -> None:
-    """Give SLAVE records room for what is behind their previous outputs."""
+    """Add room to INSTANCE records for the outputs and time before the previous ones."""
     places = np.cumsum([0, *(records["output_count"] + 1)])
     records["undo"] = addresses(kept(np.zeros(places[-1])), places[:-1])
 
@@ -100,7 +104,7 @@ def add_undo(records: Any, kept: KeptArrays) -> None:
 def group_records(
     algorithm: OperationTableAlgorithm, groups: Sequence[CoupledGroup], scale: Scale | None, kept: KeptArrays
 ) -> Any:
-    """GROUP records, in order."""
+    """Return the GROUP records, in order."""
     records = np.zeros(len(groups), GROUP)
     for record, group in zip(records, groups, strict=True):
         n = len(group.coupling_variables)
@@ -120,7 +124,7 @@ def group_records(
 
 
 def lane_records(lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
-    """LANE records of threads that do the tasks at these places, each in this order."""
+    """Return the LANE records of threads that do the tasks at these places, each in this order."""
     records = np.zeros(len(lanes), LANE)
     for thread, (record, places) in enumerate(zip(records, lanes, strict=True)):
         record["tasks"] = _address(kept(np.array(places, dtype=np.intp)))
@@ -130,7 +134,7 @@ def lane_records(lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
 
 
 def task_records(tasks: Sequence[StepTask], lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
-    """TASK records by place; what comes earlier in a task's own lane needs no waiting for."""
+    """Return the TASK records by place. Earlier tasks of the same lane are left out of `waits`."""
     records, lane_of = np.zeros(len(tasks), TASK), np.zeros(len(tasks), dtype=np.intp)
     for lane, places in enumerate(lanes):
         lane_of[places] = lane
@@ -142,7 +146,7 @@ def task_records(tasks: Sequence[StepTask], lanes: Sequence[Sequence[int]], kept
 
 
 def addresses(values: Any, positions: Any) -> Any:
-    """Where the elements at these positions are in memory."""
+    """Return the memory addresses of the elements at these positions."""
     return values.ctypes.data + values.itemsize * positions
 
 

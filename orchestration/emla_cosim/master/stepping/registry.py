@@ -1,4 +1,4 @@
-"""Which step-size controls there are."""
+"""The registry of step-size controls."""
 
 from .step_size_control import ErrorControlledStepSize, FixedStepSize, StepSizeControl
 
@@ -6,7 +6,7 @@ STEP_SIZE_CONTROLS: dict[str, type[StepSizeControl]] = {
     "fixed": FixedStepSize,
     "error": ErrorControlledStepSize,
 }
-"""Step-size controls by name. A class that is added here can be chosen wherever a name is given.
+"""Step-size controls by name. Add a class to select it by its name.
 
-Without a name, the one that has the options that are given is chosen, or else the first.
+Without a name, the control that has the user's options is selected; the default is the first.
 """

@@ -1,6 +1,6 @@
-"""Whether several threads share a step, and how: found out by measuring while the run goes on.
+"""Decide by measurements during the run whether several threads share a step, and how.
 
-Results are the same bits either way, so that a run may change its mind at any step.
+Results have the same bits either way, so a run can switch at any step.
 """
 
 import contextlib
@@ -20,31 +20,36 @@ if TYPE_CHECKING:
     from .kernel import Kernel
 
 WORTH = 1e-5
-"""Seconds by which a step at least has to become shorter to be looked at."""
+"""Smallest saving per step, in s, for which threads are considered."""
 
 BETTER = 0.97
-"""Further lanes have to make a step shorter by this factor; so has a change from one way to the other."""
+"""An additional lane, or a switch between one thread and several, must shorten a step by this factor."""
 
 _PROBE = 0.005
-"""Seconds for which a way is measured."""
+"""Duration of a measurement in s."""
 
 _SOON, _LATE = 1.0, 30.0
-"""Seconds until the ways are compared again, at first and at last: a machine may become busy, or free."""
+"""First and longest time in s until the next comparison. Other programs may start or end meanwhile."""
 
 _OBSERVED, _OBSERVED_AT_MOST = 4, 64
-"""Steps in which the cost of every slave is measured: more where some step more rarely."""
+"""Number of steps in which the cost of every instance is measured, and its limit with step multiples."""
 
 _OBSERVE = 0.0
-"""What a course asks for to have the costs measured."""
+"""Yielded by a `_Course` to have the costs measured."""
 
 _Course = Generator[float, float, None]
-"""Asks for steps of so many seconds, and gets the seconds per step."""
+"""Yields the duration in s for which to do steps, and receives the measured seconds per step."""
 
 
 class Sharing:
-    """Measures, shares out, and says it; see `next`.
+    """Measure the steps of a kernel, and share them among threads.
 
-    Without a number of `threads`, there are up to one for each core, and only where that is faster.
+    For each stretch, ask `next` for the number of steps, do them, and pass the time that they took to `did`.
+
+    Args:
+        kernel: The compiled loop.
+        algorithm: Its algorithm.
+        threads: Number of threads; None uses up to one per core if that is faster.
     """
 
     def __init__(self, kernel: "Kernel", algorithm: OperationTableAlgorithm, threads: int | None) -> None:
@@ -59,19 +64,19 @@ class Sharing:
 
     @property
     def observing(self) -> bool:
-        """Whether the next step is to be done in Python, within `observed`."""
+        """Whether the next step must be done in Python, within `observed`."""
         return self._asks == _OBSERVE
 
     def report(self) -> dict[str, Any]:
-        """How many threads step FMUs now, and what was measured, as plain data for run.json; times in us."""
+        """Return the number of threads and the measurements as plain data for run.json; times in us."""
         return {"threads": self._kernel.threads, **self._report}
 
     def next(self, count: int) -> int:
-        """How many of so many steps to do before `did` is told how long they took."""
+        """Return how many of `count` steps to do before the next call of `did`."""
         return count if self._asks is None else min(count, self._size)
 
     def did(self, steps: int, seconds: float) -> None:
-        """So many steps were done in so many seconds."""
+        """Take note of the time that some steps took, in s."""
         if self._asks is None or not steps:
             return
         self._steps, self._seconds = self._steps + steps, self._seconds + seconds
@@ -83,13 +88,13 @@ class Sharing:
 
     @contextlib.contextmanager
     def observed(self) -> Iterator[None]:
-        """Measure what slaves cost in the step that is done meanwhile."""
+        """Measure the cost of each instance in the step done within this context."""
         with _measure_calls(self._algorithm.network.instances) as spent:
             yield
         self._observed.append(spent)
         multiple = int(self._algorithm.multiples.max())
         if len(self._observed) > min(max(_OBSERVED, multiple), _OBSERVED_AT_MOST):
-            later = self._observed[1:]  # the first time takes longer
+            later = self._observed[1:]  # the first step takes longer
             self._costs = [sum(each) / len(later) for each in zip(*later, strict=True)]
             self._answer(0.0)
 
@@ -101,13 +106,13 @@ class Sharing:
             self._asks = None
 
     def _use_requested_threads(self) -> _Course:
-        """As many threads as are asked for."""
+        """Measure the costs, then use the requested number of threads."""
         yield _OBSERVE
         work = self._algorithm.tasks()
         self._share(work, self._schedule_work(work, self._most))
 
     def _use_threads_if_faster(self) -> _Course:
-        """Threads where they are faster."""
+        """Use threads if they are faster."""
         yield _PROBE  # the first steps are longer than others
         alone = yield _PROBE
         if alone * (1.0 - 1.0 / self._most) < WORTH:
@@ -120,7 +125,7 @@ class Sharing:
         try:
             self._share(work, best)
             handover = self._kernel.handover()
-        except RunError as error:  # there is one thread, which nobody asked to be more
+        except RunError as error:  # continue with one thread: the user did not request more
             self._kernel.together, self._report["refused"] = False, str(error)
             return
         self._report["handover_us"] = _us(handover)
@@ -130,7 +135,7 @@ class Sharing:
         yield from self._alternate_threads()
 
     def _alternate_threads(self) -> _Course:
-        """Both ways in turn, then for a while the faster one, and so on."""
+        """Measure one thread and several in turn, use the faster way for a while, and repeat."""
         kernel, pause = self._kernel, _SOON
         while True:
             measured: dict[bool, list[float]] = {True: [], False: []}
@@ -145,7 +150,7 @@ class Sharing:
             pause = min(2.0 * pause, _LATE)
 
     def _fewest(self, work: Sequence[StepTask]) -> ThreadSchedule | None:
-        """The placement with as many lanes as still make a step shorter; None where two do not."""
+        """Return the schedule with the most lanes that still shorten a step; None if two lanes do not."""
         best, before = None, sum(self._costs)
         for count in range(2, self._most + 1):
             found = self._schedule_work(work, count)
@@ -155,21 +160,23 @@ class Sharing:
         return best
 
     def _schedule_work(self, work: Sequence[StepTask], count: int) -> ThreadSchedule:
-        slaves = self._algorithm.network.instances
-        alone = {i for i, slave in enumerate(slaves) if not slave.runs_beside_others}
+        instances = self._algorithm.network.instances
+        alone = {i for i, instance in enumerate(instances) if not instance.runs_beside_others}
         return schedule_tasks(work, self._costs, count, alone)
 
     def _share(self, work: Sequence[StepTask], placement: ThreadSchedule) -> None:
         self._kernel.share_out(work, placement.lanes)
-        slaves = self._algorithm.network.instances
-        members = [dict.fromkeys(i for place in lane for i in work[place].slaves) for lane in placement.lanes]
-        self._report["lanes"] = [[slaves[i].name for i in lane] for lane in members]
+        instances = self._algorithm.network.instances
+        members = [
+            dict.fromkeys(i for place in lane for i in work[place].instances) for lane in placement.lanes
+        ]
+        self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 
 
 @contextlib.contextmanager
-def _measure_calls(slaves: Sequence[FmuInstance]) -> Iterator[list[float]]:
-    """The seconds that each slave spends in its calls of a step meanwhile."""
-    spent, calls = [0.0] * len(slaves), ("set_inputs", "do_step", "get_outputs")
+def _measure_calls(instances: Sequence[FmuInstance]) -> Iterator[list[float]]:
+    """Measure the seconds that each instance spends in calls within this context."""
+    spent, calls = [0.0] * len(instances), ("set_inputs", "do_step", "get_outputs")
 
     def watch(i: int, call: Callable[..., None]) -> Callable[..., None]:
         def called(*arguments: float) -> None:
@@ -181,14 +188,14 @@ def _measure_calls(slaves: Sequence[FmuInstance]) -> Iterator[list[float]]:
 
         return called
 
-    for i, slave in enumerate(slaves):
-        vars(slave).update({name: watch(i, getattr(slave, name)) for name in calls})
+    for i, instance in enumerate(instances):
+        vars(instance).update({name: watch(i, getattr(instance, name)) for name in calls})
     try:
         yield spent
     finally:
-        for slave in slaves:
+        for instance in instances:
             for name in calls:
-                del vars(slave)[name]
+                del vars(instance)[name]
 
 
 def _us(seconds: float) -> float:

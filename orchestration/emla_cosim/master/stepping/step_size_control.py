@@ -1,4 +1,4 @@
-"""The interface of step-size controls: which stepping a run gets."""
+"""The interface of step-size controls, and the controls of this project."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -16,12 +16,16 @@ from .timing import CommunicationPoints
 
 @dataclass(frozen=True)
 class StepRequest:
-    """What a run asks of its steps; times in s.
+    """What a run requires of its steps; times in s.
 
-    `times` says where the run begins and ends, and has the step size. `interval` is the time between rows,
-    where the user set it. `sampled` says whether a component computes at communication points, as a digital
-    controller does. `compiled` and `threads` are the options. `events` computes the times at which inputs
-    jump or bend, `row_distance` the distance of rows in the data of inputs.
+    Args:
+        times: Start time, stop time and step size.
+        interval: Time between rows; None if the user did not set it.
+        sampled: Whether a component computes at communication points, as a digital controller does.
+        compiled: The option `compiled`.
+        threads: The option `threads`.
+        events: Return the times at which inputs jump or bend.
+        row_distance: Return the distance of rows in input data.
     """
 
     times: CommunicationPoints
@@ -34,16 +38,16 @@ class StepRequest:
 
 
 class StepSizeControl(ABC):
-    """Decides how long the steps of a run are. The fields of a subclass, a dataclass, are its options."""
+    """Decide the length of the steps of a run. Subclasses are dataclasses; their fields are options."""
 
     is_regular: ClassVar[bool] = False
-    """Whether all steps have the step size, so that every n-th has a row.
+    """Whether all steps have the step size, so that every n-th step has a row.
 
-    Otherwise `Stepping.watch` has to get every step, and `Stepping.record` those that have a row.
+    Otherwise, call `Stepping.watch` for every step, and `Stepping.record` for each row.
     """
 
     is_halved: ClassVar[bool] = False
-    """Whether each step that is not regular is done in two halves."""
+    """Whether each step is done in two halves, if steps are not regular."""
 
     def check(self) -> None:
         """Raise CommandError for values of options that do not fit."""
@@ -52,7 +56,7 @@ class StepSizeControl(ABC):
 
     @abstractmethod
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return what does the steps of an algorithm that is set up; CommandError where that cannot be."""
+        """Return the stepping for an algorithm after `setup`; CommandError if they do not fit."""
 
 
 @dataclass(eq=False)
@@ -62,26 +66,26 @@ class FixedStepSize(StepSizeControl):
     is_regular = True
 
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return steps of one length, compiled where that is possible."""
+        """Return steps of one length, compiled if possible."""
         return FixedSteps(algorithm, request.times, request.compiled, request.threads)
 
 
 @dataclass(eq=False)
 class ErrorControlledStepSize(StepSizeControl):
-    """Steps as long as the error allows."""
+    """Steps with a length that keeps the error within a tolerance."""
 
     is_halved = True
 
     error_tolerance: float | None = option(
-        help="Let the step size follow the error, which may become this much of each signal's size over the "
-        "run. Default: fixed steps.",
+        help="Adapt the step size to keep the error of the run below this fraction of each signal's size. "
+        "Default: fixed steps.",
         above=0.0,
         below=1.0,
         identity="error tolerance",
     )
     largest_step: float | None = option(
-        help="Longest step of --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
-        "rows in data of --input.",
+        help="Longest step with --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
+        "rows in the data of --input.",
         unit="s",
         above=0.0,
         identity="largest step",
@@ -91,12 +95,12 @@ class ErrorControlledStepSize(StepSizeControl):
         """Raise CommandError for values of options that do not fit."""
         super().check()
         if self.error_tolerance is None and self.largest_step is not None:
-            raise CommandError("--largest-step bounds the steps of --error-tolerance; set both, or neither.")
+            raise CommandError("--largest-step needs --error-tolerance. Set both, or neither.")
         if self.error_tolerance is None:
             raise CommandError("the step-size control 'error' needs --error-tolerance.")
 
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return steps that the error decides."""
+        """Return steps that the error controls."""
         assert self.error_tolerance is not None
         events, largest = request.events(), self.largest_step
         if largest is None:

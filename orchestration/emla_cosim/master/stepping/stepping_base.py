@@ -1,4 +1,4 @@
-"""How a run gets from one communication point to the next: in fixed steps, or as the error allows."""
+"""The interface of everything that does the steps of a run."""
 
 import math
 from abc import ABC, abstractmethod
@@ -10,11 +10,11 @@ from ..algorithms.algorithm import Algorithm
 from .timing import CommunicationPoints
 
 ROUNDING = 1e-6
-"""The part of a step by which times that mean the same may differ."""
+"""Times that differ by less than this fraction of a step are equal."""
 
 
 class RowSink(Protocol):
-    """Where recorded rows go: time in s, then all signals.
+    """Takes recorded rows: time in s, then all signals.
 
     Every `every`-th communication point is recorded.
     """
@@ -22,27 +22,27 @@ class RowSink(Protocol):
     every: int
 
     def room(self, most: int) -> Vector:
-        """Free rows to fill, at least one and at most so many, in the order of time."""
+        """Return free rows to fill in the order of time: at least one, at most `most`."""
         ...
 
     def commit(self, count: int) -> None:
-        """So many of them are filled. May raise RunError."""
+        """Take the first `count` of the free rows as filled. May raise RunError."""
         ...
 
 
 class Stepping(ABC):
-    """Drives an algorithm that has been set up through time."""
+    """Drive an algorithm, after its `setup`, through time."""
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         self.algorithm = algorithm
         self.times = times
         self.watch: Callable[[float, Vector], None] | None = None
-        """Told of every point by a stepping that does not record all: its time in s, and the signals."""
+        """Called with time in s and signals at every point, if the stepping does not record all points."""
 
     @property
     @abstractmethod
     def time(self) -> float:
-        """Where the simulation is, in s."""
+        """Present simulation time in s."""
 
     @property
     @abstractmethod
@@ -55,34 +55,37 @@ class Stepping(ABC):
         """Whether the stop time is reached."""
 
     def reached(self, until: float) -> bool:
-        """Whether the simulation is at a time in s, but for rounding, or at its end."""
+        """Return whether the simulation has reached a time in s, apart from rounding, or its end."""
         return self.finished or self.time >= until - ROUNDING * self.times.step
 
     @abstractmethod
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
-        """Do at most so many steps, none beyond `until` in s, and record them.
+        """Do at most `most` steps, none beyond `until` in s, and record them.
 
-        What was recorded before an error (RunError) stays recorded.
+        Rows before an error stay recorded.
+
+        Raises:
+            RunError: A step failed.
         """
 
     def report(self) -> dict[str, Any]:
-        """How the steps were made, as plain data for run.json."""
+        """Return how the steps were done, as plain data for run.json."""
         return {"steps": self.steps, **self.algorithm.report()}
 
     def remarks(self) -> list[str]:
-        """Sentences on how the steps were made that a reader of results should know."""
+        """Return remarks on the steps for readers of the results."""
         return []
 
     def memory(self) -> dict[str, Vector]:
-        """What the stepping and its algorithm remember besides the signals, as arrays by name."""
+        """Return the state of stepping and algorithm without the signals, as arrays by name."""
         return self.algorithm.memory()
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Take over what a stepping of the same kind remembered."""
+        """Restore the state from `memory` of a stepping of the same class."""
         self.algorithm.remember(memory)
 
-    def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Free what the stepping holds of the slaves; never raises."""
+    def close(self) -> None:  # noqa: B027 - most hold no resources
+        """Free saved FMU states; never raises."""
 
     def record(self, rows: RowSink) -> None:
         """Record the present signals as one row."""

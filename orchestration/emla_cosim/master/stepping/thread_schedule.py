@@ -1,4 +1,4 @@
-"""Who does what where several threads share a step: list scheduling by what tasks cost.
+"""Distribute the tasks of a step among threads: list scheduling by the cost of the tasks.
 
 T. L. Adam, K. M. Chandy, J. R. Dickson: A comparison of list schedules for parallel processing systems,
 Commun. ACM 17 (1974), doi:10.1145/361604.361619.
@@ -12,14 +12,14 @@ from heapq import heappop, heappush
 from ..algorithms.tasks import StepTask
 
 _TRIES = 40
-"""How many orders are tried for a few tasks; for many, one is as good as another."""
+"""Number of orders to try; with many tasks (see `_MANY`) fewer, because they differ little."""
 
 _MANY = 4000
 
 
 @dataclass(frozen=True)
 class ThreadSchedule:
-    """The places of the tasks of each lane, in order, and how long a step is then, in the unit of costs."""
+    """The places of the tasks of each lane, in order, and the length of a step in the unit of costs."""
 
     lanes: list[list[int]]
     length: float
@@ -28,15 +28,18 @@ class ThreadSchedule:
 def schedule_tasks(
     tasks: Sequence[StepTask], costs: Sequence[float], count: int, first_only: Collection[int] = ()
 ) -> ThreadSchedule:
-    """Share tasks among so many lanes, or fewer where there is nothing for more; all calls of a slave in one.
+    """Distribute tasks among lanes, with all calls of an instance in the same lane.
 
-    `costs` are those of the slaves' steps, by slave; all else costs nothing. Slaves that are
-    `first_only` are left to the first lane, one after the other.
+    The task with the longest path to the end of the step goes first. That is close to the optimum. A few
+    trials with random changes of the lengths, from a fixed seed, come closer.
 
-    The task goes first from which the longest way leads to the end of the step. That is near the best, and a
-    few tries with blurred lengths come nearer; they are the same every time.
+    Args:
+        tasks: The tasks of a step.
+        costs: Cost of a step, per instance; all other tasks cost nothing.
+        count: Largest number of lanes. Lanes without tasks are left out.
+        first_only: Positions of the instances that only the first lane may call.
     """
-    cost = [sum(costs[i] for i in task.slaves) if task.steps else 0.0 for task in tasks]
+    cost = [sum(costs[i] for i in task.instances) if task.steps else 0.0 for task in tasks]
     ways, noise = _find_longest_paths(tasks, cost), random.Random(1)
     best = _simulate_step(tasks, cost, ways, count, first_only)
     for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
@@ -46,7 +49,7 @@ def schedule_tasks(
 
 
 def _find_longest_paths(tasks: Sequence[StepTask], cost: Sequence[float]) -> list[float]:
-    """The longest way from the beginning of each task to the end of the step."""
+    """Return the length of the longest path from the begin of each task to the end of the step."""
     ways = list(cost)
     for place in range(len(tasks) - 1, -1, -1):
         for before in tasks[place].after:
@@ -61,7 +64,7 @@ def _simulate_step(
     count: int,
     first_only: Collection[int],
 ) -> ThreadSchedule:
-    """One step, as it would go: whoever is free takes what is possible and most urgent."""
+    """Simulate one step: a free lane takes the most urgent of the possible tasks."""
     waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
     for place, task in enumerate(tasks):
         for before in task.after:
@@ -69,10 +72,10 @@ def _simulate_step(
     lane_of, begun = dict[int, int](), [0.0] * len(tasks)
     now, free = 0.0, list(range(count))
     running = list[tuple[float, int, int]]()
-    possible = [list[tuple[float, int]]() for _ in (0, 1)]  # for anyone, and for the first lane only
+    possible = [list[tuple[float, int]]() for _ in (0, 1)]  # for all lanes, and for the first lane only
 
     def end(place: int) -> None:
-        """A task is through: what waited for nothing else is possible, and through where it costs nothing."""
+        """Finish a task; tasks that waited only for it become possible."""
         ended = [place]
         while ended:
             for follower in followers[ended.pop()]:
@@ -81,12 +84,12 @@ def _simulate_step(
                     ended += begin(follower)
 
     def begin(place: int) -> list[int]:
-        """A task is possible; the task itself where it costs nothing and so is through."""
+        """Make a task possible. Return it if it costs nothing and so is finished at once."""
         begun[place] = now
         if not tasks[place].steps:
             return [place]
-        anyone = not first_only or set(tasks[place].slaves).isdisjoint(first_only)
-        heappush(possible[0 if anyone else 1], (-priorities[place], place))
+        any_lane = not first_only or set(tasks[place].instances).isdisjoint(first_only)
+        heappush(possible[0 if any_lane else 1], (-priorities[place], place))
         return []
 
     for place in [p for p, n in enumerate(waits) if not n]:
@@ -100,7 +103,7 @@ def _simulate_step(
             _, place = heappop(min(queues, key=lambda q: q[0]))
             free.remove(lane)
             begun[place] = now
-            lane_of |= dict.fromkeys(tasks[place].slaves, lane)
+            lane_of |= dict.fromkeys(tasks[place].instances, lane)
             heappush(running, (now + cost[place], place, lane))
         if not running:
             break
@@ -112,7 +115,7 @@ def _simulate_step(
             free.append(lane)
             end(place)
     lanes = [list[int]() for _ in range(count)]
-    # what costs nothing comes first, so that who waits for it need not wait for more
+    # tasks without cost come first, so that others do not wait for more than these
     for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
-        lanes[lane_of.get(tasks[place].slaves[0], 0)].append(place)
-    return ThreadSchedule([lane for lane in lanes if lane], now)  # a thread without work would only wait
+        lanes[lane_of.get(tasks[place].instances[0], 0)].append(place)
+    return ThreadSchedule([lane for lane in lanes if lane], now)

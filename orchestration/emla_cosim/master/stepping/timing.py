@@ -1,4 +1,4 @@
-"""Communication points of a run."""
+"""Compute the communication points of a run."""
 
 import math
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from ...base.errors import CommandError
 MAXIMUM_STEPS = 10**10
 
 _COARSE = 1e-2
-"""A part of a step: by so much a point of time may be off, where numbers are that large."""
+"""Largest spacing of doubles at the run's times, as a fraction of a step."""
 
 _LARGEST = 2**53
-"""Up to here doubles hold every integer."""
+"""Doubles represent every integer up to here."""
 
 
 class Clock(NamedTuple):
-    """Points in time at equal distances, (first + k * per_step) / denominator in s.
+    """Points in time at equal distances: (first + k * per_step) / denominator, in s.
 
-    With integers only the division rounds, so that a point is the double nearest to the true time.
+    With integers only the division rounds, so a point is the double nearest to the true time.
     """
 
     first: float
@@ -28,16 +28,16 @@ class Clock(NamedTuple):
     denominator: float
 
     def point(self, k: int) -> float:
-        """The point k in s: computed, never added up."""
+        """Return point k in s, computed without summation."""
         return (self.first + k * self.per_step) / self.denominator
 
 
 def make_clock(start: float, step: float) -> Clock:
-    """Points `start + k * step` for k up to `MAXIMUM_STEPS`, in s.
+    """Return the points `start + k * step` for k up to `MAXIMUM_STEPS`, in s.
 
-    `start` and `step` mean the shortest decimal numbers that give these doubles: 1e-4 is a ten
-    thousandth, which no double is. Numbers that have no short decimal form, such as 1/3, mean
-    themselves. How long a run is makes no difference, so that it can be continued later.
+    `start` and `step` represent the shortest decimal numbers that give these doubles: 1e-4 is exactly one
+    ten-thousandth, although no double is. Numbers without a short decimal form, such as 1/3, represent
+    themselves. The points do not depend on the length of the run, so you can continue it later.
     """
     origin, distance = Fraction(repr(float(start))), Fraction(repr(float(step)))
     denominator = math.lcm(origin.denominator, distance.denominator)
@@ -57,42 +57,43 @@ class CommunicationPoints:
 
     @cached_property
     def clock(self) -> Clock:
-        """The communication points, also beyond the last."""
+        """Communication points, also beyond the last one."""
         return make_clock(self.start, self.step)
 
     @property
     def stop(self) -> float:
-        """The last communication point in s."""
+        """Last communication point in s."""
         return self.point(self.steps)
 
     def point(self, k: int) -> float:
-        """The communication point k in s."""
+        """Return communication point k in s."""
         return self.clock.point(k)
 
     def span(self, k: int, count: int) -> float:
-        """The length in s of `count` steps from the communication point k.
+        """Return the length in s of `count` steps from communication point k.
 
-        Added to the point it gives the point at their end, to the last bit: a slave that adds its
-        steps up stays with the master. Where a run passes zero time, that can be impossible.
+        The point plus this length is the point at their end, to the last bit. So an FMU that adds up its
+        steps has the same time as the master. This can be impossible if a run passes time 0.
         """
         return self.point(k + count) - self.point(k)
 
     def stretch(self, k: int, count: int) -> tuple[float, float]:
-        """Where the `count` steps up to the communication point k begin, and their length, in s."""
+        """Return begin and length in s of the `count` steps up to communication point k."""
         return self.point(k - count), self.span(k - count, count)
 
 
 def make_communication_points(
     stop_time: float, step_size: float, start_time: float = 0.0
 ) -> CommunicationPoints:
-    """Communication points from start to stop, in s.
+    """Return the communication points from start to stop; times in s.
 
-    Raises CommandError where times make no sense or the span is not a whole number of steps.
+    Raises:
+        CommandError: A time is invalid, or the span is not a whole number of steps.
     """
     if not 0.0 < step_size < float("inf"):
         raise CommandError(f"the step size {step_size:.12g} s must be a positive number of seconds.")
     span = stop_time - start_time
-    if math.isfinite(span):  # as the numbers mean, not as they are rounded far from zero
+    if math.isfinite(span):  # from the decimal numbers, because doubles far from zero are coarse
         span = float(Fraction(repr(float(stop_time))) - Fraction(repr(float(start_time))))
     if not 0.0 < span < float("inf"):
         raise CommandError(
@@ -100,7 +101,8 @@ def make_communication_points(
         )
     if span / step_size > MAXIMUM_STEPS:
         raise CommandError(
-            f"{span:.12g} s in steps of {step_size:.12g} s are more than {MAXIMUM_STEPS:g} steps."
+            f"{span:.12g} s in steps of {step_size:.12g} s are more than {MAXIMUM_STEPS:g} steps. "
+            "Set a larger step size."
         )
     steps = round(span / step_size)
     if steps == 0 or abs(steps * step_size - span) > 1e-9 * span:
@@ -112,6 +114,7 @@ def make_communication_points(
     latest = max(abs(start_time), abs(stop_time))
     if math.ulp(latest) > _COARSE * step_size:
         raise CommandError(
-            f"steps of {step_size:.12g} s cannot be told apart near t = {latest:.12g} s; start nearer to 0 s."
+            f"numbers near t = {latest:.12g} s are too coarse for steps of {step_size:.12g} s. "
+            "Start nearer to 0 s."
         )
     return CommunicationPoints(start_time, step_size, steps)

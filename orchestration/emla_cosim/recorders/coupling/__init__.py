@@ -1,1 +1,1 @@
-"""What the exchange of values between components cost, from every communication point of a run."""
+"""Estimate the coupling error of a run: the cost of exchanging values only at communication points."""

@@ -1,4 +1,4 @@
-"""The energy that passes a power bond, and what the exchange of values adds to it or takes from it."""
+"""Compute the energy through a power bond, and the energy that the coupling creates or destroys there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,29 +17,29 @@ from .steps import Steps, Use, integral
 
 @dataclass(frozen=True)
 class _BondEnd:
-    """One signal of a bond: its column in rows with the time first, and who uses it on the other side."""
+    """One signal of a bond: its column in rows (time first), and its consumers on the other side."""
 
     column: int
     users: Members | None
 
 
 class BondEnergy:
-    """Adds up the energies of one bond in J, step by step."""
+    """Sum up the energies of one bond in J, step by step."""
 
     def __init__(self, name: str, bond: Bond, outline: Outline) -> None:
-        """Find the signals and connections of a bond; CommandError where there are none."""
+        """Find the signals and connections of a bond; CommandError if they do not exist."""
         effort, flow = (_position(name, signal, outline) for signal in (bond.effort, bond.flow))
         self.name, self.bond = name, bond
         users = _users(effort, flow, outline), _users(flow, effort, outline)
         if not any(users):
             raise CommandError(
-                f"the bond {name} needs an effort and a flow that components exchange; no component takes "
-                f"{bond.effort} or {bond.flow} in continuous time.",
+                f"the bond {name} needs an effort and a flow that components exchange, but no component "
+                f"reads {bond.effort} or {bond.flow} in continuous time.",
                 bond=name,
             )
         self._ends = _BondEnd(1 + effort, users[0]), _BondEnd(1 + flow, users[1])
         if name in {x.name for x in outline.exchanged}:
-            raise CommandError(f"'{name}' is the name of a connection; call the bond otherwise.", bond=name)
+            raise CommandError(f"'{name}' is the name of a connection. Rename the bond.", bond=name)
         units = [outline.units[signal] for signal in (effort, flow)]
         self._factor = float(np.prod([1.0 if unit is None else unit.factor for unit in units]))
         self._exchanged = 0.0
@@ -47,22 +47,27 @@ class BondEnergy:
 
     @property
     def connections(self) -> set[str]:
-        """The names of the connections that the bond is made of."""
+        """Names of the connections of the bond."""
         return {end.users.connections[end.users.own].name for end in self._ends if end.users is not None}
 
     @property
     def uses(self) -> set[Use]:
-        """How the connections of the bond are used: columns are those of rows with the time first."""
+        """How consumers use the connections of the bond."""
         return {_use(x) for end in self._ends if end.users is not None for x in end.users.connections}
 
     @property
     def columns(self) -> tuple[int, int]:
-        """The columns of effort and flow, of rows with the time first."""
+        """Columns of effort and flow in rows, time first."""
         effort, flow = self._ends
         return effort.column, flow.column
 
     def take(self, exchanged: float, missed: Mapping[tuple[Use, int], float]) -> None:
-        """Add what was exchanged, and the integrals of what was used wrongly times the other signal."""
+        """Add energies.
+
+        Args:
+            exchanged: Integral of the power, in the units of the signals.
+            missed: Integrals of a residual times a signal, by use and column.
+        """
         self._exchanged += exchanged
         for end, other, sums in zip(self._ends, reversed(self.columns), self._missed, strict=True):
             if end.users is not None:
@@ -79,11 +84,11 @@ class BondEnergy:
         return {"energy_error": relative, "energy_error_J": error, "energy_exchanged_J": exchanged}
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on."""
+        """Return the state as plain data, from which another object can continue."""
         return {"exchanged": self._exchanged, "missed": [missed.tolist() for missed in self._missed]}
 
     def remember(self, memory: Any) -> None:
-        """Go on from what `memory` gave."""
+        """Restore the state from `memory`."""
         self._exchanged = float(memory["exchanged"])
         for missed, before in zip(self._missed, memory["missed"], strict=True):
             missed[:] = read_stored_array(before, missed.shape)
@@ -92,7 +97,7 @@ class BondEnergy:
 def select_applicable(
     bonds: Mapping[str, Bond], names: Sequence[str], exchanged: Sequence[ContinuousConnection]
 ) -> dict[str, Bond]:
-    """Return those of a system's bonds whose signals there are, with one that is used in continuous time."""
+    """Return the bonds whose signals exist, with at least one of them used in continuous time."""
     used = {names[x.signal] for x in exchanged}
     return {
         name: bond
@@ -102,14 +107,14 @@ def select_applicable(
 
 
 class BondEnergies:
-    """Adds up the energies of all bonds; what several of them need is computed once."""
+    """Sum up the energies of all bonds, and compute shared quantities once."""
 
     def __init__(self, bonds: Sequence[BondEnergy]) -> None:
         self._bonds = bonds
         signals = sorted({column for bond in bonds for column in bond.columns})
         uses = sorted({use for bond in bonds for use in bond.uses}, key=lambda use: (use.column, use.is_late))
         self.columns = sorted({0, *signals, *(use.column for use in uses)})
-        """The columns that are needed of rows with the time first."""
+        """Required columns of rows, time first."""
         place = {column: i for i, column in enumerate(self.columns)}
         self._keys = [[(use, column) for column in signals] for use in uses]
         self._uses = [Use(place[use.column], use.is_late, use.mode) for use in uses]
@@ -117,7 +122,7 @@ class BondEnergies:
         self._efforts, self._flows = ([place[bond.columns[i]] for bond in bonds] for i in range(2))
 
     def take(self, steps: Steps) -> None:
-        """Take the next steps, which have the `columns`."""
+        """Take the next steps, with only the required `columns`."""
         powers = [np.abs(x[:, self._efforts] * x[:, self._flows]) for x in (steps.begin, steps.end)]
         exchanged = 0.5 * steps.weighted @ (powers[0] + powers[1])
         products = integral(steps.weighted, steps.residuals(self._uses), steps.values(self._signals))
@@ -142,7 +147,7 @@ def _position(name: str, signal: str, outline: Outline) -> int:
 
 
 def _users(signal: int, other: int, outline: Outline) -> Members | None:
-    """Who uses a signal on the side of the other one."""
+    """Return the consumers of a signal on the side of the bond that produces the other signal."""
     sides = {x.source for x in outline.exchanged if x.signal == other}
     found = [x for x in outline.exchanged if x.signal == signal and (not sides or x.target in sides)]
     return members(found[0], outline.exchanged) if found else None

@@ -1,4 +1,4 @@
-"""The figures of bonds and of other connections, and what a person should read of them."""
+"""Collect the coupling errors of bonds and connections, and remarks on them."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -15,17 +15,17 @@ from .residual import Residual, Residuals
 from .window import EveryStep, Window
 
 COUPLING = "coupling"
-"""What metrics.json calls the part with the cost of the exchange."""
+"""Name of the part of metrics.json with the coupling errors."""
 
 _BLOCK, _BATCH = 256, 2000
-"""So many rows of steps seen apart are taken at once, and so many steps are added up at once."""
+"""Number of single rows that are collected to a block, and number of steps that are summed up at once."""
 
 
 class Coupling:
-    """Takes rows, the time in s first, and has what the exchange of values cost so far."""
+    """Compute the coupling errors from rows, time in s first."""
 
     def __init__(self, outline: Outline, memory: Any = None) -> None:
-        """Begin, or go on from what `memory` gave; CommandError for bonds that are not there."""
+        """Begin, or continue from a `memory`; CommandError for bonds that do not exist."""
         self._watched, self._halved, self._seen = outline.watched, outline.halved, list[Vector]()
         self._bonds = [BondEnergy(name, bond, outline) for name, bond in outline.bonds.items()]
         self._exchanged = bool(outline.exchanged)
@@ -37,7 +37,7 @@ class Coupling:
         needed = sorted({0, *self._residuals.columns})
         self._needed = {column: place for place, column in enumerate(needed)}
         self._window = Window(np.array(needed, dtype=np.intp), None if memory is None else memory["window"])
-        # what noise creates and destroys cancels only where every step counts
+        # the energy that noise creates and destroys cancels only over all steps
         self._energies = BondEnergies(self._bonds)
         remembered = None if memory is None else memory["bond_window"]
         self._bond_window = EveryStep(np.array(self._energies.columns, dtype=np.intp), remembered)
@@ -45,18 +45,18 @@ class Coupling:
             self._remember(memory)
 
     def write(self, rows: Vector) -> None:
-        """Take the next rows, unless each step is seen apart."""
+        """Take the next rows, unless `see` gets each step."""
         if not self._watched:
             self._write(rows)
 
     def see(self, row: Vector) -> None:
-        """Take the row of one step, in which it was done in halves."""
+        """Take the row of one step of variable length."""
         self._seen.append(row)
         if len(self._seen) == _BLOCK:
             self._write_seen()
 
     def _complete(self) -> None:
-        """Add up the steps that wait, and take over what was learned of loops."""
+        """Sum up the waiting steps, and update the responses of the loops."""
         self._write_seen()
         self._take()
         if self._algorithm is not None and self._exchanged:
@@ -77,7 +77,7 @@ class Coupling:
             self._take()
 
     def _take(self) -> None:
-        """Add up the steps that wait."""
+        """Sum up the waiting steps."""
         with np.errstate(all="ignore"):
             if self._bond_window.waiting:
                 steps = self._bond_window.take()
@@ -91,7 +91,7 @@ class Coupling:
                 self._residuals.take(lately, self._needed)
 
     def learn(self, algorithm: Algorithm) -> None:
-        """See later what this algorithm, which makes the steps, learned of its loops."""
+        """Use the loop responses of this algorithm, which does the steps."""
         self._algorithm = algorithm
 
     def figures(self) -> dict[str, dict[str, float]]:
@@ -103,7 +103,7 @@ class Coupling:
         return found | {bond.name: bond.figures(self._responses) for bond in self._bonds}
 
     def remarks(self) -> list[str]:
-        """Return sentences that a person should read before all figures; see `remarks`."""
+        """Return remarks for users to read before the figures; see `remarks`."""
         self._complete()
         with np.errstate(all="ignore"):
             energies = {f"{bond.name} ({bond.bond})": bond.figures(self._responses) for bond in self._bonds}
@@ -112,7 +112,7 @@ class Coupling:
         return remarks(energies, residuals, [x.name for x in self._judged], free)
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on."""
+        """Return the state as plain data, from which another object can continue."""
         self._complete()
         return {
             "window": self._window.memory(),
@@ -130,7 +130,7 @@ class Coupling:
 def _connections_to_judge(
     connections: Sequence[ContinuousConnection], bonded: Collection[str]
 ) -> list[ContinuousConnection]:
-    """The connections in loops, but for those that pass other values of the same motion beside a bond."""
+    """Return the connections in loops, without those that run parallel to a bond."""
     pairs = {frozenset((x.source, x.target)) for x in connections if x.name in bonded}
     return [
         x

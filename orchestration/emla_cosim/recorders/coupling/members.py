@@ -1,4 +1,4 @@
-"""Which residuals count at a connection: its own, or those of all values that its loop agrees on."""
+"""Find the residuals that act on a connection: its own, or those of all coupling variables of its loop."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,13 +11,17 @@ from ...master.algorithms.continuous_connections import ContinuousConnection
 
 @dataclass(frozen=True)
 class Members:
-    """The connections whose residuals make that of one connection, which is one of them."""
+    """The connections whose residuals act on one of them, at position `own`."""
 
     connections: tuple[ContinuousConnection, ...]
     own: int
 
     def row(self, responses: Mapping[int, Vector]) -> Vector:
-        """Return what their residuals count at this connection: source less used; see `loop_responses`."""
+        """Return the weights of their residuals at this connection, with the sign of source minus used value.
+
+        Args:
+            responses: See `loop_responses`.
+        """
         own = self.connections[self.own]
         response = responses.get(own.group)
         if response is None:
@@ -28,7 +32,7 @@ class Members:
 
 
 def members(connection: ContinuousConnection, every: Sequence[ContinuousConnection]) -> Members:
-    """Return those of one of the connections."""
+    """Return the members of a connection, which is one of `every`."""
     if connection.group < 0:
         return Members((connection,), 0)
     agreed = {x.place: x for x in reversed(every) if x.group == connection.group} | {

@@ -1,4 +1,4 @@
-"""What a person should read of the cost of the exchange."""
+"""Remarks for users on the coupling error."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,13 +6,13 @@ from ...base.wording import format_count
 from .residual import Residual
 
 LARGEST_ENERGY_ERROR = 0.02
-"""The relative energy of a bond beyond which there is a remark; docs/master.md has the experiments."""
+"""Relative energy error of a bond above which a remark is added; docs/master.md has the experiments."""
 
 LARGEST_RESIDUAL = 0.03
-"""The relative residual in a loop beyond which there is a remark; docs/master.md has the experiments."""
+"""Relative residual in a loop above which a remark is added; docs/master.md has the experiments."""
 
 LARGEST_ACCUMULATED, GROWS = 0.3, 0.53
-"""The accumulated residual of an oscillation that grows, and the centre of its motion that says it does."""
+"""Accumulated residual, and centre of motion, above which an oscillation is reported as growing."""
 
 ADVICE = "Shorten the step, or use --extrapolation fmu, and see whether the results change."
 
@@ -23,14 +23,13 @@ def remarks(
     judged: Sequence[str],
     free: Sequence[str],
 ) -> list[str]:
-    """Return the sentences for figures beyond their thresholds.
+    """Return the remarks for figures above their thresholds.
 
     Args:
-        energies: figures of bonds, by what the sentence calls the bond.
-        residuals: those of connections, by name.
-        judged: the connections that are looked at for oscillations that grow.
-        free: the connections that belong to no bond, and are judged by their residual alone.
-
+        energies: Figures of bonds, by the name of the bond in remarks.
+        residuals: Residuals of connections, by name.
+        judged: Connections that are checked for growing oscillations.
+        free: Connections without a bond, whose residual is checked.
     """
     found = [
         f"The coupling created or destroyed {_percent(x['energy_error'])} of the energy exchanged at the "
@@ -54,8 +53,8 @@ def remarks(
         worst = max(growing, key=growing.__getitem__)
         x = residuals[worst]
         found.append(
-            f"{worst}: the signal oscillates more and more, and the coupling may be the cause: values used "
-            f"were off by {_percent(x.relative)}, over {x.radians:.3g} rad{_more(growing)}."
+            f"{worst}: the oscillation of the signal grows, and the coupling may be the cause: the values "
+            f"used were off by {_percent(x.relative)}, over {x.radians:.3g} rad{_more(growing)}."
         )
     return [*found[:-1], f"{found[-1]} {ADVICE}"] if found else []
 
@@ -67,5 +66,7 @@ def _percent(share: float) -> str:
 def _more(found: Mapping[str, float]) -> str:
     others = len(found) - 1
     return (
-        f", and so it is at {format_count(others, 'more connection', 'more connections')}" if others else ""
+        f"; the same applies to {format_count(others, 'more connection', 'more connections')}"
+        if others
+        else ""
     )

@@ -1,4 +1,4 @@
-"""What consumers of connections used, less what their sources had, and how that adds up in an oscillation."""
+"""Compute the residuals of connections (used value minus source), and their effect on oscillations."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,28 +13,31 @@ from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
 
 LAGS = 3
-"""The residuals of a step are multiplied with those of the same step and of the two before."""
+"""Residuals of a step are multiplied with those of the same step and of the two previous steps."""
 
 ALTERNATING = 0.3
-"""Correlation over two steps of residuals that alternate; that of white noise is 0, and 0.05 by chance."""
+"""Smallest correlation over two steps of alternating residuals; white noise has 0, and 0.05 by chance."""
 
 UNRESOLVED = 0.8
-"""Residuals beyond this part of the signal's variation count in any case; pure white noise has 0.69."""
+"""Residuals above this fraction of the signal's variation always count; pure white noise has 0.69."""
 
 SMALLEST_SHARE = 0.01
-"""A signal that varies by less than this part of its size is judged as if it varied by so much."""
+"""Smallest variation of a signal, as a fraction of its size, to which residuals are compared."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """What one connection cost.
+    """The coupling error of one connection.
 
-    `relative` is the rms of the residual over how much the signal varies. `radians` is how far the signal
-    oscillates, at its mean frequency, for as long as its motion lasts. `centre` is when it moves, as a part
-    of the time: 0.5 for an oscillation that stays as it is, more for one that grows. Of residuals and of
-    motion only what lasts from one step to the next counts, which leaves noise out; residuals that change
-    their sign from step to step and keep it over two steps count, too: no noise does that, but an unstable
-    exchange does. So do residuals nearly as large as the signal's variation, whatever they are.
+    Only the part of residuals and motion that lasts from one step to the next counts, which excludes noise.
+    Two other kinds of residuals count, too: those that alternate in sign, as in an unstable exchange but not
+    in noise, and those nearly as large as the signal's variation.
+
+    Args:
+        relative: Rms of the residual, divided by the signal's standard deviation.
+        radians: Phase in rad through which the signal oscillates, at its mean frequency.
+        centre: Mean time of the motion, as a fraction of the run: 0.5 for a steady oscillation, more for a
+            growing one.
     """
 
     relative: float
@@ -43,12 +46,12 @@ class Residual:
 
     @property
     def accumulated(self) -> float:
-        """Return the part of its amplitude that an undamped oscillation may gain or lose by the residual."""
+        """Fraction of its amplitude that an undamped oscillation may gain or lose by the residual."""
         return self.relative * self.radians
 
 
 class Residuals:
-    """Adds up residuals, step by step, and how the signals vary."""
+    """Sum up residuals and the variation of signals, step by step."""
 
     def __init__(self, connections: Sequence[ContinuousConnection]) -> None:
         self.connections = list(connections)
@@ -71,12 +74,17 @@ class Residuals:
 
     @property
     def columns(self) -> set[int]:
-        """The columns that are needed of rows with the time first."""
+        """Required columns of rows, time first."""
         inside = (x.signal for group in self._groups.values() for x in group)
         return {1 + signal for signal in (*self._signals, *inside)}
 
     def take(self, lately: Sequence[Steps], place: Mapping[int, int]) -> None:
-        """Take the next steps, and the two before each; `place` says where a column is in them."""
+        """Take the next steps, and the two steps before each.
+
+        Args:
+            lately: The steps, the previous steps, and the steps before those.
+            place: Position of each column of rows in the steps.
+        """
         steps = lately[0]
         lengths, weights = steps.weighted, steps.counts
         columns = [place[1 + signal] for signal in self._signals]
@@ -105,7 +113,7 @@ class Residuals:
             self._products[number] += [integral(lengths, now, then) for then in (now, *before)]
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, Residual]:
-        """Return what each connection cost so far; see `loop_responses`."""
+        """Return the coupling error of each connection so far; see `loop_responses`."""
         if not self._time:
             return dict.fromkeys((x.name for x in self.connections), Residual(np.nan, np.nan, np.nan))
         mean, square, path, speeds, late = self._moments / self._time
@@ -137,7 +145,7 @@ class Residuals:
         return found
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on."""
+        """Return the state as plain data, from which another object can continue."""
         return {
             "time": self._time,
             "start": self._start,
@@ -148,7 +156,7 @@ class Residuals:
         }
 
     def remember(self, memory: Any) -> None:
-        """Go on from what `memory` gave."""
+        """Restore the state from `memory`."""
         self._time, self._start = float(memory["time"]), float(memory["start"])
         for name, values in (
             ("origin", self._origin),
@@ -161,7 +169,7 @@ class Residuals:
 
 
 def _lasting_residual(same: float, next_: float, next_but_one: float, extent: float) -> float:
-    """The rms of the residuals that count, from the means of their products over 0, 1 and 2 steps."""
+    """Return the rms of the residuals that count, from the means of their products over 0, 1 and 2 steps."""
     rms = math.sqrt(max(same, 0.0))
     alternates = next_ < 0.0 and next_but_one > ALTERNATING * same
     return rms if alternates or rms > UNRESOLVED * extent else math.sqrt(max(next_, 0.0))
@@ -172,5 +180,5 @@ def _kind(x: ContinuousConnection) -> tuple[int, bool, int]:
 
 
 def _products(lengths: Vector, first: Vector, second: Vector) -> Vector:
-    """The integrals of the products of the same column in both."""
+    """Return the integrals of the products of the same column in both."""
     return np.einsum("k,kai,ab,kbi->i", lengths, first, PRODUCTS, second, optimize=True)

@@ -1,9 +1,9 @@
-"""What consumers used during steps, less what their sources had: from the values at communication points.
+"""Compute residuals (the value that a consumer used minus the value of the source) during steps.
 
 Within a step of length h, with 0 <= x <= 1 for its time, every value is a + b x + c (x - x^2) with three
-coefficients (a, b, c). A source's own value is the parabola through its present, next and previous values;
-what a consumer uses is a constant or a line. Integrals of products over a step are then the products of
-coefficients with the matrix `PRODUCTS` between them, exactly.
+coefficients (a, b, c). A source's own value is the parabola through its present, next and previous values.
+A consumer uses a constant or a line. The integral of a product over a step is exactly h u' P v, with the
+coefficients u and v and the matrix P = `PRODUCTS`.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ PRODUCTS = np.array([[1.0, 1 / 2, 1 / 6], [1 / 2, 1 / 3, 1 / 12], [1 / 6, 1 / 12
 
 @dataclass(frozen=True)
 class Use:
-    """How consumers use a source: the column of its values, and what they see of it; see `Exchanged`."""
+    """How consumers use a source: its column, and what they read; see `ContinuousConnection`."""
 
     column: int
     is_late: bool
@@ -28,12 +28,18 @@ class Use:
 
 
 class Steps:
-    """Steps with the values before, at their beginning and at their end: rows with the time in s first.
+    """Steps with the values at the previous point, at their begin and at their end.
 
-    `counts` says for how many steps each stands; `weighted` are the lengths times these.
+    Args:
+        before: Rows at the previous points, time in s first, shape (steps, columns).
+        begin: Rows at the begin of the steps.
+        end: Rows at the end of the steps.
+        counts: Weight of each step: the number of steps that it represents.
 
-    `lengths` are those of the steps in s, `ratio` those over the lengths of the steps before,
-    0 for the first step.
+    Attributes:
+        lengths: Lengths of the steps in s.
+        weighted: Lengths times weights.
+        ratio: Lengths divided by those of the previous steps; 0 for the first step.
     """
 
     def __init__(self, before: Vector, begin: Vector, end: Vector, counts: Vector) -> None:
@@ -47,12 +53,12 @@ class Steps:
     def values(self, columns: Sequence[int] | slice = slice(None)) -> Vector:
         """Return the coefficients of the sources' own values, (steps, 3, columns)."""
         begin, change, before = self._differences(columns)
-        # of the second difference of unequal steps; none where nothing is known of the step before
+        # weight of the second difference for unequal steps; 0 without a previous step
         share = np.where(self.ratio > 0.0, self.ratio / (1.0 + self.ratio), 0.0)
         return np.stack((begin, change, share * (before - change)), axis=1)
 
     def residuals(self, uses: Sequence[Use]) -> Vector:
-        """Return the coefficients of what is used less what the source has, (steps, 3, uses)."""
+        """Return the coefficients of the used values minus the sources' values, (steps, 3, uses)."""
         columns = [use.column for use in uses]
         values = self.values(columns)
         change, before = values[:, 1], self._differences(columns)[2]
@@ -72,11 +78,11 @@ class Steps:
         )
 
     def _at(self, place: float) -> Vector:
-        """The sources' own values at a part of the step."""
+        """Return the sources' own values at a fraction of the step."""
         return np.einsum("a,kai->ki", (1.0, place, place - place**2), self.values())
 
     def _differences(self, columns: Sequence[int] | slice) -> tuple[Vector, Vector, Vector]:
-        """Values at the beginning, their change, and the change of the step before for this length."""
+        """Return values at the begin, their change, and the previous change scaled to this length."""
         begin = self.begin[:, columns]
         return begin, self.end[:, columns] - begin, (begin - self.before[:, columns]) * self.ratio
 
@@ -89,7 +95,7 @@ def integral(lengths: Vector, first: Vector, second: Vector) -> Vector:
 
 
 def _used_value(use: Use, change: Vector, before: Vector) -> tuple[Vector | float, Vector | float]:
-    """Offset from the value at the beginning of the step, and slope, of what a consumer uses."""
+    """Return offset (from the value at the begin of the step) and slope of the value that a consumer uses."""
     match use.mode, use.is_late:
         case Mode.HOLD, True:
             return 0.0, 0.0

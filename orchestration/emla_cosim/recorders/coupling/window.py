@@ -1,4 +1,4 @@
-"""Steps picked from rows that come in blocks, with the points before each."""
+"""Select steps from blocks of rows, with the points before each step."""
 
 from typing import Any
 
@@ -8,34 +8,34 @@ from ...base.arrays import Indices, Vector, read_stored_array
 from .steps import Steps
 
 EVERY_STEP, THINNED = 500, 31
-"""So many steps are all looked at, of later ones every `THINNED`-th, which stands for so many."""
+"""The first `EVERY_STEP` steps are all used, then every `THINNED`-th, with `THINNED` times the weight."""
 
 POINTS = 5
-"""Of each step: its end, its beginning, and three before, for the two steps before and their slopes."""
+"""Points per step: its end, its begin, and three before, for the two previous steps and their slopes."""
 
 
 class Window:
-    """Picks steps of rows, the time in s first, of which some columns are needed, until they are taken."""
+    """Select steps of rows (time in s first) with some columns, and keep them until `take`."""
 
     def __init__(self, columns: Indices, memory: Any = None) -> None:
-        """Begin, or go on from what `memory` gave."""
+        """Begin, or continue from a `memory`."""
         self._columns = columns
         self._number = 0  # of the step that the next row ends
         self._last: Vector = np.empty((0, len(columns)))  # the points before the next row
         self._points, self._counts = list[Vector](), list[Vector]()
         self.waiting = 0
-        """Steps that wait to be taken."""
+        """Number of steps that wait for `take`."""
         if memory is not None:
             self._number = int(memory["step"])
             self._last = _points(memory["last"], POINTS - 1, columns)
 
     @property
     def time(self) -> float:
-        """The time of the last row in s; before all times without one."""
+        """Time of the last row in s; minus infinity without one."""
         return float(self._last[-1, 0]) if len(self._last) else -np.inf
 
     def show(self, rows: Vector) -> None:
-        """Pick steps of the next rows."""
+        """Select steps of the next rows."""
         if not len(self._last):
             self._last, rows = rows[[0] * (POINTS - 1)][:, self._columns], rows[1:]
         every = np.arange(len(rows))
@@ -49,18 +49,18 @@ class Window:
         self._number += len(rows)
 
     def take(self) -> tuple[Steps, Steps, Steps]:
-        """Hand over the steps that wait, the steps before them, and those before these."""
+        """Return the waiting steps, the steps before them, and the steps before those."""
         points, counts = np.concatenate(self._points), np.concatenate(self._counts)
         self._points, self._counts, self.waiting = [], [], 0
         three, two, one, begin, end = points.transpose(1, 0, 2)
         return Steps(one, begin, end, counts), Steps(two, one, begin, counts), Steps(three, two, one, counts)
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on, where no steps wait."""
+        """Return the state as plain data, from which another object can continue; call `take` before."""
         return {"step": self._number, "last": self._last.tolist()}
 
     def _picked(self, rows: Vector, points: Indices) -> Vector:
-        """Points by their position: those from before, then the rows."""
+        """Return points by position: first those from earlier rows, then the rows."""
         early = points < POINTS - 1
         if early.all():
             return self._last[points]
@@ -71,34 +71,34 @@ class Window:
 
 
 class EveryStep:
-    """All steps of rows, the time in s first, of which some columns are needed, until they are taken."""
+    """Keep all steps of rows (time in s first) with some columns, until `take`."""
 
     def __init__(self, columns: Indices, memory: Any = None) -> None:
-        """Begin, or go on from what `memory` gave."""
+        """Begin, or continue from a `memory`."""
         self._columns = columns
         self._rows = [np.empty((0, len(columns))) if memory is None else _points(memory, 2, columns)]
         self.waiting = 0
-        """Steps that wait to be taken."""
+        """Number of steps that wait for `take`."""
 
     def show(self, rows: Vector) -> None:
         """Take the next rows."""
         if not len(self._rows[0]):
-            self._rows = [rows[[0, 0]][:, self._columns]]  # nothing is known of a step before the first
+            self._rows = [rows[[0, 0]][:, self._columns]]  # there is no step before the first
             rows = rows[1:]
         self._rows.append(rows[:, self._columns])
         self.waiting += len(rows)
 
     def take(self) -> Steps:
-        """Hand over the steps that wait."""
+        """Return the waiting steps."""
         rows = np.concatenate(self._rows)
         self._rows, self.waiting = [rows[-2:]], 0
         return Steps(rows[:-2], rows[1:-1], rows[2:], np.ones(len(rows) - 2))
 
     def memory(self) -> Any:
-        """Plain data from which another one can go on, where no steps wait."""
+        """Return the state as plain data, from which another object can continue; call `take` before."""
         return self._rows[0].tolist()
 
 
 def _points(memory: Any, count: int, columns: Indices) -> Vector:
-    """The points before the next row, or none, from a memory."""
+    """Return the points before the next row from a memory, which may have none."""
     return read_stored_array(memory, (count, len(columns)), (0, len(columns)))

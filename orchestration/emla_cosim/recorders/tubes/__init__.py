@@ -1,1 +1,1 @@
-"""Signals compared with references: tubes in time and value around them."""
+"""Compare signals with references, within tubes in time and value."""

@@ -1,4 +1,4 @@
-"""Signals held against their references."""
+"""Compare signals with their references."""
 
 from collections.abc import Iterable
 
@@ -18,15 +18,23 @@ def compare_signal(
     reference: Vector,
     tolerance: Tolerance,
 ) -> Comparison:
-    """A signal against its reference, over the time in s that both cover.
+    """Compare a signal with its reference, over the time that both cover.
 
-    Both have one value at least. Where the reference is not finite it says nothing; where the signal is
-    not, it is outside.
+    Values of the reference that are not finite are ignored; such values of the signal are outside the tube.
+
+    Args:
+        signal: Name of the signal.
+        unit: Unit of both.
+        time: Times of the signal in s, shape (n,) with n > 0.
+        values: The signal, shape (n,).
+        reference_time: Times of the reference in s, shape (m,) with m > 0.
+        reference: The reference, shape (m,).
+        tolerance: Allowed deviations.
     """
-    said = np.isfinite(reference)
-    if not said.any():
-        said, reference = np.ones_like(said), np.zeros_like(reference)
-    reference_time, reference = reference_time[said], reference[said]
+    finite = np.isfinite(reference)
+    if not finite.any():
+        finite, reference = np.ones_like(finite), np.zeros_like(reference)
+    reference_time, reference = reference_time[finite], reference[finite]
     tube = tolerance.tube(reference_time, reference)
     low, high = reference_time[0] - tube.time, reference_time[-1] + tube.time
     common = (time >= low) & (time <= high)
@@ -53,12 +61,12 @@ def compare_signal(
 
 
 def select_outside(comparisons: Iterable[Comparison]) -> list[Comparison]:
-    """Those outside of their tubes, the first one first."""
+    """Return the signals that leave their tubes, in the order of time."""
     return sorted((c for c in comparisons if c.left_at is not None), key=lambda c: c.left_at or 0.0)
 
 
 def describe_departure(comparison: Comparison) -> str:
-    """When a signal left its tube, and how far off it was at worst, as the end of a sentence."""
+    """Return when a signal left its tube, and its largest deviation, as part of a message."""
     unit = f" {comparison.unit}" if comparison.unit else ""
     return (
         f"{comparison.signal} left its tube at t = {comparison.left_at:.9g} s; it is off by up to "

@@ -1,4 +1,4 @@
-"""One signal beside its reference, and whether it stays in the tube."""
+"""The comparison of one signal with its reference."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,21 @@ from .tube import Tube
 
 @dataclass(frozen=True)
 class Comparison:
-    """One signal at `time` in s, with its `reference` at `reference_time`, both in `unit`.
+    """One signal with its reference.
 
-    `lower` and `upper` are the tube's edges at `time`. `worst` is the largest difference from the
-    reference that no shift in time within the tube explains, at `worst_at`; `left_at` is the
-    first time outside of the tube, None if there is none. `tube` is how wide the tube is.
+    Args:
+        signal: Name of the signal.
+        unit: Unit of all values.
+        time: Times of the signal in s, shape (n,).
+        values: The signal, shape (n,).
+        reference_time: Times of the reference in s, shape (m,).
+        reference: The reference, shape (m,).
+        lower: Lower edge of the tube at `time`, shape (n,).
+        upper: Upper edge of the tube at `time`, shape (n,).
+        tube: Width of the tube.
+        worst: Largest difference that a shift in time within the tube does not explain.
+        worst_at: Time of that difference in s.
+        left_at: First time outside the tube in s; None without one.
     """
 
     signal: str

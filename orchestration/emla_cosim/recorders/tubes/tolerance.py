@@ -1,4 +1,4 @@
-"""How wide tubes are to be, as people write it."""
+"""Tolerances of comparisons, and how users write them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -12,19 +12,22 @@ from ...base.values import convert_value
 from .tube import Tube
 
 RELATIVE = 1e-3
-"""Of a signal's range: how far off it may be unless told otherwise."""
+"""Default tolerance, as a fraction of a signal's range."""
 
 _LEAST = 1e-12
-"""How far off a signal may be that is always 0, in its unit."""
+"""Smallest tolerance of a signal that is always 0, in its unit."""
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far off a signal may be: relative to its range, in its own unit, and in time in s.
+    """The allowed deviations of a signal. The tube in value is the sum of `relative` and `absolute`.
 
-    None leaves a part to what is said of more signals, and in the end to the default: 1e-3 of the range,
-    nothing more, half a reference interval. The tube is as wide as `relative` and `absolute` together;
-    the range of a signal that is constant is its value.
+    None means the tolerance of a more general pattern, or else the default.
+
+    Args:
+        relative: As a fraction of the signal's range, or of its value if it is constant. Default: 1e-3.
+        absolute: In the signal's unit. Default: 0.
+        time: In s. Default: half an interval of the reference.
     """
 
     relative: float | None = None
@@ -32,14 +35,14 @@ class Tolerance:
     time: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise CommandError for what is negative or no number."""
+        """Raise CommandError for values that are negative, infinite or NaN."""
         for part in fields(self):
             value = getattr(self, part.name)
             if value is not None and not 0.0 <= value < np.inf:
                 raise CommandError(f"the {part.name} tolerance {value:g} must be 0 or a positive number.")
 
     def tube(self, time: Vector, reference: Vector) -> Tube:
-        """The tube around a reference, all values of which are finite, at these times in s."""
+        """Return the tube around a reference with finite values at these times in s."""
         scale = float(np.ptp(reference)) or float(np.abs(reference).max())
         value = _or(self.relative, RELATIVE) * scale + _or(self.absolute, 0.0)
         intervals = np.diff(np.unique(time))
@@ -47,19 +50,32 @@ class Tolerance:
         return Tube(value if scale > 0.0 else max(value, _LEAST), _or(self.time, half))
 
 
-def find_tolerance(signal: str, given: Mapping[str, Tolerance]) -> Tolerance:
-    """That of a signal, by names and patterns of which each fills or replaces what those before say."""
+def find_tolerance(signal: str, tolerances: Mapping[str, Tolerance]) -> Tolerance:
+    """Return the tolerance of a signal.
+
+    Args:
+        signal: Name of the signal.
+        tolerances: Tolerances by name or pattern. Later entries override earlier ones, except for None.
+    """
     found: dict[str, float] = {}
-    for pattern, tolerance in given.items():
+    for pattern, tolerance in tolerances.items():
         if matches_pattern(signal, pattern):
             found |= {name: value for name, value in vars(tolerance).items() if value is not None}
     return Tolerance(**found)
 
 
 def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
-    """Tolerances as the command line has them: `1e-4`, `x=1e-6`, `a.*=relative:1e-5,absolute:1e-9,time:0`.
+    """Read tolerances from the command line.
 
-    Without a name they are those of all signals. Raises CommandError.
+    Args:
+        texts: For example `1e-4`, `x=1e-6` or `a.*=relative:1e-5,absolute:1e-9,time:0`. Without a name, the
+            tolerance applies to all signals.
+
+    Returns:
+        Tolerances by name or pattern.
+
+    Raises:
+        CommandError: A text has another form.
     """
     return dict(map(_read, texts))
 
@@ -76,14 +92,22 @@ def _read(text: str) -> tuple[str, Tolerance]:
             found[""] = 0.0
     if (equals and not pattern) or not found.keys() <= set(known):
         raise CommandError(
-            f"--tolerance {text} cannot be read; write NUMBER, SIGNAL=NUMBER or "
+            f"--tolerance {text} cannot be read. Write NUMBER, SIGNAL=NUMBER or "
             "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
         )
     return pattern.strip() or "*", Tolerance(**found)
 
 
 def parse_tolerances(table: object, where: str) -> dict[str, Tolerance]:
-    """Tolerances as a file has them: by name or pattern a number, or its parts. Raises CommandError."""
+    """Read tolerances from the table of a file.
+
+    Args:
+        table: A number, or a table with the parts of a `Tolerance`, by name or pattern of signals.
+        where: Name of the file in messages.
+
+    Raises:
+        CommandError: The table has another form.
+    """
     return convert_value(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
 
 

@@ -1,4 +1,4 @@
-"""A tube around a reference: as wide as a result may be off in value, and in time."""
+"""A tube around a reference: the allowed deviations in value and in time."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,24 @@ from ...base.arrays import Vector
 
 @dataclass(frozen=True)
 class Tube:
-    """How far a result may be from its reference: by `value` in the signal's unit, by `time` in s."""
+    """The allowed deviations from a reference: `value` in the signal's unit, `time` in s."""
 
     value: float
     time: float
 
     def edges(self, time: Vector, reference_time: Vector, reference: Vector) -> tuple[Vector, Vector]:
-        """The lower and the upper edge at `time`, without `value`: all that the reference is near it.
+        """Return the smallest and the largest value of the reference within the tube's `time`.
 
-        The reference is linear between its points, and stays what it is before the first and after
-        the last. Two points of one time are a jump.
+        The reference is linear between its points, and constant before the first and after the last.
+        Two points at the same time are a jump.
+
+        Args:
+            time: Times in s at which to compute the edges, shape (n,).
+            reference_time: Times of the reference in s, shape (m,).
+            reference: The reference, shape (m,).
+
+        Returns:
+            Lower and upper edge without `value`, each of shape (n,).
         """
         low, high = time - self.time, time + self.time
         ends = np.concatenate([_at(low, reference_time, reference), _at(high, reference_time, reference)])
@@ -26,9 +34,9 @@ class Tube:
         first = np.searchsorted(reference_time, low, side="left")
         last = np.searchsorted(reference_time, high, side="right")
         lower, upper = np.minimum(at_low, at_high), np.maximum(at_low, at_high)
-        some = last > first  # points of the reference lie between
+        some = last > first  # the reference has points within the tube's time
         pairs = np.column_stack([first[some], last[some]]).ravel()
-        padded = np.append(reference, np.nan)  # so that `last` is an index too
+        padded = np.append(reference, np.nan)  # so that `last` is a valid index
         if some.any():
             lower[some] = np.minimum(lower[some], np.fmin.reduceat(padded, pairs)[::2])
             upper[some] = np.maximum(upper[some], np.fmax.reduceat(padded, pairs)[::2])
