@@ -1,4 +1,4 @@
-"""What a comparison leaves in its folder: rows, tables, what repeats each run, and pictures."""
+"""The output folder of a comparison: rows, tables, the record to repeat each run, and pictures."""
 
 import shlex
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
 
 
 class CompareFolder(Folder):
-    """The folder of a comparison; see `Folder` for errors."""
+    """The folder of a comparison; `Folder` lists the errors."""
 
     what = "comparison"
     files = (CSV, MARKDOWN, RECORD)
@@ -26,7 +26,11 @@ class CompareFolder(Folder):
     record_file, is_record = RECORD, has_entries("entrants", "runs")
 
     def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
-        """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
+        """Write all files but the pictures, each atomically, and remove pictures of an earlier comparison.
+
+        Raises:
+            RunError: A file cannot be written.
+        """
         with report_write_errors(self.path):
             self._files.remove(self.pictures)
             self.write(CSV, result.rows.write_csv().encode())
@@ -43,7 +47,7 @@ class CompareFolder(Folder):
 
 
 def build_record(contest: ComparisonPlan, result: CompareResult) -> dict[str, Any]:
-    """All that repeats the comparison: versions, options, systems, and the start values of each run."""
+    """Return what repeats the comparison: versions, options, systems, and the start values of each run."""
     return {
         "name": result.name,
         "table": result.table,

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: figures side by side, errors over time, and what holds when."""
+"""Pictures of a comparison: figures side by side, errors over time, and maps of points that hold."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 FIGURES, ERRORS = "comparison-figures", "comparison-errors"
 NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
-"""What pictures are called."""
+"""Names of the pictures."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
 _WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
-"""Figures on logarithmic axes, and below which value in their unit these are linear."""
+"""Figures on logarithmic axes, each with the value in its unit below which the axis is linear."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
-"""Of errors, the smallest first."""
+"""Colours of errors, the smallest error first."""
 _HOLDS, _LOST = "#cfe0f1", "#b0413e"
 _SMALLEST = 1e-9
-"""Errors in m below this are drawn as this: a logarithm has no zero."""
+"""Errors in m below this limit are drawn at the limit, since a logarithm has no zero."""
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
 def draw_pictures(result: CompareData) -> "dict[str, Figure]":
-    """Those that suit the table, by name; none where nothing was run."""
+    """Return the pictures that suit the table, by name; none if nothing was run."""
     if not len(result.rows):
         return {}
     if result.table == ROBUSTNESS:
@@ -58,7 +58,7 @@ def _color(result: CompareData, entrant: str) -> str:
 
 
 def _bars(result: CompareData) -> "Figure":
-    """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA.
+    """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
 
     Bars are means over seeds, with their standard deviations.
     """
@@ -110,7 +110,7 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
 
 
 def _errors(result: CompareData) -> "Figure":
-    """The position error of each joint over time, with each controller."""
+    """Draw the position error of each joint over time, for each controller."""
     places = _places(result)
     figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
     for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
@@ -134,14 +134,14 @@ def _errors(result: CompareData) -> "Figure":
 
 def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) -> None:
     time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
-    every = max(len(time) // 400, 1)  # the largest of as many as fit into a dot
+    every = max(len(time) // 400, 1)  # the largest error of those that share a dot
     whole = len(time) // every * every
     largest = error[:whole].reshape(-1, every).max(axis=1)
     axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
 def _robustness(result: CompareData) -> "Figure":
-    """For each joint a table of cases and controllers, shaded by the position error."""
+    """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     places = _places(result)
@@ -208,7 +208,7 @@ def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> 
 
 
 def _maps(result: CompareData) -> "dict[str, Figure]":
-    """For each map a panel for each joint and controller: which points hold."""
+    """Draw for each map a panel for each joint and controller that shows which points hold."""
     found = {}
     for number, one in enumerate(stability_maps(), start=1):
         rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
@@ -236,7 +236,7 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     table = np.full((len(y), len(x)), np.nan)
     for row in rows:
         place = y.index(row["y"]), x.index(row["x"])
-        table[place] = np.fmin(table[place], row[HELD])  # of several seeds the worst
+        table[place] = np.fmin(table[place], row[HELD])  # the worst of several seeds
     if len(rows):
         colors = ListedColormap([_LOST, _HOLDS])
         axes.pcolormesh(
