@@ -109,7 +109,7 @@ def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
 def _size(name: str, value: int) -> int:
     least, most = _RANGES[name]
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise CommandError(f"{name} is {value!r}; it must be an integer from {least} to {most}.")
+        raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
     return value
 
 

@@ -14,7 +14,7 @@ _OPERATIONS = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.Pow: math.pow,  # `operator.pow` gives complex roots of negative numbers, and does not end for 10**10**10
+    ast.Pow: math.pow,  # `operator.pow` has complex roots of negative numbers, and never ends for 10**10**10
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }

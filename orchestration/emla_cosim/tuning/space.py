@@ -103,7 +103,7 @@ def check_during_a_run(found: Sequence[Factor], where: str) -> None:
         for target in factor.targets:
             if needs_preparation(target):
                 raise CommandError(
-                    f"'{factor.name}' of {where} needs a new preparation, so it cannot vary; use start values or "
+                    f"'{factor.name}' of {where} needs a new preparation; vary start values or "
                     "options of the stepping.",
                     name=factor.name,
                 )
