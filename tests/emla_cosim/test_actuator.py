@@ -395,7 +395,7 @@ def test_a_trajectory_has_to_be_possible_too() -> None:
     """That of tilt goes to 473 mm, as fast as the joint's own actuator may, 100 mm/s."""
     for changes, said in (
         ({"screw__stroke": "400 mm"}, "of tilt goes from 389 to 472.8 mm, outside the stroke"),
-        ({"screw__stroke": "1 m", "screw__v_max": "80 mm/s"}, "of tilt peaks at .* give a --trajectory that"),
+        ({"screw__stroke": "1 m", "screw__v_max": "80 mm/s"}, "of tilt peaks at .* use a --trajectory that"),
     ):
         with pytest.raises(ec.CommandError, match=said):
             ec.load("hdrm-replay", actuator={"tilt": ec.Actuator(**with_entries(**changes))})
@@ -404,7 +404,7 @@ def test_a_trajectory_has_to_be_possible_too() -> None:
 def test_a_load_that_cannot_be_held_is_a_note() -> None:
     level = "prototype.disturbance.load.level[*]"
     for load, said in (
-        (30e3, "more than the 8.469 N m that i_N"),
+        (30e3, "more than its continuous torque of 8.469 N m"),
         (90e3, "more than its peak torque of 25.41"),
     ):
         names = {level.replace("*", str(i)): load for i in range(1, 7)}

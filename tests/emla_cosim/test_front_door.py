@@ -459,7 +459,7 @@ def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
         (str, "no block of fmublock"),
         (
             "pid",
-            "no controller 'pid'; choose from rsba, foc, cac and anatc, or name FILE.fmu or FILE.py:BLOCK",
+            "no controller 'pid'; choose from rsba, foc, cac and anatc, or write FILE.fmu or FILE.py:BLOCK",
         ),
         ("robust", "a set of gains, not a controller"),
         (str(fmu_path("EmlaObserver", "native", fmu_folder)), "has no output 'u_q'"),
