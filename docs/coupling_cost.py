@@ -37,10 +37,10 @@ def main() -> None:
         cost = named.cost()
         residual = max(figures["residual"] for figures in free.figures().values())
         how = f"`{algorithm}`" + (" `fmu`" if extrapolation == "fmu" else "") + f", {1e3 * step:g} ms"
-        told = [word for word, one in (("bond", cost), ("no bond", free)) if one.remarks()]
+        warnings = [word for word, one in (("bond", cost), ("no bond", free)) if one.remarks()]
         energy = cost.figures()["pair"]["energy_error"]
         shares = " | ".join(_percent(share) for share in (named.error, energy, residual))
-        print(f"| {label} | {how} | {shares} | {', '.join(told) or 'none'} |", flush=True)
+        print(f"| {label} | {how} | {shares} | {', '.join(warnings) or 'none'} |", flush=True)
 
 
 def _percent(share: float) -> str:

@@ -103,7 +103,7 @@ def draw_followed(joint: Joint, axes: Axes) -> None:
     tidy_axes(axes)
 
 
-def told(joints: Sequence[Joint]) -> Iterable[str]:
+def lines(joints: Sequence[Joint]) -> Iterable[str]:
     """Yield the lines of the tables."""
     yield "| | " + " | ".join(joint.name for joint in joints) + " |"
     yield "|---|" + "---|" * len(joints)
@@ -154,7 +154,7 @@ def main(arguments: Sequence[str]) -> None:
     result = ec.read_sweep(arguments[0])
     joints = [Joint(result, name) for name in STUDY]
     draw(joints, HERE / "images/study-robustness.png")
-    print("\n".join(told(joints)))
+    print("\n".join(lines(joints)))
 
 
 if __name__ == "__main__":

@@ -97,7 +97,7 @@ def _describe_difference(printed: PrintedTable) -> list[str]:
         for figure, ours, theirs in zip(_FIGURES, found, said, strict=True):
             if abs(ours - theirs) > _ROUNDED:
                 wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
-    told = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
-    if not told:
+    differences = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
+    if not differences:
         return ["The paper's averages follow from its own cells."]
-    return [f"The paper's averages follow from its own cells, except {'; '.join(told)}."]
+    return [f"The paper's averages follow from its own cells, except {'; '.join(differences)}."]

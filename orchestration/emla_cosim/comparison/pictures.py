@@ -53,8 +53,8 @@ def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
     return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
-def _color(result: CompareData, entrant: str) -> str:
-    return _COLORS[list(result.entrants).index(entrant) % len(_COLORS)]
+def _color(result: CompareData, variant: str) -> str:
+    return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
 def _bars(result: CompareData) -> "Figure":
@@ -154,17 +154,17 @@ def _robustness(result: CompareData) -> "Figure":
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
         found = {
-            (case, entrant): one
+            (case, variant): one
             for (case,), own in group_rows(rows, "case").items()
-            for entrant, one in group_by_variant(own).items()
+            for variant, one in group_by_variant(own).items()
         }
         values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
         picture = axes.pcolormesh(
             np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
         )
         for y, case in enumerate(cases):
-            for x, entrant in enumerate(result.entrants):
-                _write(axes, x, y, found.get((case, entrant)), norm)
+            for x, variant in enumerate(result.entrants):
+                _write(axes, x, y, found.get((case, variant)), norm)
         _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
@@ -217,11 +217,11 @@ def _maps(result: CompareData) -> "dict[str, Figure]":
         joints = list(dict.fromkeys(row["joint"] for row in rows))
         figure, grid = new_figure(len(joints), len(result.entrants), 1.7, 1.7, sharex="none")
         for axes_row, joint in zip(grid, joints, strict=True):
-            for axes, entrant in zip(axes_row, result.entrants, strict=True):
-                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == entrant])
+            for axes, variant in zip(axes_row, result.entrants, strict=True):
+                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == variant])
                 axes.label_outer()
                 if joint == joints[0]:
-                    axes.set_title(entrant.replace("/", "\n"), fontsize=9)
+                    axes.set_title(variant.replace("/", "\n"), fontsize=9)
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
         figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)

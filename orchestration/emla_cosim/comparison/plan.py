@@ -60,18 +60,18 @@ class ComparisonPlan:
     def work(self) -> list[WorkPackage]:
         """Return all runs by group, the longest first, so that workers end at about the same time."""
         numbers: list[list[int]] = [[] for _ in self.groups]
-        for number, heat in enumerate(self.runs):
-            numbers[heat.group].append(number)
+        for number, run in enumerate(self.runs):
+            numbers[run.group].append(number)
         steps = [run_times(group.options, group.name).steps for group in self.groups]
         order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
         return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
 
     def command(self, number: int) -> list[str] | None:
         """Return the command that repeats a run; None if an option is a Python object."""
-        heat = self.runs[number]
-        own = {"controller": heat.controller_variant.controller, "gains": heat.controller_variant.gains}
-        arguments = format_arguments(merge_options([self.options, own, heat.own]))
-        return None if arguments is None else ["emla", "run", heat.scenario, *arguments]
+        run = self.runs[number]
+        own = {"controller": run.controller_variant.controller, "gains": run.controller_variant.gains}
+        arguments = format_arguments(merge_options([self.options, own, run.own]))
+        return None if arguments is None else ["emla", "run", run.scenario, *arguments]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class ComparisonTerms:
 
 def plan_runs(
     scenarios: Sequence[str],
-    entrants: Sequence[ControllerVariant],
+    variants: Sequence[ControllerVariant],
     cases: Sequence[ComparisonCase],
     terms: ComparisonTerms,
     progress: Progress,
@@ -102,36 +102,36 @@ def plan_runs(
         CommandError: A scenario or an option is wrong, or a scenario has no joints.
         RunError: An FMU cannot be built.
     """
-    heats, groups = list[ComparisonRun](), list[Preparation]()
+    runs, groups = list[ComparisonRun](), list[Preparation]()
     run = set[tuple[str, str]]()
     held_out = HeldOutSeeds(terms.seeds)
     kept, fixed = dict[str, dict[str, None]](), dict[str, None]()
     for scenario in scenarios:
-        for entrant in entrants:
-            for part, case, own in _cases(scenario, entrant, cases, terms, progress):
+        for variant in variants:
+            for part, case, own in _cases(scenario, variant, cases, terms, progress):
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 run.add((scenario, case.name))
-                kept.setdefault(str(entrant), {})[describe_reserves(part, own["set"])] = None
+                kept.setdefault(str(variant), {})[describe_reserves(part, own["set"])] = None
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
-                    fixed[str(entrant)] = None
+                    fixed[str(variant)] = None
                 for seed, options in _choose_seeds(part, own, held_out, terms.options):
-                    heats.append(
-                        ComparisonRun(scenario, entrant, case, _joints(part), options, len(groups) - 1, seed)
+                    runs.append(
+                        ComparisonRun(scenario, variant, case, _joints(part), options, len(groups) - 1, seed)
                     )
     notes = [
         describe_left_out(missing, scenario)
         for scenario in scenarios
         if (missing := [case for case in cases if (scenario, case.name) not in run])
     ]
-    if not heats:
+    if not runs:
         raise CommandError(" ".join(notes))
     known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
     notes += dict.fromkeys(known)
     reserves = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
     notes.append(f"Reserves of current and voltage: {reserves}.")
     notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
-    return ComparisonPlan(heats, groups, terms.options, notes)
+    return ComparisonPlan(runs, groups, terms.options, notes)
 
 
 def _choose_seeds(
@@ -148,14 +148,14 @@ def _choose_seeds(
 
 def _cases(
     scenario: str,
-    entrant: ControllerVariant,
+    variant: ControllerVariant,
     cases: Sequence[ComparisonCase],
     terms: ComparisonTerms,
     progress: Progress,
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
     """Return the subsystems of a scenario, each with a case that it can run and the options of the case."""
     options = terms.options
-    usual = _parts(scenario, entrant, options, progress)
+    usual = _parts(scenario, variant, options, progress)
     for part in usual:
         for case in cases:
             if not case.fault and (values := case.resolve_start_values(part)) is not None:
@@ -164,7 +164,7 @@ def _cases(
     for case in cases:
         if case.fault:  # faults become part of the system before it is prepared
             own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
-            for part in _parts(scenario, entrant, {**options, **own}, progress):
+            for part in _parts(scenario, variant, {**options, **own}, progress):
                 if (values := case.resolve_start_values(part)) is not None:
                     yield part, case, {**own, "set": _on_terms(values, part, terms)}
 
@@ -174,10 +174,10 @@ def _on_terms(values: Mapping[str, Any], part: Preparation, terms: ComparisonTer
 
 
 def _parts(
-    scenario: str, entrant: ControllerVariant, options: Mapping[str, Any], progress: Progress
+    scenario: str, variant: ControllerVariant, options: Mapping[str, Any], progress: Progress
 ) -> list[Preparation]:
     """Return the subsystems of a scenario that have joints, with this controller."""
-    chosen = load(scenario, **{**options, "controller": entrant.controller, "gains": entrant.gains})
+    chosen = load(scenario, **{**options, "controller": variant.controller, "gains": variant.gains})
     check_run(chosen.options, chosen.name)
     found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
     if not found:

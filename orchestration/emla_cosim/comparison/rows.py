@@ -42,28 +42,28 @@ SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.show
 Row = Mapping[str, Any]
 
 
-def build_rows(contest: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
+def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
     """Return the rows of all finished runs, in the order of the plan."""
-    found = [row for number in sorted(outcomes) for row in _rows(contest.runs[number], outcomes[number])]
+    found = [row for number in sorted(outcomes) for row in _rows(plan.runs[number], outcomes[number])]
     return polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
 
 
-def _rows(heat: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
-    return [_row(heat, joint, outcome) for joint in heat.joints]
+def _rows(run: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
+    return [_row(run, joint, outcome) for joint in run.joints]
 
 
-def _row(heat: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
+def _row(run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
     is_held, at, why = read_verdict(figures, outcome)
-    x, y = heat.case.at or (None, None)
+    x, y = run.case.at or (None, None)
     return {
         "run": outcome.number,
-        "scenario": heat.scenario,
-        "case": heat.case.name,
+        "scenario": run.scenario,
+        "case": run.case.name,
         "joint": joint,
-        "controller": heat.controller_variant.label,
-        "gains": heat.controller_variant.gains,
-        SEED: heat.seed,
+        "controller": run.controller_variant.label,
+        "gains": run.controller_variant.gains,
+        SEED: run.seed,
         HELD: is_held,
         LOST_AT: at,
         WHY: why,

@@ -86,7 +86,7 @@ def compare(
         CommandError: Controllers, gains, scenario or options are wrong. Raised before the first run.
         RunError: The cluster is lost, all runs fail, or files cannot be written.
     """
-    told, name = progress or Progress(), _name_of(scenario)
+    reporter, name = progress or Progress(), _name_of(scenario)
     options |= {"overwrite": True} if overwrite else {}
     _check(table, resolution, options)
     check_cluster(scheduler, workers)
@@ -99,16 +99,16 @@ def compare(
     if table == STABILITY:
         options = {"stop_time": stability_stop_time(), **options}
         terms = replace(terms, options=options)
-    contest = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
+    plan = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, reporter)
     for kind, known in REGISTRIES.items():
         check_portable(kind, known)
     if folder is None:
-        return _result(contest, name, table, _run(contest, table, (scheduler, workers), told), None)
-    folder.check_unread(group.read for group in contest.groups)
+        return _result(plan, name, table, _run(plan, table, (scheduler, workers), reporter), None)
+    folder.check_unread(group.read for group in plan.groups)
     with folder.alone():
-        ran = _run(contest, table, (scheduler, workers), told)
-        result = _result(contest, name, table, ran, folder.path)
-        folder.keep(result, build_record(contest, result))
+        ran = _run(plan, table, (scheduler, workers), reporter)
+        result = _result(plan, name, table, ran, folder.path)
+        folder.keep(result, build_record(plan, result))
     return result
 
 
@@ -131,23 +131,23 @@ class _CollectedOutcomes:
 
 
 def _run(
-    contest: ComparisonPlan, table: str | None, cluster: tuple[Scheduler, int | None], told: Progress
+    plan: ComparisonPlan, table: str | None, cluster: tuple[Scheduler, int | None], reporter: Progress
 ) -> _CollectedOutcomes:
     """Run all planned runs, or those that end before an interrupt."""
     ran = _CollectedOutcomes()
     measures = FIGURES_ALONE if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
-    shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", contest.groups)
+    shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", plan.groups)
 
     def keep(chunk: Chunk) -> None:
         ran.keep(chunk)
-        told.advance(len(chunk.outcomes))
+        reporter.advance(len(chunk.outcomes))
 
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
-        for group in {heat.scenario: heat.group for heat in reversed(contest.runs)}.values():
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
+        for group in {run.scenario: run.group for run in reversed(plan.runs)}.values():
             found.describe(group)  # raises the error that prevents every run
-        told.begin("comparing", len(contest.runs), "runs")
+        reporter.begin("comparing", len(plan.runs), "runs")
         began = time.monotonic()
-        ran.complete = found.run(contest.work(), contest.variant, measures, 0, keep, interrupted)
+        ran.complete = found.run(plan.work(), plan.variant, measures, 0, keep, interrupted)
         ran.wall_s = time.monotonic() - began
     if ran.outcomes and all(outcome.status == REFUSED for outcome in ran.outcomes.values()):
         raise RunError(str(next(iter(ran.outcomes.values())).problem))
@@ -155,18 +155,18 @@ def _run(
 
 
 def _result(
-    contest: ComparisonPlan, name: str, table: str | None, ran: _CollectedOutcomes, folder: Path | None
+    plan: ComparisonPlan, name: str, table: str | None, ran: _CollectedOutcomes, folder: Path | None
 ) -> CompareResult:
-    commands = {number: contest.command(number) for number in ran.outcomes}
-    compared = list(dict.fromkeys(heat.controller_variant for heat in contest.runs))
+    commands = {number: plan.command(number) for number in ran.outcomes}
+    compared = list(dict.fromkeys(run.controller_variant for run in plan.runs))
     return CompareResult(
         name=name,
         table=table,
-        rows=rows_of(contest, ran.outcomes),
+        rows=rows_of(plan, ran.outcomes),
         entrants=list(map(str, compared)),
         errors=ran.errors,
         commands={number: shlex.join(words) for number, words in commands.items() if words},
-        notes=[*contest.notes, *_describe_other_sets(compared)],
+        notes=[*plan.notes, *_describe_other_sets(compared)],
         complete=ran.complete,
         wall_s=ran.wall_s,
         folder=folder,

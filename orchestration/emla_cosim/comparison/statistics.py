@@ -60,7 +60,7 @@ def group_by_variant(rows: Sequence[Row]) -> dict[str, SeedStatistics]:
     found: dict[str, list[Row]] = {}
     for row in rows:
         found.setdefault(label_variant(row), []).append(row)
-    return {entrant: SeedStatistics(own) for entrant, own in found.items()}
+    return {variant: SeedStatistics(own) for variant, own in found.items()}
 
 
 def find_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> str | None:

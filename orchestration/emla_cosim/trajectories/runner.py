@@ -69,14 +69,14 @@ def trajectory(
         CommandError: The problem is invalid. Raised before it is solved.
         RunError: No motion keeps all bounds; the message names those that are violated.
     """
-    told, reading = progress or Progress(), _parse_reading(end_speed)
+    reporter, reading = progress or Progress(), _parse_reading(end_speed)
     given = load_problem(problem)
     how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
     place = None if output is None else convert_value(output, Path, "the output file")
     if place is not None:
         picture_places(place, plots, problem, overwrite)
     read = _resolve_contradictions(given, reading)
-    best, figures = _find_best(read, how, _size("starts", starts), told)
+    best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), given.contradictions()
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if place is not None:
@@ -130,23 +130,23 @@ def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionPr
 
 
 def _find_best(
-    problem: MotionProblem, how: Discretisation, starts: int, told: Progress
+    problem: MotionProblem, how: Discretisation, starts: int, reporter: Progress
 ) -> tuple[Solution, Assessment]:
     """Return the best of the motions from several starts, with its figures."""
     found = list[Solution]()
     for i in range(starts):
         begin = None if i == 0 else detour(problem, how, i)
-        told.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
         try:
-            found.append(solved(problem, how, begin, lambda: told.advance(1)))
+            found.append(solved(problem, how, begin, lambda: reporter.advance(1)))
         except NoMotionError as error:
             if not found and i + 1 == starts:
                 raise RunError(str(error)) from error
-        told.finish()
+        reporter.finish()
     best = min(found, key=lambda solution: solution.cost)
     figures = assessed(best.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
-        told.begin("narrower bounds", MOST_ITERATIONS, "iterations")
-        best, figures = narrowed(best, problem, how, lambda: told.advance(1))
-        told.finish()
+        reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        best, figures = narrowed(best, problem, how, lambda: reporter.advance(1))
+        reporter.finish()
     return best, figures

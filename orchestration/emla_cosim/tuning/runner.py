@@ -105,22 +105,22 @@ def tune(
     )
     if folder is not None and plots:
         folder.check_files(folder.pictures)
-    told = progress or Progress()
+    reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         scenario = plan.load_scenario()
         for note in scenario.notes:
-            told.note(f"Note: {note}.")
-        preparation = Preparation.of(scenario, told)
+            reporter.note(f"Note: {note}.")
+        preparation = Preparation.of(scenario, reporter)
         with (
             record_tracking_error(),
-            _open_evaluation(plan, preparation, (scheduler, workers), told) as (task, evaluation),
+            _open_evaluation(plan, preparation, (scheduler, workers), reporter) as (task, evaluation),
         ):
-            return _Tuning(task, evaluation, folder, told, scenario.notes).run(plots)
+            return _Tuning(task, evaluation, folder, reporter, scenario.notes).run(plots)
 
 
 @contextmanager
 def _open_evaluation(
-    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], told: Progress
+    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], reporter: Progress
 ) -> Iterator[tuple[TuningTask, Evaluation]]:
     """Open workers with all that a tuning needs; yield its task and its evaluation."""
     for kind, known in REGISTRIES.items():
@@ -128,7 +128,7 @@ def _open_evaluation(
     conditions = [*plan.require, *preparation.options.require]
     free = replace(preparation, options=replace(preparation.options, require=[]))
     shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
         task = prepare_task(replace(plan, require=conditions), free, found.describe(0))
         yield (
             task,
@@ -143,7 +143,7 @@ class _Tuning:
     task: TuningTask
     evaluation: Evaluation
     folder: TuneFolder | None
-    told: Progress
+    reporter: Progress
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
@@ -153,7 +153,7 @@ class _Tuning:
         plan, space = self.task.plan, self.task.space
         training, validation = self._seeds()
         self.drawn = {"training": _known(training), "validation": _known(validation)}
-        self.told.begin("tuning", plan.evaluations, "gains")
+        self.reporter.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.scores([{}], training)
         if first is None:
             raise CommandError("interrupted before anything was tried.")
@@ -222,7 +222,7 @@ class _Tuning:
                     "best": min(before, known),
                 }
             )
-        self.told.advance(len(tried))
+        self.reporter.advance(len(tried))
 
     def _save_progress(self, whole: bool, draw: bool = False) -> TuneResult:
         """Return the result so far, and write it to the folder."""

@@ -103,14 +103,14 @@ def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
     return text, factor
 
 
-def _check_range(number: float, entry: SheetEntry, told: str) -> None:
+def _check_range(number: float, entry: SheetEntry, fault: str) -> None:
     if not math.isfinite(number):
-        raise CommandError(f"{told}; it must be a finite number.")
+        raise CommandError(f"{fault}; it must be a finite number.")
     if entry.positive and not entry.signed and number <= 0.0:
-        raise CommandError(f"{told}; it must be more than 0.")
+        raise CommandError(f"{fault}; it must be more than 0.")
     if not entry.signed and number < 0.0:
-        raise CommandError(f"{told}; it must not be less than 0.")
+        raise CommandError(f"{fault}; it must not be less than 0.")
     if number > entry.most:
-        raise CommandError(f"{told}; it must be at most {entry.most:g}.")
+        raise CommandError(f"{fault}; it must be at most {entry.most:g}.")
     if entry.whole and number != round(number):
-        raise CommandError(f"{told}; it must be a whole number.")
+        raise CommandError(f"{fault}; it must be a whole number.")

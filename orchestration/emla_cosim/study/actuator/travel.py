@@ -58,8 +58,8 @@ def describe_heavy_load(joint: str, own: Actuator, system: System, options: Opti
         return
     needed, most = holding_torque(own.values, load), own.emla.tau_max
     lasting = own.i_N * most / own.emla.i_max
-    told = f"{joint}: a load of {load:.4g} N needs {needed:.4g} N m of the motor at rest"
+    message = f"{joint}: a load of {load:.4g} N needs {needed:.4g} N m of the motor at rest"
     if needed > most:
-        yield f"{told}, more than its peak torque of {most:.4g} N m; the motor cannot hold it"
+        yield f"{message}, more than its peak torque of {most:.4g} N m; the motor cannot hold it"
     elif 0.0 < lasting < needed:
-        yield f"{told}, more than its continuous torque of {lasting:.4g} N m"
+        yield f"{message}, more than its continuous torque of {lasting:.4g} N m"
