@@ -158,7 +158,7 @@ def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
 
     assert ec.load(slew, controller=FocController, gains="compensated")
     slew.write_text(without_table(without_table(TILT, "observer.robust"), "gains"))
-    with pytest.raises(ec.CommandError, match=r"no gains of the observer .* \[observer.robust\]"):
+    with pytest.raises(ec.CommandError, match=r"lacks observer gains .* \[observer.robust\]"):
         ec.load(slew, controller=FocController)
 
 

@@ -260,7 +260,7 @@ class JointFile:
         else:
             missing = "add them to the observer of its ec.Gains"
         raise CommandError(
-            f"{self.label} lacks observer gains for '{gain_set}' of the controller '{controller}';  "
+            f"{self.label} lacks observer gains for '{gain_set}' of the controller '{controller}'; "
             f"{missing}.",
             joint=self.name,
             controller=controller,
