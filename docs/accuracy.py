@@ -1,6 +1,6 @@
-"""Draws images/accuracy.png: error against step and against cost, of the lift joint in smooth motion.
+"""Draw images/accuracy.png: error against step and against cost, of the lift joint in smooth motion.
 
-Needs the project with the extra `test`: the whole joint as one equation comes from the tests.
+Needs the project with the extra `test`, which has the whole joint as one equation.
 """
 
 import tempfile
@@ -28,20 +28,20 @@ STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 FIRST_STEP = 1e-5
 COMPARED = slice(0, 6)
-"""Position, speed, currents and estimates; what adapts changes too little to be told in 0.03 s."""
+"""Position, speed, currents and estimates; adapted parameters change too little in 0.03 s."""
 COLORS = {"jacobi": "#7a7a7a", "gauss-seidel": "#d9822b", "strong": "#2f6db3"}
 
 
 @dataclass(frozen=True)
 class Point:
-    """One run: largest error of a state in parts of its range, and calls of doStep."""
+    """One run: largest error of a state as a part of its range, and number of calls of doStep."""
 
     error: float
     calls: int
 
 
 class Joint:
-    """The joint prepared, and what it is compared with."""
+    """The prepared joint and its reference solution."""
 
     def __init__(self, folder: Path) -> None:
         self.system = lift()
@@ -50,11 +50,11 @@ class Joint:
         self.solution = whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1))
 
     def fixed(self, name: str, extrapolation: str, step: float) -> Point:
-        """A run in fixed steps."""
+        """Run in fixed steps."""
         return self._point(algorithm=name, extrapolation=extrapolation, step_size=step)
 
     def controlled(self, name: str, tolerance: float) -> Point:
-        """A run with error control and extrapolated inputs."""
+        """Run with error control and extrapolated inputs."""
         return self._point(algorithm=name, extrapolation="fmu", error_tolerance=tolerance)
 
     def _point(self, **options: Any) -> Point:
@@ -67,7 +67,7 @@ class Joint:
 
 @contextmanager
 def counted() -> Iterator[list[int]]:
-    """Counts the steps that slaves are asked for, in Python: compiled code calls past it."""
+    """Count steps in Python; compiled code would bypass the counter."""
     calls, do_step = [0], InProcessInstance.do_step
 
     def counting(slave: InProcessInstance, time: float, step: float) -> None:
@@ -79,7 +79,7 @@ def counted() -> Iterator[list[int]]:
 
 
 def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[Point]], path: Path) -> None:
-    """Two panels: error against step, error against calls."""
+    """Draw two panels: error against step, and error against calls."""
     figure = Figure(figsize=(9.6, 4.4), dpi=120, layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     steps = 1e6 * np.array(STEPS)
@@ -112,7 +112,7 @@ def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[P
     left.set_ylabel("largest error of a state / its range")
     left.set_xticks([2.5, 5, 10, 20, 50, 100], ["2.5", "5", "10", "20", "50", "100"])
     left.minorticks_off()
-    right.set_xlabel("calls of doStep, repeated and rejected ones included")
+    right.set_xlabel("calls of doStep, including repeated and rejected ones")
     left.set_title("Error against step", fontsize=10, loc="left")
     right.set_title("Error against cost", fontsize=10, loc="left")
     label(left, fixed, steps)
@@ -122,7 +122,7 @@ def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[P
 
 
 def guide(axes: Axes, steps: np.ndarray, error: float, order: int) -> None:
-    """A thin line of this order through an error at the middle step."""
+    """Draw a thin line of this order through an error at the middle step."""
     axes.plot(steps, error * (steps / steps[1]) ** order, color="black", linewidth=0.7, alpha=0.6)
     axes.annotate(
         f"order {order}", (steps[1], error), (6, -11), textcoords="offset points", fontsize=8, alpha=0.7
@@ -130,7 +130,7 @@ def guide(axes: Axes, steps: np.ndarray, error: float, order: int) -> None:
 
 
 def label(axes: Axes, fixed: dict[tuple[str, str], list[Point]], steps: np.ndarray) -> None:
-    """Names along the extrapolated lines; the held ones lie on each other."""
+    """Write names along the extrapolated lines; those of held inputs coincide."""
     for name, color in COLORS.items():
         axes.annotate(
             name,
@@ -154,7 +154,7 @@ def label(axes: Axes, fixed: dict[tuple[str, str], list[Point]], steps: np.ndarr
 
 
 def legend(axes: Axes) -> None:
-    """What dashes and markers mean; colors are named in the other panel."""
+    """Explain dashes and markers; the other panel names the colours."""
     held = axes.plot([], [], "o", color="black", markersize=3, linestyle=(0, (4, 2)), markerfacecolor="white")
     followed = axes.plot([], [], "o-", color="black", markersize=3)
     controlled = axes.plot([], [], "D:", color="black", markersize=5, linewidth=0.8)

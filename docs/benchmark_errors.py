@@ -1,6 +1,6 @@
-"""Draw images/benchmark-errors.png and print its table: two public benchmarks in steps of several lengths.
+"""Draw images/benchmark-errors.png and print its table: two public benchmarks with several step sizes.
 
-Needs the project with the extra `test`: models and solutions come from the tests.
+Needs the project with the extra `test`, which has models and solutions.
 """
 
 import tempfile
@@ -17,7 +17,7 @@ from emla_cosim.master.algorithms.registry import ALGORITHMS
 from tests.support import crane, oscillator
 
 STEPS = {"crane": (0.04, 0.02, 0.01, 0.005, 0.002, 0.001), "oscillator": (0.01, 0.005, 0.002, 0.001, 1e-4)}
-"""s."""
+"""Step sizes in s."""
 
 EXTRAPOLATIONS = ("none", "master", "fmu")
 COLORS = {"jacobi": "#7a7a7a", "gauss-seidel": "#d9822b", "strong": "#2f6db3"}
@@ -33,14 +33,14 @@ def error_of_crane(result: ec.Result) -> float:
 
 
 def error_of_oscillator(result: ec.Result) -> float:
-    """Return the largest error of a place or a speed, as a part of its range."""
+    """Return the largest error of a position or a speed, as a part of its range."""
     exact = oscillator.solution(np.asarray(result["time"]))
     found = np.column_stack([result[f"oscillator.{name}"] for name in OSCILLATOR_SIGNALS])
     return float((np.abs(found - exact) / np.ptp(exact, axis=0)).max())
 
 
 def errors(name: str, module: ModuleType, folder: Path) -> dict[tuple[str, str], list[float]]:
-    """Return the error of every step size by algorithm and extrapolation; NaN where a run fails."""
+    """Return the error of every step size by algorithm and extrapolation; NaN if a run fails."""
     measure = {"crane": error_of_crane, "oscillator": error_of_oscillator}[name]
     found = dict[tuple[str, str], list[float]]()
     with ec.load(module.system(folder), stop_time=module.STOP, step_size=1e-3).prepare() as simulation:
@@ -57,7 +57,7 @@ def errors(name: str, module: ModuleType, folder: Path) -> dict[tuple[str, str],
 
 
 def print_table(name: str, found: dict[tuple[str, str], list[float]]) -> None:
-    """Print the errors as a table of Markdown."""
+    """Print the errors as a Markdown table."""
     print(f"| {name} | " + " | ".join(f"{1e3 * step:g} ms" for step in STEPS[name]) + " |")
     print("|---|---" + "|---" * (len(STEPS[name]) - 1) + "|")
     for (algorithm, extrapolation), row in found.items():

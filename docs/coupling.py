@@ -1,4 +1,4 @@
-"""Draws images/coupling.png: hdrm-coupled against hdrm-merged, and what a force that is late does.
+"""Draw images/coupling.png: hdrm-coupled against hdrm-merged, and the effect of a delayed force.
 
 Needs the project with the extra `test`.
 """
@@ -20,10 +20,10 @@ from tests.support.coupled_machine import SAMPLE, positions
 HERE = Path(__file__).parent
 
 PARTS = (1, 2, 4, 8, 16)
-"""Parts of a sample of 0.1 ms that are tried as communication steps."""
+"""Parts of a sample of 0.1 ms that are used as communication steps."""
 FINEST = 128
 LATE = (1e-4, 5e-5, 2.5e-5)
-"""Steps in s at which the force is passed on late."""
+"""Steps in s for the delayed force."""
 FORCE = "machine.manipulator.F_L[3]"
 SHOWN = 4e-3
 CASES: Mapping[str, tuple[str, bool, str]] = {
@@ -31,24 +31,24 @@ CASES: Mapping[str, tuple[str, bool, str]] = {
     "followed (fmu)": ("fmu", False, "#2f6db3"),
     "followed, without d_2": ("fmu", True, "#4a9c6d"),
 }
-"""Extrapolation, whether d_2 is left out, and color by label."""
+"""Extrapolation, whether d_2 is left out, and colour by label."""
 
 
 def errors(coupled: Simulation, merged: Simulation, extrapolation: str, quiet: bool) -> list[float]:
-    """Largest difference of a position, in parts of its range, for each step."""
+    """Return the largest difference of a position, as a part of its range, for each step."""
     exact = positions(merged, FINEST, extrapolation, quiet)
     found = (positions(coupled, parts, extrapolation, quiet) for parts in PARTS)
     return [float((np.abs(x - exact).max(axis=0) / np.ptp(exact, axis=0)).max()) for x in found]
 
 
 def forces(coupled: Simulation, algorithm: str, step: float) -> tuple[Vector, Vector]:
-    """Time in ms and the largest load force of the telescope so far in kN, as far as it goes."""
+    """Return time in ms and largest load force of the telescope so far in kN, until the run ends."""
     result = coupled.attempt(algorithm=algorithm, step_size=step, output_interval=step, stop_time=SHOWN)
     return 1e3 * np.asarray(result.time), 1e-3 * np.maximum.accumulate(np.abs(result[FORCE]))
 
 
 def draw_errors(axes: Axes, found: Mapping[str, list[float]]) -> None:
-    """Error against step."""
+    """Draw error against step."""
     steps = 1e6 * SAMPLE / np.array(PARTS)
     for label, values in found.items():
         axes.plot(steps, values, marker="o", markersize=3, color=CASES[label][2], label=label)
@@ -67,7 +67,7 @@ def draw_errors(axes: Axes, found: Mapping[str, list[float]]) -> None:
 
 
 def draw_forces(axes: Axes, found: Mapping[str, tuple[Vector, Vector]]) -> None:
-    """The largest force so far over time, agreed and late."""
+    """Draw the largest force so far over time, agreed and delayed."""
     shades = iter(("#2f6db3", "#f0b67f", "#d9822b", "#8c4a0b"))
     for label, (time, force) in found.items():
         axes.plot(time, force, linewidth=1.2, color=next(shades), label=label)
@@ -76,7 +76,7 @@ def draw_forces(axes: Axes, found: Mapping[str, tuple[Vector, Vector]]) -> None:
     axes.set_xlim(0.0, 1e3 * SHOWN)
     axes.set_xlabel("time / ms")
     axes.set_ylabel("largest load force of the telescope so far / kN")
-    axes.set_title("A force that is a step late", fontsize=10, loc="left")
+    axes.set_title("A force that is one step late", fontsize=10, loc="left")
     axes.legend(fontsize=8, frameon=False, loc="upper right")
 
 

@@ -1,7 +1,7 @@
-"""Prints the table of docs/master.md: what the coupling cost, beside the true error of the run.
+"""Print the table of docs/master.md: the cost of the coupling beside the true error of the run.
 
-Pairs of linear components, whose exact solution is a matrix exponential. Needs the project with the extra
-`test`.
+The cases are pairs of linear components, whose exact solution is a matrix exponential. Needs the project
+with the extra `test`.
 """
 
 from tests.support.coupled_pair import Parts, rigid_pair, run_pair, spring_pair
@@ -23,11 +23,11 @@ CASES: tuple[tuple[str, Parts, str, str, float, float], ...] = (
     ("damped springs, 20 %", spring_pair(1000.0, 1000.0, 9.0), "jacobi", "none", 2e-4, 3.0),
     ("damped soft springs, 20 %", spring_pair(10.0, 100.0, 2.1), "jacobi", "none", 1e-3, 10.0),
 )
-"""What is coupled, the pair, algorithm, extrapolation, step and stop time in s."""
+"""Label, pair, algorithm, extrapolation, step and stop time in s."""
 
 
 def main() -> None:
-    """Run all cases, with the bond named and without."""
+    """Run all cases, with and without the bond."""
     print("| Pair | Algorithm, step | True error | Energy of the bond | Largest residual | Warning |")
     print("|---|---|---|---|---|---|")
     for label, pair, algorithm, extrapolation, step, stop in CASES:
@@ -37,10 +37,10 @@ def main() -> None:
         cost = named.cost()
         residual = max(figures["residual"] for figures in free.figures().values())
         how = f"`{algorithm}`" + (" `fmu`" if extrapolation == "fmu" else "") + f", {1e3 * step:g} ms"
-        told = [word for word, one in (("bond", cost), ("no bond", free)) if one.remarks()]
+        warnings = [word for word, one in (("bond", cost), ("no bond", free)) if one.remarks()]
         energy = cost.figures()["pair"]["energy_error"]
         shares = " | ".join(_percent(share) for share in (named.error, energy, residual))
-        print(f"| {label} | {how} | {shares} | {', '.join(told) or 'none'} |", flush=True)
+        print(f"| {label} | {how} | {shares} | {', '.join(warnings) or 'none'} |", flush=True)
 
 
 def _percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""Draws images/study_diagram.png: a joint of the study, from the coordinates that `emla export` writes."""
+"""Draw images/study_diagram.png: a joint of the study, from the coordinates that `emla export` writes."""
 
 import tempfile
 from collections.abc import Sequence
@@ -23,13 +23,13 @@ COLORS = {
     "plant": "#2f6db3",
     "observer": "#c2476b",
 }
-"""A colour for every component; the lines that leave it have it too."""
+"""A colour for each component and the lines that leave it."""
 
 Point = tuple[float, float]
 
 
 def exported(scenario: str) -> SystemElement:
-    """The root system of the package that `emla export SCENARIO` writes."""
+    """Return the root system of the package that `emla export SCENARIO` writes."""
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / f"{scenario}.ssp"
         load(scenario).export(package, fmus=Path(folder))
@@ -38,7 +38,7 @@ def exported(scenario: str) -> SystemElement:
 
 
 def place(element: Element, connector: Connector) -> Point:
-    """Where a connector is drawn."""
+    """Return where a connector is drawn."""
     if element.extent is None or connector.position is None:
         raise ValueError(f"{element.name}.{connector.name} has no coordinates")
     x1, y1, x2, y2 = element.extent
@@ -46,30 +46,30 @@ def place(element: Element, connector: Connector) -> Point:
 
 
 def end(system: SystemElement, element: str | None, connector: str) -> Point:
-    """Where a connection begins or ends."""
+    """Return where a connection begins or ends."""
     owner = next(e for e in system.elements if e.name == element)
     return place(owner, next(c for c in owner.connectors if c.name == connector))
 
 
 def line(system: SystemElement, connection: SsdConnection) -> list[Point]:
-    """The corners of a connection from its source to its target."""
+    """Return the corners of a connection from its source to its target."""
     start = end(system, connection.start_element, connection.start_connector)
     target = end(system, connection.end_element, connection.end_connector)
     return [start, *connection.waypoints, target]
 
 
 def leaving(system: SystemElement, element: Element) -> list[SsdConnection]:
-    """Connections that begin at an element."""
+    """Return the connections that begin at an element."""
     return [c for c in system.connections if c.start_element == element.name]
 
 
 def role(name: str) -> str:
-    """The component of a joint that an element is."""
+    """Return the component of a joint that an element represents."""
     return name.removeprefix(f"{JOINT}_")
 
 
 def draw_element(axes: Axes, element: Element) -> None:
-    """A box with its name, and its connectors with theirs inside."""
+    """Draw a box with its name and its connectors."""
     if element.extent is None:
         return
     x1, y1, x2, y2 = element.extent
@@ -97,7 +97,7 @@ def draw_element(axes: Axes, element: Element) -> None:
 
 
 def draw_lines(axes: Axes, source: str, lines: Sequence[Sequence[Point]]) -> None:
-    """The connections that leave a component; those drawn before pass beneath them."""
+    """Draw the connections that leave a component; earlier ones pass beneath."""
     for width, color in ((4.5, "white"), (1.4, COLORS[source])):
         for points in lines:
             axes.plot(*zip(*points, strict=True), color=color, linewidth=width, solid_joinstyle="round")
@@ -107,7 +107,7 @@ def draw_lines(axes: Axes, source: str, lines: Sequence[Sequence[Point]]) -> Non
 
 
 def draw(system: SystemElement, path: Path) -> None:
-    """One joint of the system."""
+    """Draw one joint of the system."""
     elements = [e for e in system.elements if e.name.startswith(f"{JOINT}_")]
     lines = {role(e.name): [line(system, c) for c in leaving(system, e)] for e in elements}
     corners = [p for group in lines.values() for points in group for p in points]

@@ -1,4 +1,4 @@
-"""Draws images/faults.png: what becomes of the coupled manipulator under each fault in mid-motion."""
+"""Draw images/faults.png: the coupled manipulator with each fault in mid-motion."""
 
 import tempfile
 from pathlib import Path
@@ -21,24 +21,24 @@ FAULTS = {
     "telescope without power": f"telescope.plant.supply.sag=constant:1@{AT:g}",
 }
 STEP, WINDOW = 2e-3, 50
-"""Time between rows in s, and rows of which the largest error is drawn."""
+"""Time between rows in s, and number of rows for one point of the curve."""
 COLORS = ("#2f6db3", "#d9822b", "#4a9c6d")
 
 
 def run(fault: str, folder: Path) -> ec.Result:
-    """The whole trajectory with this fault."""
+    """Run the whole trajectory with this fault."""
     scenario = ec.load("hdrm-coupled", fault=[ec.Fault.of_text(fault)], fmus=folder)
     with scenario.prepare(output_interval=STEP) as simulation:
         return simulation.attempt()
 
 
 def signal(result: ec.Result, joint: str, role: str) -> np.ndarray:
-    """The signal of a role."""
+    """Return the signal of a role."""
     return np.asarray(result[str(find_variable(joint, role, result.names))])
 
 
 def envelope(result: ec.Result, joint: str) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of windows of 0.1 s, and the largest position error in m within each."""
+    """Return the middles of windows of 0.1 s, and the largest position error in m in each."""
     error = np.abs(signal(result, joint, "x_L") - signal(result, joint, "x_d"))
     whole = len(error) // WINDOW * WINDOW
     windows = error[:whole].reshape(-1, WINDOW).max(axis=1)
@@ -46,7 +46,7 @@ def envelope(result: ec.Result, joint: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def summary(result: ec.Result) -> str:
-    """Largest errors and torques from the fault on, where each joint is at last, and the remarks."""
+    """Return largest errors and torques after the fault, the final position of each joint, and remarks."""
     after = result.time >= AT
     parts = []
     for joint in JOINTS:

@@ -1,7 +1,6 @@
 """Put the tables of a comparison into a page: `python -m docs.paste docs/paper.md comparison results/study`.
 
-What stands in the page between `<!-- NAME begins -->` and `<!-- NAME ends -->` gives way to the folder's
-comparison.md.
+The text between `<!-- NAME begins -->` and `<!-- NAME ends -->` is replaced by the folder's comparison.md.
 """
 
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 
 
 def pasted(page: str, name: str, tables: str) -> str:
-    """The page with the tables in their place; ValueError where it has none."""
+    """Return the page with the tables; raise ValueError if it has no place for them."""
     begin, end = f"<!-- {name} begins -->", f"<!-- {name} ends -->"
     before, found, rest = page.partition(begin)
     _, ended, after = rest.partition(end)
@@ -19,7 +18,7 @@ def pasted(page: str, name: str, tables: str) -> str:
 
 
 def main(page: str, name: str, folder: str) -> None:
-    """Paste, and write the page."""
+    """Paste the tables, and write the page."""
     path = Path(page)
     tables = (Path(folder) / "comparison.md").read_text(encoding="utf-8")
     path.write_text(pasted(path.read_text(encoding="utf-8"), name, tables), encoding="utf-8", newline="\n")

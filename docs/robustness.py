@@ -1,10 +1,10 @@
-"""Draws images/study-robustness.png and prints the tables of sweeps-results.md.
+"""Draw images/study-robustness.png and print the tables of sweeps-results.md.
 
     emla sweep study-robustness --output FOLDER
     python docs/robustness.py FOLDER
 
-`python docs/robustness.py --tilt FOLDER` sweeps tilt alone into a folder, and prints Sobol indices of
-whether it is held.
+`python docs/robustness.py --tilt FOLDER` sweeps tilt alone into a folder. It prints Sobol indices of whether
+tilt is held.
 """
 
 import sys
@@ -51,29 +51,29 @@ class Joint:
         self.speed = self.figure("speed_peak_m_s") / study.emla.v_max
 
     def figure(self, name: str) -> Vector:
-        """One of its figures for each variant."""
+        """Return one of its figures for each variant."""
         return figure_values(self._result, f"{self.name}.{name}")
 
     def of_held(self, name: str) -> Vector:
-        """The same, NaN where it is not held."""
+        """Return the same, with NaN for variants that are not held."""
         return np.where(self.outcomes == HELD, self.figure(name), np.nan)
 
     def followed(self, values: Vector, count: int) -> list[tuple[str, float]]:
-        """The factors with the largest rank correlation with values."""
+        """Return the factors with the largest rank correlation with values."""
         names = [n for n in self._result.factors if n.startswith(f"{self.name}.")]
         found = [(n.partition(".")[2], influence(read_factor(self._result, n), values)) for n in names]
         return sorted(found, key=lambda one: -one[1])[:count]
 
 
 def draw(joints: Sequence[Joint], path: Path) -> None:
-    """How fast each joint approached by its start, and what its position error follows."""
+    """Draw the approach speed of each joint against its start, and the factors of its position error."""
     figure = Figure(figsize=(10.5, 5.8), dpi=100, layout="constrained")
     grid = figure.subplots(2, 3)
     for joint, (above, below) in zip(joints, grid.T, strict=True):
         draw_approach(joint, above)
         draw_followed(joint, below)
     grid[0, 0].set_ylabel("largest speed / its limit", fontsize=9)
-    grid[1, 1].set_xlabel("rank correlation with the position error, where it is held", fontsize=9)
+    grid[1, 1].set_xlabel("rank correlation with the position error, if held", fontsize=9)
     handles, labels = max((axes.get_legend_handles_labels() for axes in grid[0]), key=lambda x: len(x[1]))
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     with path.open("wb") as stream:
@@ -81,7 +81,7 @@ def draw(joints: Sequence[Joint], path: Path) -> None:
 
 
 def draw_approach(joint: Joint, axes: Axes) -> None:
-    """The largest speed against the distance at the start."""
+    """Draw the largest speed against the distance at the start."""
     for outcome, color in COLORS.items():
         mine = joint.outcomes == outcome
         if mine.any():
@@ -96,15 +96,15 @@ def draw_approach(joint: Joint, axes: Axes) -> None:
 
 
 def draw_followed(joint: Joint, axes: Axes) -> None:
-    """The factors that the position error follows, of variants that are held."""
+    """Draw the factors that correlate with the position error, for variants that are held."""
     found = joint.followed(joint.of_held("position_error_m"), 6)[::-1]
     axes.barh([name for name, _ in found], [value for _, value in found], color=BLUE)
     axes.set_xlim(0.0, 1.0)
     tidy_axes(axes)
 
 
-def told(joints: Sequence[Joint]) -> Iterable[str]:
-    """The tables."""
+def lines(joints: Sequence[Joint]) -> Iterable[str]:
+    """Yield the lines of the tables."""
     yield "| | " + " | ".join(joint.name for joint in joints) + " |"
     yield "|---|" + "---|" * len(joints)
     for outcome in COLORS:
@@ -141,7 +141,7 @@ def sweep_tilt(folder: Path) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Draw and tell, or with `--tilt FOLDER` run the sweep of tilt."""
+    """Draw and print, or with `--tilt FOLDER` run the sweep of tilt."""
     if arguments[0] == "--tilt":
         sweep_tilt(Path(arguments[1]))
         found = ec.read_sweep(arguments[1]).sobol("tilt.held")
@@ -154,7 +154,7 @@ def main(arguments: Sequence[str]) -> None:
     result = ec.read_sweep(arguments[0])
     joints = [Joint(result, name) for name in STUDY]
     draw(joints, HERE / "images/study-robustness.png")
-    print("\n".join(told(joints)))
+    print("\n".join(lines(joints)))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""What the installation weighs, by what its parts are for: `python -m docs.weight`.
+"""Print the size of the installation by purpose: `python -m docs.weight`.
 
-Prints the table of docs/installation.md: megabytes of the files of every distribution that the project
-needs. One that several parts need is counted with the first.
+The result is the table of docs/installation.md: megabytes of the files of every required distribution. One
+that several purposes need counts for the first.
 """
 
 import re
@@ -24,7 +24,7 @@ PARTS = {
     "loops of connections": ("networkx",),
     "verifying binaries": ("lief",),
 }
-"""What our requirements are for; each stands once."""
+"""What our requirements are for; each is listed once."""
 
 
 def main() -> None:
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def needed(roots: tuple[str, ...]) -> Iterator[tuple[str, Distribution]]:
-    """Distributions by name: these, and what they need in turn; ours without what it needs."""
+    """Return distributions by name: these and what they require; ours without its requirements."""
     left, seen = list(roots), set[str]()
     while left:
         name = left.pop()
@@ -53,7 +53,7 @@ def needed(roots: tuple[str, ...]) -> Iterator[tuple[str, Distribution]]:
         seen.add(name)
         try:
             found = distribution(name)
-        except PackageNotFoundError:  # of another platform
+        except PackageNotFoundError:  # for another platform
             continue
         yield name, found
         if name != OURS:
@@ -61,12 +61,12 @@ def needed(roots: tuple[str, ...]) -> Iterator[tuple[str, Distribution]]:
 
 
 def normalized(requirement: str) -> str:
-    """The name of a distribution, as PyPI compares it."""
+    """Return the name of a distribution, as PyPI compares it."""
     return re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", requirement)[0]).lower()  # type: ignore[index]
 
 
 def megabytes(found: Distribution) -> float:
-    """The size of its files."""
+    """Return the size of its files."""
     paths = (Path(str(file.locate())) for file in found.files or [])
     return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
 

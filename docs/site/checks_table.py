@@ -1,4 +1,4 @@
-"""The table of checks, from where each is written down."""
+"""Insert the table of checks, generated from the catalogue."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ PLACE = "<!-- table of checks -->"
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Put the table into its place."""
+    """Replace the placeholder by the table."""
     return markdown.replace(PLACE, "\n".join(_lines())) if PLACE in markdown else markdown
 
 

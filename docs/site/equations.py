@@ -1,4 +1,4 @@
-"""Equations as MathML, which browsers typeset without a script."""
+"""Convert equations to MathML, which browsers typeset without a script."""
 
 import re
 from html import unescape
@@ -9,7 +9,7 @@ _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\
 
 
 def on_page_content(html: str, **_: object) -> str:
-    """Typeset what stands between $ or $$."""
+    """Typeset the formulas between $ or $$."""
 
     def typeset(found: re.Match[str]) -> str:
         return convert(unescape(found[3]).strip(), display="block" if found[2] == "[" else "inline")

@@ -1,4 +1,4 @@
-"""The words after a fence are for the tests; readers see the name of a file, and nothing of the rest."""
+"""Remove the words after a fence, which are for the tests, and keep the name of a file as a title."""
 
 import re
 
@@ -6,7 +6,7 @@ _FENCE = re.compile(r"^```(\w+) (?:file=(\S+)|.*)$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Give files their name as a title, and leave other words out."""
+    """Show the names of files as titles, and remove other words."""
 
     def shown(fence: re.Match[str]) -> str:
         return f'```{fence[1]} title="{fence[2]}"' if fence[2] else f"```{fence[1]}"

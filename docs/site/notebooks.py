@@ -1,4 +1,4 @@
-"""Notebooks as pages of the site: executed while it is built, so that outputs are of this version."""
+"""Notebooks as pages of the site, executed during the build, so that outputs are of this version."""
 
 import tempfile
 from base64 import b64decode
@@ -14,11 +14,11 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
 LONGEST = 120
-"""Time in s that a cell may take."""
+"""Time limit of a cell in s."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add a page for each notebook, and the pictures in it. The notebook itself can be downloaded."""
+    """Add a page for each notebook, with its pictures and a download of the notebook."""
     for notebook in [f for f in files if f.src_uri.endswith(".ipynb")]:
         for file in _pages(notebook, config):
             files.append(file)
@@ -50,7 +50,7 @@ def _pages(notebook: File, config: MkDocsConfig) -> Iterator[File]:
 
 
 def _executed(path: Path) -> Any:
-    """The notebook with its outputs; it ran in an empty folder."""
+    """Return the notebook with its outputs, executed in an empty folder."""
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
         try:

@@ -1,4 +1,4 @@
-"""The table of options, from where each is written down."""
+"""Insert the table of options, generated from their declarations."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ PLACE = "<!-- table of options -->"
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Put the table into its place."""
+    """Replace the placeholder by the table."""
     return markdown.replace(PLACE, "\n".join(_lines())) if PLACE in markdown else markdown
 
 
@@ -34,7 +34,7 @@ def _row(option: Option) -> str:
 
 
 def _value(option: Option) -> str:
-    """What stands for the value on the command line."""
+    """Return the placeholder of the value on the command line."""
     if option.about.metavar or option.type is bool:
         return f" {option.about.metavar}" if option.about.metavar else ""
     kind = str(option.type)

@@ -1,4 +1,4 @@
-"""Pages that lie outside docs/ as pages of the site, and links to files that are no pages as plain text."""
+"""Add pages from outside docs/ to the site, and turn links to files without a page into plain text."""
 
 import logging
 import posixpath
@@ -21,7 +21,7 @@ OUTSIDE = {
     "modelica/README.md": "modelica.md",
     **{f"fmus/{model}/README.md": f"fmus/{model}.md" for model in MODELS},
 }
-"""Pages of the site by their place in the project."""
+"""Pages of the site by their path in the project."""
 
 _ORIGINS = {page: origin for origin, page in OUTSIDE.items()}
 _LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!https?:|#)([^)\s#]+)(#[^)\s]*)?\)")
@@ -30,14 +30,14 @@ log = logging.getLogger("mkdocs.hooks.outside")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that lie outside."""
+    """Add the pages from outside docs/."""
     for origin, page in OUTSIDE.items():
         files.append(File.generated(config, page, abs_src_path=str(ROOT / origin)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Let links lead to the pages of the site, and drop those to files that it does not have."""
+    """Point links to the pages of the site, and drop those to files without a page."""
     here = page.file.src_uri
     origin = _ORIGINS.get(here, f"docs/{here}")
 

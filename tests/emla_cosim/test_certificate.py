@@ -55,7 +55,7 @@ def test_the_measured_bound_of_the_speed_is_what_the_plant_does_beside_the_law(
 
 def test_it_says_where_the_assumptions_do_not_hold(lift: JointCertificate) -> None:
     said = " ".join(lift.remarks)
-    assert "Omega_3 nothing bounds beforehand" in said
+    assert "Omega_3 there is no prior bound" in said
     assert "held for 0.1 ms" in said
     assert "zeta_i is 0" not in said
 

@@ -456,10 +456,10 @@ def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
 
     for controller, words in (
         (EmlaPlant, "the controller EmlaPlant is no"),
-        (str, "no block of fmublock"),
+        (str, "not a block of fmublock"),
         (
             "pid",
-            "no controller 'pid'; choose from rsba, foc, cac and anatc, or name FILE.fmu or FILE.py:BLOCK",
+            "no controller 'pid'; choose from rsba, foc, cac and anatc, or write FILE.fmu or FILE.py:BLOCK",
         ),
         ("robust", "a set of gains, not a controller"),
         (str(fmu_path("EmlaObserver", "native", fmu_folder)), "has no output 'u_q'"),

@@ -249,7 +249,7 @@ def test_a_scenario_file_names_a_trajectory_beside_itself(tmp_path: Path) -> Non
     ("scenario", "text", "sentence"),
     [
         ("hdrm-replay", None, "the trajectory 't.json' cannot be read: No such file or directory."),
-        ("hdrm-merged", "{", "the trajectory 't.json' is no JSON: "),
+        ("hdrm-merged", "{", "the trajectory 't.json' is not JSON: "),
         ("hdrm-coupled", '{"degree": 5}', "the trajectory 't.json' cannot be used: it lacks 'knots'; "),
         ("study", "{}", "'study' follows no trajectory; --trajectory is for hdrm-coupled, hdrm-merged and"),
     ],

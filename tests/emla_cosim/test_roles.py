@@ -109,8 +109,8 @@ WRONG = [
     ({"j.x_L": "a.y"}, "there is no signal 'a.y' for the role j.x_L; did you mean a.x?"),
     ({"j.x_L": "zzzz"}, "there is no signal 'zzzz' for the role j.x_L; there are a.x and b.plan."),
     ({"j.v_max": "a.x"}, "there is no parameter 'a.x' for the role j.v_max; there are a.fast."),
-    ({"j.x_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_d: name it too."),
-    ({"j.v_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_L and j.x_d: name it too."),
+    ({"j.x_L": "a.x"}, "the joint 'j' has roles, but lacks j.x_d; add a signal for each."),
+    ({"j.v_L": "a.x"}, "the joint 'j' has roles, but lacks j.x_L and j.x_d; add a signal for each."),
 ]
 
 

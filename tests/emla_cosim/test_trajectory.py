@@ -44,7 +44,7 @@ def test_the_command_says_what_it_found_and_writes_it(emla: Emla, tmp_path: Path
     assert shown.exit_code == 0, shown.output
     for words in (
         "The problem contradicts itself: v_E[3] = -0.5477 m/s",
-        "read as the bound, which is our substitution (--end-speed clip)",
+        "replaced by the bound (--end-speed clip)",
         "cost J as printed",
         "lower bound",
         "gross work",
@@ -139,7 +139,7 @@ def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: 
 
 def test_readings_are_chosen_by_name(emla: Emla) -> None:
     shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", "--end-speed", "rest")
-    assert "read as rest, of all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
+    assert "replaced by rest for all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
     assert ec.read_trajectory("m.json").evaluated([37.7], 1)[0] == pytest.approx(np.zeros(3), abs=1e-9)
 
 
@@ -155,28 +155,28 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
             "45 knots and degree 5 make 49 coefficients; the block Trajectory has room",
         ),
         (("--knots", "2", "--degree", "3"), "2 knots and degree 3 make 4 coefficients"),
-        (("--degree", "6"), "degree is 6; it must be a whole number of 3 to 5"),
-        (("--points", "1"), "points is 1; it must be a whole number of 3 to 50"),
-        (("--starts", "0"), "starts is 0; it must be a whole number of 1 to 100"),
-        (("--tie-break", "-1"), "the tie-break weight -1 must be 0"),
-        (("--tie-break", "nan"), "the tie-break weight nan must be 0"),
+        (("--degree", "6"), "degree is 6; it must be a whole number from 3 to 5"),
+        (("--points", "1"), "points is 1; it must be a whole number from 3 to 50"),
+        (("--starts", "0"), "starts is 0; it must be a whole number from 1 to 100"),
+        (("--tie-break", "-1"), "the tie-break weight is -1; it must be from 0 to 1000"),
+        (("--tie-break", "nan"), "the tie-break weight is nan; it must be from 0 to 1000"),
         (("--set", "t_M"), "--set t_M lacks a name or a value"),
-        (("--set", "tM=3"), "there is no 'tM' in a problem; did you mean 't_M'?"),
+        (("--set", "tM=3"), "a problem has no 'tM'; did you mean 't_M'?"),
         (("--set", "machine.lift=3"), "did you mean 'machine.lift_m'?"),
-        (("--set", "machine=3"), "there is no 'machine' in a problem"),
-        (("--set", "machine.x.y=3"), "there is no 'machine.x.y' in a problem"),
-        (("--set", "q_E[4]=3"), "there is no 'q_E[4]' in a problem"),
-        (("--set", "t_M[1]=3"), "'t_M[1]' = 3 is not one number of three"),
+        (("--set", "machine=3"), "a problem has no 'machine'"),
+        (("--set", "machine.x.y=3"), "a problem has no 'machine.x.y'"),
+        (("--set", "q_E[4]=3"), "a problem has no 'q_E[4]'"),
+        (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of three numbers"),
         (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
-        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c is no number"),
+        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or three"),
         (("--set", "t_M=inf"), "t_M is inf; it must be a finite number"),
         (("--set", "machine.lift_a=1,2,3"), "'machine.lift_a' of the problem is [1.0, 2.0, 3.0]"),
         (("--set", "machine.lift_a=-1"), "'machine' of the problem: lift_a = -1 is outside its range"),
         (("--set", "machine.lift_L_0=9"), "the lift triangle cannot close"),
         (("--set", "q_E[1]=0.9"), "the problem contradicts itself: q_E[1] = 0.9 m of the lift is beyond"),
         (("nowhere.toml",), "the problem 'nowhere.toml' cannot be read"),
-        (("text.toml",), "the problem 'text.toml' is no TOML"),
-        (("names.toml",), "there is no 'q_e' in the problem 'names.toml'; did you mean 'q_E'?"),
+        (("text.toml",), "the problem 'text.toml' is not TOML"),
+        (("names.toml",), "the problem 'names.toml' has the unknown name 'q_e'; did you mean 'q_E'?"),
         (("flat.toml",), "'machine' of the problem 'flat.toml' is 3; it must be a table"),
         (("texts.toml",), "'machine.lift_a' of the problem 'texts.toml' is 'x'; it must be a number"),
         (("--output", "there/x.json"), "the trajectory 'there/x.json' cannot be written: there is no folder"),
@@ -213,9 +213,9 @@ def test_where_no_motion_keeps_all_bounds_it_says_which(emla: Emla, tmp_path: Pa
     [
         (None, "the trajectory 'm.json' cannot be read: No such file or directory"),
         (b"\xff\xfe", "is not a text in UTF-8"),
-        (b"{", "the trajectory 'm.json' is no JSON"),
-        (b"[" * 100_000, "the trajectory 'm.json' is no JSON"),
-        (b'{"degree": ' + b"9" * 5000 + b"}", "is no JSON"),
+        (b"{", "the trajectory 'm.json' is not JSON"),
+        (b"[" * 100_000, "the trajectory 'm.json' is not JSON"),
+        (b'{"degree": ' + b"9" * 5000 + b"}", "is not JSON"),
         (b"[]", "the trajectory 'm.json' cannot be used: it must be a JSON object"),
         (b'{"degree": 5, "knots": [NaN], "coefficients": {}}', "number 1 of the knots is nan"),
     ],

@@ -185,7 +185,7 @@ def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
         *("--output", "none", "--workers", "1", "--no-plots"),
     )
     assert told.exit_code == 1
-    assert "no gains were found that are as required; nearest: usual: tilt.position_error_m < 1e-12, but" in (
+    assert "no gains meet the requirements; the nearest: usual: tilt.position_error_m < 1e-12, but" in (
         told.stderr
     )
 
@@ -203,21 +203,21 @@ def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) ->
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"vary": {}}, "varies nothing; say what does"),
-        ({"objective": ""}, "has no objective; say what is to be made small"),
-        ({"objective": "depth +"}, "'depth +' is no expression; write one of numbers"),
-        ({"objective": "__import__('os')"}, "is no expression"),
+        ({"vary": {}}, "varies nothing; add a gain"),
+        ({"objective": ""}, "has no objective; add a figure to minimise"),
+        ({"objective": "depth +"}, "'depth +' is not an expression; use numbers"),
+        ({"objective": "__import__('os')"}, "is not an expression"),
         ({"objective": "dept"}, "wants the metric 'dept'"),
         ({"vary": {"v.f.q": "1:2"}}, "has no variable 'q'"),
-        ({"vary": {"x": "1:2"}}, "'x' of the tuning is no start value and no option, and nothing is derived"),
-        ({"vary": {"step_size": "0.1:0.2"}}, "'step_size' of the tuning is no start value; gains are"),
-        ({"derive": {"v.f.z": "v.f.q * 2"}}, "uses 'v.f.q', which does not vary; there are v.f.x and v.f.y"),
-        ({"derive": {"v.f.x": "v.f.y"}}, "gives v.f.x twice: varied and derived"),
+        ({"vary": {"x": "1:2"}}, "'x' of the tuning is neither a start value nor an option nor used in"),
+        ({"vary": {"step_size": "0.1:0.2"}}, "'step_size' of the tuning is not a start value; gains must be"),
+        ({"derive": {"v.f.z": "v.f.q * 2"}}, "uses 'v.f.q', which does not vary; use v.f.x and v.f.y"),
+        ({"derive": {"v.f.x": "v.f.y"}}, "sets v.f.x twice: in 'vary' and in 'derive'"),
         ({"require": ["total"]}, "the requirement 'total' must be FIGURE"),
         ({"require": ["total == true"]}, "total is a number"),
         ({"cases": [ec.Case("a"), ec.Case("a")]}, "has two cases 'a'"),
         ({"cases": [ec.Case("a", 0.0)]}, "no case of the tuning has a weight"),
-        ({"cases": [ec.Case("a", 1.0, {"v.f.x": "1:2"})]}, "has to be one value"),
+        ({"cases": [ec.Case("a", 1.0, {"v.f.x": "1:2"})]}, "must be one value"),
         (
             {"cases": [ec.Case("a", 1.0, {"flavour": "python"})]},
             "'flavour' of the case 'a' of the tuning needs",
@@ -270,7 +270,7 @@ def test_expressions_are_those_of_python() -> None:
 
 @pytest.mark.parametrize("text", ["max(1)", "max()", "sqrt(1, 2)", "abs()", "log(1, 2, 3)", "max(*a)", "1j"])
 def test_what_is_no_expression_is_named(text: str) -> None:
-    with pytest.raises(CommandError, match=re.escape(f"here: '{text}' is no expression; write one of")):
+    with pytest.raises(CommandError, match=re.escape(f"here: '{text}' is not an expression; use")):
         parse_expression(text, "here")
 
 

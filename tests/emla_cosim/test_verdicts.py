@@ -357,7 +357,7 @@ def test_criteria_have_units_and_a_joint_of_its_own_goes_before_all() -> None:
             "the criterion 'lift.window' does not exist; write JOINT.CRITERION, with one of",
         ),
         ({"position_window": 1.0}, "the criterion 'position_window' does not exist"),
-        ({"crane.window_time": 1.0}, "the criterion 'crane.window_time' is for 'crane', which is no joint"),
+        ({"crane.window_time": 1.0}, "the criterion 'crane.window_time' names 'crane', which is not a joint"),
         ({"lift.window_time": "2 mm"}, "the criterion 'lift.window_time' has"),
         ({"lift.window_time": 0.0}, "the criterion 'lift.window_time' is 0.0; it must be a positive number."),
         ({"lift.over_speed": -0.1}, "it must be a positive number."),

@@ -1,1 +1,1 @@
-"""Controllers side by side: the same scenarios under the same circumstances, a row of figures for each."""
+"""Compare controllers: the same scenarios under the same conditions, with a row of figures for each."""

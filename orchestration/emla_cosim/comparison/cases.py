@@ -1,4 +1,4 @@
-"""Circumstances under which controllers are compared, as files say them, and what they mean for a system."""
+"""Cases in which controllers are compared, read from files, and their start values in a system."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -16,10 +16,13 @@ from ..system.model import Value
 
 @dataclass(frozen=True)
 class ComparisonCase:
-    """One circumstance: start values, by pattern, that are set and that are multiplied.
+    """A case of a comparison: start values to set and to scale, by pattern, and faults.
 
-    `start_error` is how far in m the screw starts from where its reference begins; None where the scenario
-    says it; `fault` has faults of signals with * for the joint. `at` has the coordinates of a point on a map.
+    Attributes:
+        start_error: Distance in m between the screw and the start of its reference; None keeps that of the
+            scenario.
+        fault: Faults of signals, with * for the joint.
+        at: The coordinates of a point on a map.
     """
 
     name: str = "nominal"
@@ -30,7 +33,7 @@ class ComparisonCase:
     at: tuple[float, float] | None = None
 
     def faults(self, joints: Sequence[str]) -> list[Fault]:
-        """Its faults of signals, for each of these joints."""
+        """Return the faults of this case for each of the joints."""
         return [
             Fault(**{**one, "signal": one["signal"].replace("*", joint, 1)})
             for joint in joints
@@ -38,7 +41,7 @@ class ComparisonCase:
         ]
 
     def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
-        """The start values by full name that make it of a system; None where that has no such variable."""
+        """Return the start values of the case by full name; None if the system has no such variable."""
         found: dict[str, Value] = {}
         for pattern, value in self.set.items():
             names = _start_values(pattern, prepared)
@@ -60,7 +63,7 @@ class ComparisonCase:
 
 @dataclass(frozen=True)
 class MapAxis:
-    """One axis of a map: what it sets or multiplies, from `low` to `high`, in `unit`."""
+    """One axis of a map: the variables that it sets or scales, from `low` to `high`, in `unit`."""
 
     label: str
     low: float
@@ -70,11 +73,11 @@ class MapAxis:
     unit: float = 1.0
 
     def at(self, number: int, of: int) -> float:
-        """The coordinate of a level, the first being 0."""
+        """Return the coordinate of a level; the first level is 0."""
         return self.low + (self.high - self.low) * number / (of - 1)
 
     def case(self, case: ComparisonCase, coordinate: float) -> ComparisonCase:
-        """A case with this axis there."""
+        """Return the case with this axis at the coordinate."""
         value = coordinate * self.unit
         return replace(
             case,
@@ -92,7 +95,7 @@ class StabilityMap:
     y: MapAxis
 
     def cases(self, resolution: int) -> list[ComparisonCase]:
-        """A case for each point, row by row."""
+        """Return a case for each point, row by row."""
         return [
             self._case(self.x.at(i, resolution), self.y.at(j, resolution))
             for j in range(resolution)
@@ -105,17 +108,17 @@ class StabilityMap:
 
 
 def robustness_cases() -> list[ComparisonCase]:
-    """Those of the table of robustness."""
+    """Return the cases of the table `robustness`."""
     return [ComparisonCase(**entry) for entry in _read("robustness")["case"]]
 
 
 def stability_maps() -> list[StabilityMap]:
-    """The maps of the table of stability."""
+    """Return the maps of the table `stability`."""
     return [StabilityMap(m["name"], MapAxis(**m["x"]), MapAxis(**m["y"])) for m in _read("stability")["map"]]
 
 
 def stability_stop_time() -> float:
-    """When runs of maps end in s unless told otherwise."""
+    """Return the default stop time of the runs of maps, in s."""
     return float(_read("stability")["stop_time"])
 
 
@@ -124,14 +127,14 @@ def _read(name: str) -> dict[str, Any]:
 
 
 def check_resolution(resolution: int) -> int:
-    """The number of points along an axis; CommandError for one that makes no map."""
+    """Return the number of points along an axis; raise CommandError if it is out of range."""
     if not 2 <= convert_value(resolution, int, "the resolution of the map") <= 100:
         raise CommandError(f"the resolution of the map is {resolution}; it must be from 2 to 100.")
     return resolution
 
 
 def describe_left_out(cases: Sequence[ComparisonCase], scenario: str) -> str:
-    """A sentence that names the cases which a scenario has no variables for."""
+    """Return a message that names the cases for which a scenario has no variables."""
     return f"Not run, as {scenario} has no such variables: {join_names(case.name for case in cases)}."
 
 
@@ -140,7 +143,7 @@ def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None
 
 
 def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
-    """What fits a pattern, multiplied, but within the bounds of each variable."""
+    """Return the values that match a pattern times the factor, limited to the bounds of each variable."""
     found: dict[str, Value] = {}
     for name, value in _start_values(pattern, prepared).items():
         if value is not None:
@@ -156,7 +159,7 @@ def _bound(bound: Any, otherwise: str) -> float:
 
 
 def _shift_start(error: float, prepared: Preparation) -> dict[str, Value]:
-    """Plants, and observers with them, so far in m from where their reference begins."""
+    """Return start values that move plants and observers `error` in m away from their reference."""
     found: dict[str, Value] = {}
     for name, begin in _start_values("*.reference.waypoint[1]", prepared).items():
         joint = name.removesuffix(".reference.waypoint[1]")

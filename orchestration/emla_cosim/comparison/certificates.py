@@ -1,4 +1,4 @@
-"""Certificates of sets of gains side by side: what the stability proof says, beside a run."""
+"""Stability certificates of several sets of gains, each beside a run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ CSV, MARKDOWN = "certificate.csv", "certificate.md"
 
 @dataclass(frozen=True)
 class SetCertificate:
-    """The certificates of all joints with one set of gains; `problem` says why there is none."""
+    """The certificates of all joints with one set of gains; `problem` is the reason if there are none."""
 
     gains: str
     joints: Sequence[JointCertificate]
@@ -30,9 +30,10 @@ class SetCertificate:
 def certify_gains(
     scenario: str, gains: Sequence[str] | None, progress: Progress, **options: Any
 ) -> list[SetCertificate]:
-    """Certify sets of gains of RSBA, by default all, in a run of the scenario each.
+    """Certify sets of gains of RSBA, by default all, each beside a run of the scenario.
 
-    Raises CommandError for a set that does not exist and for a scenario without such a joint.
+    Raises:
+        CommandError: A set does not exist, or the scenario has no joint with RSBA.
     """
     sets = [one.gains for one in select_variants(["rsba"], gains or [ALL])]
     progress.begin("certifying", len(sets), "sets of gains")
@@ -51,7 +52,7 @@ def certify_gains(
 
 
 def build_frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
-    """All numbers: a row for each set of gains and figure, with its unit, and a column for each joint."""
+    """Return a row for each set of gains and figure, with its unit, and a column for each joint."""
     rows = [
         {"gains": one.gains, "figure": label, "unit": unit}
         | dict(zip((joint.joint for joint in one.joints), values, strict=True))
@@ -62,7 +63,7 @@ def build_frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
 
 
 def markdown(found: Sequence[SetCertificate]) -> str:
-    """Tables and remarks of all sets."""
+    """Return the tables and remarks of all sets as Markdown."""
     return "\n".join(line for one in found for line in _section(one))
 
 
@@ -89,7 +90,7 @@ class CertificateFolder(Folder):
     record_file, is_record = CSV, has_mark(b"gains,figure,unit")
 
     def keep(self, found: Sequence[SetCertificate]) -> None:
-        """Write numbers and tables, each file whole. Raises RunError."""
+        """Write figures and tables, each file atomically. Raises RunError."""
         with report_write_errors(self.path):
             self.write(CSV, build_frame(found).write_csv().encode())
             self.write(MARKDOWN, markdown(found).encode())

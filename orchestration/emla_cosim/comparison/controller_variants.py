@@ -1,4 +1,4 @@
-"""Who is compared: controllers, each with one or more sets of its gains."""
+"""The controllers to compare, each with one or more of its sets of gains."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ from ..base.values import convert_value
 from ..study.controllers import CONTROLLERS, choose_controller
 
 ALL, RECOMMENDED = "all", "recommended"
-"""Words for all sets of gains that a controller has, and for its recommended one."""
+"""Keywords for all sets of gains of a controller, and for its recommended set."""
 
 Choice = str | type
-"""A controller by its name, as FILE.fmu or FILE.py:BLOCK, or as a block."""
+"""A controller: its name, FILE.fmu, FILE.py:BLOCK, or a block."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class ControllerVariant:
 
     @property
     def label(self) -> str:
-        """The controller's name, or that of its file or block."""
+        """The name of the controller, or that of its file or block."""
         return label_controller(self.controller)
 
     def __str__(self) -> str:
@@ -31,7 +31,7 @@ class ControllerVariant:
 
 
 def label_controller(controller: Choice) -> str:
-    """What tables call a controller."""
+    """Return the name of a controller for tables."""
     return controller if isinstance(controller, str) else controller.__name__
 
 
@@ -40,12 +40,17 @@ def select_variants(
     gains: Sequence[str] | None = None,
     also: Sequence[str] = (),
 ) -> list[ControllerVariant]:
-    """Return controllers, by default all of `CONTROLLERS`, with the sets of gains that are named.
+    """Return the controllers, by default all of `CONTROLLERS`, with the sets of gains to compare.
 
-    A set is named as SET, for every controller that has it, as CONTROLLER/SET for one, as "recommended" or
-    as "all". A controller for which none is named comes with its recommended set. Where no gains are named
-    at all, controllers of ours come with the sets of `also`, too, if they have them. Raises CommandError
-    for a controller or a set that does not exist, or that no compared controller has.
+    Controllers without a named set use their recommended set.
+
+    Args:
+        controllers: Names, FMUs or blocks.
+        gains: SET (of each controller that has it), CONTROLLER/SET, "recommended" or "all".
+        also: Sets to add if `gains` is empty, for controllers of `CONTROLLERS` that have them.
+
+    Raises:
+        CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
     sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
@@ -61,7 +66,7 @@ def select_variants(
 
 
 def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
-    """Return the sets of gains, as CONTROLLER/SET, that compared controllers of ours have beside these."""
+    """Return sets of gains of the compared controllers that are not compared, as CONTROLLER/SET."""
     taken = set(map(str, compared))
     ours = dict.fromkeys(one.label for one in compared if one.controller in CONTROLLERS)
     return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
@@ -78,7 +83,7 @@ def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
 
 
 def _check_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
-    """The sets that are named for each controller."""
+    """Return the named sets of each controller."""
     named: dict[Choice, set[str]] = {one: set() for one in sets}
     for text in gains:
         one, slash, gain_set = text.rpartition("/")

@@ -1,4 +1,4 @@
-"""What came out of a comparison, as data."""
+"""The result of a comparison, as data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,12 +8,12 @@ import polars
 
 PAPER, ROBUSTNESS, STABILITY, CERTIFICATE = "paper", "robustness", "stability", "certificate"
 TABLES = (PAPER, ROBUSTNESS, STABILITY)
-"""Comparisons that have a form of their own."""
+"""Comparisons with tables of their own."""
 
 
 @dataclass(frozen=True)
 class CompareData:
-    """What came out of a comparison of controllers; `CompareResult` explains the fields."""
+    """The result of a comparison of controllers; `CompareResult` explains the fields."""
 
     name: str
     table: str | None

@@ -1,4 +1,4 @@
-"""What a comparison leaves in its folder: rows, tables, what repeats each run, and pictures."""
+"""The output folder of a comparison: rows, tables, the record to repeat each run, and pictures."""
 
 import shlex
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
 
 
 class CompareFolder(Folder):
-    """The folder of a comparison; see `Folder` for errors."""
+    """The folder of a comparison; `Folder` lists the errors."""
 
     what = "comparison"
     files = (CSV, MARKDOWN, RECORD)
@@ -26,7 +26,11 @@ class CompareFolder(Folder):
     record_file, is_record = RECORD, has_entries("entrants", "runs")
 
     def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
-        """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
+        """Write all files but the pictures, each atomically, and remove pictures of an earlier comparison.
+
+        Raises:
+            RunError: A file cannot be written.
+        """
         with report_write_errors(self.path):
             self._files.remove(self.pictures)
             self.write(CSV, result.rows.write_csv().encode())
@@ -42,32 +46,32 @@ class CompareFolder(Folder):
         return found
 
 
-def build_record(contest: ComparisonPlan, result: CompareResult) -> dict[str, Any]:
-    """All that repeats the comparison: versions, options, systems, and the start values of each run."""
+def build_record(plan: ComparisonPlan, result: CompareResult) -> dict[str, Any]:
+    """Return what repeats the comparison: versions, options, systems, and the start values of each run."""
     return {
         "name": result.name,
         "table": result.table,
         "status": "completed" if result.complete else "unfinished",
         "entrants": list(result.entrants),
-        "options": to_plain(select_repeatable(contest.options)),
+        "options": to_plain(select_repeatable(plan.options)),
         "notes": list(result.notes),
         "wall_s": result.wall_s,
         "versions": dict(list_versions()),
-        "systems": [group.identity for group in contest.groups],
+        "systems": [group.identity for group in plan.groups],
         "runs": [
             {
                 "run": number,
-                "scenario": heat.scenario,
-                "case": heat.case.name,
-                "joints": list(heat.joints),
-                "controller": heat.controller_variant.label,
-                "gains": heat.controller_variant.gains,
-                "seed": heat.seed,
-                "system": heat.group,
-                "set": to_plain(heat.own["set"]),
-                "fault": [str(fault) for fault in heat.own.get("fault", ())],
-                "command": shlex.join(command) if (command := contest.command(number)) else None,
+                "scenario": run.scenario,
+                "case": run.case.name,
+                "joints": list(run.joints),
+                "controller": run.controller_variant.label,
+                "gains": run.controller_variant.gains,
+                "seed": run.seed,
+                "system": run.group,
+                "set": to_plain(run.own["set"]),
+                "fault": [str(fault) for fault in run.own.get("fault", ())],
+                "command": shlex.join(command) if (command := plan.command(number)) else None,
             }
-            for number, heat in enumerate(contest.runs)
+            for number, run in enumerate(plan.runs)
         ],
     }

@@ -1,4 +1,4 @@
-"""Held-out seeds: random sequences that no tuning has seen, the same for every controller."""
+"""Held-out seeds: random sequences that no tuning used, the same for every controller."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -12,20 +12,20 @@ from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
 
 _ENTROPY = 26
-"""Of the draw of held-out seeds; any number but those of the tuning plans would do."""
+"""Seed of the draw of held-out seeds; any number that no tuning plan uses would do."""
 
 
 class HeldOutSeeds:
-    """Seeds that the plans of the built-in tunings neither train nor validate with; `drawn` has `count`."""
+    """Seeds that the plans of the built-in tunings use neither for training nor for validation."""
 
     def __init__(self, count: int) -> None:
         self._without = list_tuning_seeds()
         self.drawn = draw_seeds(_ENTROPY, count, self._without)
 
     def values(self, names: Sequence[str], seed: int) -> dict[str, Value]:
-        """Return the start values that one of them means for random sequences, by full name.
+        """Return the start values of the random sequences for one held-out seed, by full name.
 
-        Each sequence has its own, by its name alone: so every controller meets the same ones.
+        The seed of a sequence depends on its name alone, so every controller meets the same sequences.
         """
         return {name: draw_seeds([seed, crc32(name.encode())], 1, self._without)[0] for name in names}
 
@@ -39,12 +39,12 @@ def list_tuning_seeds() -> set[int]:
 
 
 def random_seeds(prepared: Preparation, values: Mapping[str, Value], fixed: Mapping[str, Value]) -> list[str]:
-    """Return the full names of the seeds whose sequences reach anything in a run.
+    """Return the full names of the seeds of sequences that affect a run.
 
     Args:
         prepared: The system.
-        values: Start values of the run beside those of the system, by full name.
-        fixed: Start values that were set by hand: a seed among them stays.
+        values: Start values of the run, by full name; they override those of the system.
+        fixed: Start values set by the user; seeds among them are not replaced.
     """
 
     def value(name: str) -> float | None:

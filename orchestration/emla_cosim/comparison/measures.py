@@ -1,4 +1,4 @@
-"""What is kept of each run that is compared: all figures of its joints, and how their errors go over time."""
+"""What is kept of each compared run: the figures of its joints, and their errors over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from ..sweeps.measures import Measures
 
 @dataclass(frozen=True)
 class JointMeasures(Measures):
-    """The figures of joints as metrics.json has them, by joint, instead of numbers by name."""
+    """The figures of joints as in metrics.json, by joint instead of by name."""
 
     def reading(self, names: Sequence[str]) -> Sequence[str]:
-        """Those of the patterns, which not every system has signals for."""
+        """Return the signals to read: the patterns that the system has signals for."""
         return [name for name in names if any(matches_pattern(name, pattern) for pattern in self.read)]
 
     def of(self, result: Result) -> dict[str, Any]:
-        """Figures by joint."""
+        """Return the figures by joint."""
         return {joint: dict(figures) for joint, figures in result.metrics.get(JOINTS, {}).items()}
 
     def series(self, result: Result) -> polars.DataFrame:
-        """The position error of each joint in m over time in s, in columns of their names."""
+        """Return the position error in m over time in s, with a column for each joint."""
         ends = find_tracked_joints(result.names, result.roles)
         table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
         errors = [
@@ -37,7 +37,7 @@ class JointMeasures(Measures):
 
 
 FIGURES_ALONE = JointMeasures()
-"""Without anything over time."""
+"""Figures only."""
 
 WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_d"))
-"""With the errors over time."""
+"""Figures, and errors over time."""

@@ -1,4 +1,4 @@
-"""The paper's tables with our figures beside the printed ones, and the normalised averages of both."""
+"""The tables of the paper with our figures beside the printed ones, and normalised averages of both."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,11 +12,11 @@ from .text_table import Cell, TextTable, format_rounded
 
 _FIGURES = tuple(SHOWN[name] for name in Cells._fields)
 _ROUNDED = 0.006
-"""Two averages that differ by more are not the same: the paper prints two or three digits."""
+"""Averages that differ by more are different: the paper prints two or three digits."""
 
 
 def build_paper_tables(result: CompareData) -> list[TextTable]:
-    """The table and its averages for each table of the paper of which anything was run."""
+    """Return the cells and the averages of each table of the paper of which something was run."""
     return [grid for printed in PRINTED for grid in _grids(result, printed)]
 
 
@@ -47,7 +47,7 @@ def _cells(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
 
 
 def _averages(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
-    """Ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
+    """Return ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
     usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
     by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
     base = _means(by_entrant.get(usual, ()), len(printed.cells))
@@ -64,7 +64,7 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
 
 
 def _means(rows: Sequence[Row], places: int) -> Cells | None:
-    """Sums over all places of means over seeds; None where a joint was not held or is missing."""
+    """Return sums over all places of means over seeds; None if a joint was not held or is missing."""
     of_places: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         of_places.setdefault((row["scenario"], row["joint"]), []).append(row)
@@ -90,14 +90,14 @@ def _numbers(cells: Cells) -> list[Cell]:
 
 
 def _describe_difference(printed: PrintedTable) -> list[str]:
-    """A sentence on averages of the paper that its own cells do not give."""
+    """Return a remark on averages of the paper that do not follow from its own cells."""
     wrong: Mapping[str, list[str]] = {figure.label: [] for figure in _FIGURES}
     for controller, said in printed.averages.items():
         found = printed.recomputed(controller)
         for figure, ours, theirs in zip(_FIGURES, found, said, strict=True):
             if abs(ours - theirs) > _ROUNDED:
                 wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
-    told = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
-    if not told:
-        return ["The paper's averages come out of its own cells."]
-    return [f"The paper's averages come out of its own cells, but for {'; '.join(told)}."]
+    differences = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
+    if not differences:
+        return ["The paper's averages follow from its own cells."]
+    return [f"The paper's averages follow from its own cells, except {'; '.join(differences)}."]

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: figures side by side, errors over time, and what holds when."""
+"""Pictures of a comparison: figures side by side, errors over time, and maps of points that hold."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 FIGURES, ERRORS = "comparison-figures", "comparison-errors"
 NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
-"""What pictures are called."""
+"""Names of the pictures."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
 _WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
-"""Figures on logarithmic axes, and below which value in their unit these are linear."""
+"""Figures on logarithmic axes, each with the value in its unit below which the axis is linear."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
-"""Of errors, the smallest first."""
+"""Colours of errors, the smallest error first."""
 _HOLDS, _LOST = "#cfe0f1", "#b0413e"
 _SMALLEST = 1e-9
-"""Errors in m below this are drawn as this: a logarithm has no zero."""
+"""Errors in m below this limit are drawn at the limit, since a logarithm has no zero."""
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
 def draw_pictures(result: CompareData) -> "dict[str, Figure]":
-    """Those that suit the table, by name; none where nothing was run."""
+    """Return the pictures that suit the table, by name; none if nothing was run."""
     if not len(result.rows):
         return {}
     if result.table == ROBUSTNESS:
@@ -53,12 +53,12 @@ def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
     return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
-def _color(result: CompareData, entrant: str) -> str:
-    return _COLORS[list(result.entrants).index(entrant) % len(_COLORS)]
+def _color(result: CompareData, variant: str) -> str:
+    return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
 def _bars(result: CompareData) -> "Figure":
-    """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA.
+    """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
 
     Bars are means over seeds, with their standard deviations.
     """
@@ -110,7 +110,7 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
 
 
 def _errors(result: CompareData) -> "Figure":
-    """The position error of each joint over time, with each controller."""
+    """Draw the position error of each joint over time, for each controller."""
     places = _places(result)
     figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
     for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
@@ -134,14 +134,14 @@ def _errors(result: CompareData) -> "Figure":
 
 def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) -> None:
     time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
-    every = max(len(time) // 400, 1)  # the largest of as many as fit into a dot
+    every = max(len(time) // 400, 1)  # the largest error of those that share a dot
     whole = len(time) // every * every
     largest = error[:whole].reshape(-1, every).max(axis=1)
     axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
 def _robustness(result: CompareData) -> "Figure":
-    """For each joint a table of cases and controllers, shaded by the position error."""
+    """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     places = _places(result)
@@ -154,17 +154,17 @@ def _robustness(result: CompareData) -> "Figure":
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
         found = {
-            (case, entrant): one
+            (case, variant): one
             for (case,), own in group_rows(rows, "case").items()
-            for entrant, one in group_by_variant(own).items()
+            for variant, one in group_by_variant(own).items()
         }
         values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
         picture = axes.pcolormesh(
             np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
         )
         for y, case in enumerate(cases):
-            for x, entrant in enumerate(result.entrants):
-                _write(axes, x, y, found.get((case, entrant)), norm)
+            for x, variant in enumerate(result.entrants):
+                _write(axes, x, y, found.get((case, variant)), norm)
         _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
@@ -208,7 +208,7 @@ def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> 
 
 
 def _maps(result: CompareData) -> "dict[str, Figure]":
-    """For each map a panel for each joint and controller: which points hold."""
+    """Draw for each map a panel for each joint and controller that shows which points hold."""
     found = {}
     for number, one in enumerate(stability_maps(), start=1):
         rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
@@ -217,11 +217,11 @@ def _maps(result: CompareData) -> "dict[str, Figure]":
         joints = list(dict.fromkeys(row["joint"] for row in rows))
         figure, grid = new_figure(len(joints), len(result.entrants), 1.7, 1.7, sharex="none")
         for axes_row, joint in zip(grid, joints, strict=True):
-            for axes, entrant in zip(axes_row, result.entrants, strict=True):
-                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == entrant])
+            for axes, variant in zip(axes_row, result.entrants, strict=True):
+                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == variant])
                 axes.label_outer()
                 if joint == joints[0]:
-                    axes.set_title(entrant.replace("/", "\n"), fontsize=9)
+                    axes.set_title(variant.replace("/", "\n"), fontsize=9)
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
         figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
@@ -236,7 +236,7 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     table = np.full((len(y), len(x)), np.nan)
     for row in rows:
         place = y.index(row["y"]), x.index(row["x"])
-        table[place] = np.fmin(table[place], row[HELD])  # of several seeds the worst
+        table[place] = np.fmin(table[place], row[HELD])  # the worst of several seeds
     if len(rows):
         colors = ListedColormap([_LOST, _HOLDS])
         axes.pcolormesh(

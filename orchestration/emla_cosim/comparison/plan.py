@@ -1,4 +1,4 @@
-"""A comparison laid out: every run, and the prepared simulations that it takes."""
+"""The plan of a comparison: all runs, and the prepared simulations that they use."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,12 @@ from .subsystems import find_independent_subsystems
 
 @dataclass(frozen=True)
 class ComparisonRun:
-    """One run: a controller, under one circumstance, in a part of a scenario that has these joints.
+    """One run: a controller in one case, in an independent subsystem with these joints.
 
-    `own` has the options that are the circumstance; `group` is the position of the prepared simulation.
-    `seed` is the held-out seed of its random sequences, None where they are those of the scenario.
+    Attributes:
+        own: The options that make the case.
+        group: The position of the prepared simulation.
+        seed: The held-out seed of the random sequences; None for those of the scenario.
     """
 
     scenario: str
@@ -39,10 +41,11 @@ class ComparisonRun:
 
 @dataclass(frozen=True)
 class ComparisonPlan:
-    """All heats, in the order of the tables.
+    """All runs, in the order of the tables.
 
-    `options` are those of all runs, `notes` what a reader has to know: what is left out, and the reserves
-    of each controller.
+    Attributes:
+        options: The options of all runs.
+        notes: Remarks for the reader: what is left out, and the reserves of each controller.
     """
 
     runs: Sequence[ComparisonRun]
@@ -51,32 +54,34 @@ class ComparisonPlan:
     notes: Sequence[str]
 
     def variant(self, number: int) -> Variant:
-        """A heat as it is run."""
+        """Return a run as a variant of a sweep."""
         return Variant(number, changed_in_run(self.runs[number].own))
 
     def work(self) -> list[WorkPackage]:
-        """All heats by group, those with the most steps first, so that workers end at about the same time."""
+        """Return all runs by group, the longest first, so that workers end at about the same time."""
         numbers: list[list[int]] = [[] for _ in self.groups]
-        for number, heat in enumerate(self.runs):
-            numbers[heat.group].append(number)
+        for number, run in enumerate(self.runs):
+            numbers[run.group].append(number)
         steps = [run_times(group.options, group.name).steps for group in self.groups]
         order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
         return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
 
     def command(self, number: int) -> list[str] | None:
-        """The command that runs a heat alone; None where an option is an object of Python."""
-        heat = self.runs[number]
-        own = {"controller": heat.controller_variant.controller, "gains": heat.controller_variant.gains}
-        arguments = format_arguments(merge_options([self.options, own, heat.own]))
-        return None if arguments is None else ["emla", "run", heat.scenario, *arguments]
+        """Return the command that repeats a run; None if an option is a Python object."""
+        run = self.runs[number]
+        own = {"controller": run.controller_variant.controller, "gains": run.controller_variant.gains}
+        arguments = format_arguments(merge_options([self.options, own, run.own]))
+        return None if arguments is None else ["emla", "run", run.scenario, *arguments]
 
 
 @dataclass(frozen=True)
 class ComparisonTerms:
-    """On what terms controllers meet.
+    """What all runs have in common.
 
-    `seeds` is the number of held-out seeds for runs in which anything is random, 0 for the seeds of the
-    scenario; `reserves` are those of all controllers, None for each one's own. `options` are for all runs.
+    Attributes:
+        seeds: The number of held-out seeds for runs with random sequences; 0 for the seeds of the scenario.
+        reserves: The reserves of all controllers; None keeps those of each controller.
+        options: The options of all runs.
     """
 
     seeds: int
@@ -86,52 +91,53 @@ class ComparisonTerms:
 
 def plan_runs(
     scenarios: Sequence[str],
-    entrants: Sequence[ControllerVariant],
+    variants: Sequence[ControllerVariant],
     cases: Sequence[ComparisonCase],
     terms: ComparisonTerms,
     progress: Progress,
 ) -> ComparisonPlan:
-    """Build what is missing, and lay out all heats.
+    """Build missing FMUs, and plan all runs.
 
-    Raises CommandError for whatever is wrong with scenarios and options, and for a scenario without joints;
-    RunError where FMUs cannot be built.
+    Raises:
+        CommandError: A scenario or an option is wrong, or a scenario has no joints.
+        RunError: An FMU cannot be built.
     """
-    heats, groups = list[ComparisonRun](), list[Preparation]()
+    runs, groups = list[ComparisonRun](), list[Preparation]()
     run = set[tuple[str, str]]()
     held_out = HeldOutSeeds(terms.seeds)
     kept, fixed = dict[str, dict[str, None]](), dict[str, None]()
     for scenario in scenarios:
-        for entrant in entrants:
-            for part, case, own in _cases(scenario, entrant, cases, terms, progress):
+        for variant in variants:
+            for part, case, own in _cases(scenario, variant, cases, terms, progress):
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 run.add((scenario, case.name))
-                kept.setdefault(str(entrant), {})[describe_reserves(part, own["set"])] = None
+                kept.setdefault(str(variant), {})[describe_reserves(part, own["set"])] = None
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
-                    fixed[str(entrant)] = None
+                    fixed[str(variant)] = None
                 for seed, options in _choose_seeds(part, own, held_out, terms.options):
-                    heats.append(
-                        ComparisonRun(scenario, entrant, case, _joints(part), options, len(groups) - 1, seed)
+                    runs.append(
+                        ComparisonRun(scenario, variant, case, _joints(part), options, len(groups) - 1, seed)
                     )
     notes = [
         describe_left_out(missing, scenario)
         for scenario in scenarios
         if (missing := [case for case in cases if (scenario, case.name) not in run])
     ]
-    if not heats:
+    if not runs:
         raise CommandError(" ".join(notes))
     known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
     notes += dict.fromkeys(known)
     reserves = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
     notes.append(f"Reserves of current and voltage: {reserves}.")
     notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
-    return ComparisonPlan(heats, groups, terms.options, notes)
+    return ComparisonPlan(runs, groups, terms.options, notes)
 
 
 def _choose_seeds(
     part: Preparation, own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
 ) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
-    """Held-out seeds with the options that they make of a run; one None where nothing is random."""
+    """Return held-out seeds, each with the options of its run; a single None if nothing is random."""
     names = random_seeds(part, own["set"], options.get("set") or {}) if held_out.drawn else []
     if not names:
         yield None, own
@@ -142,23 +148,23 @@ def _choose_seeds(
 
 def _cases(
     scenario: str,
-    entrant: ControllerVariant,
+    variant: ControllerVariant,
     cases: Sequence[ComparisonCase],
     terms: ComparisonTerms,
     progress: Progress,
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
-    """Parts of a scenario with the cases that they can run, and the options that these are."""
+    """Return the subsystems of a scenario, each with a case that it can run and the options of the case."""
     options = terms.options
-    usual = _parts(scenario, entrant, options, progress)
+    usual = _parts(scenario, variant, options, progress)
     for part in usual:
         for case in cases:
             if not case.fault and (values := case.resolve_start_values(part)) is not None:
                 yield part, case, {"set": _on_terms(values, part, terms)}
     joints = [joint for part in usual for joint in _joints(part)]
     for case in cases:
-        if case.fault:  # which is put into the system before it is prepared
+        if case.fault:  # faults become part of the system before it is prepared
             own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
-            for part in _parts(scenario, entrant, {**options, **own}, progress):
+            for part in _parts(scenario, variant, {**options, **own}, progress):
                 if (values := case.resolve_start_values(part)) is not None:
                     yield part, case, {**own, "set": _on_terms(values, part, terms)}
 
@@ -168,10 +174,10 @@ def _on_terms(values: Mapping[str, Any], part: Preparation, terms: ComparisonTer
 
 
 def _parts(
-    scenario: str, entrant: ControllerVariant, options: Mapping[str, Any], progress: Progress
+    scenario: str, variant: ControllerVariant, options: Mapping[str, Any], progress: Progress
 ) -> list[Preparation]:
-    """The parts of a scenario that have joints, closed by this controller."""
-    chosen = load(scenario, **{**options, "controller": entrant.controller, "gains": entrant.gains})
+    """Return the subsystems of a scenario that have joints, with this controller."""
+    chosen = load(scenario, **{**options, "controller": variant.controller, "gains": variant.gains})
     check_run(chosen.options, chosen.name)
     found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
     if not found:

@@ -1,4 +1,4 @@
-"""What controllers keep of current and voltage in reserve, and the same reserves for all of them."""
+"""The reserves of current and voltage that controllers keep, and how to set the same for all."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
 
 CURRENT, VOLTAGE = "limit.i_reserve", "limit.u_reserve"
-"""Parameters of a controller: parts of its limits of current and voltage."""
+"""Parameters of a controller: reserves as parts of its limits of current and voltage."""
 
 _TRUTHS = {"false": 0.0, "true": 1.0}
 
 
 class Reserves(NamedTuple):
-    """Parts of the limits of current and voltage that a controller keeps; None where it does not limit."""
+    """Reserves as parts of the limits of current and voltage; None for a quantity that is not limited."""
 
     current: float | None
     voltage: float | None
@@ -26,20 +26,20 @@ class Reserves(NamedTuple):
 
 
 def parse_reserves(reserves: Sequence[float] | None) -> Reserves | None:
-    """Return reserves as parts of current and voltage; CommandError for what is none."""
+    """Return reserves of current and voltage; raise CommandError for invalid ones."""
     if reserves is None:
         return None
     found = convert_value(list(reserves), Sequence[float], "the reserves")
     if len(found) != 2 or not all(0.0 <= part <= 0.9 for part in found):
         raise CommandError(
-            f"the reserves are {reserves!r}; they must be parts of current and voltage from 0 to 0.9, "
+            f"the reserves are {reserves!r}; they must be two parts from 0 to 0.9, of current and voltage, "
             "such as 0.02,0.2."
         )
     return Reserves(*found)
 
 
 def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value]:
-    """Return the start values, by full name, that give all controllers of a system these reserves."""
+    """Return the start values, by full name, that set these reserves in all controllers of a system."""
     both = {CURRENT: reserves.current, VOLTAGE: reserves.voltage}
     return {
         f"{controller}.{name}": float(part)
@@ -50,7 +50,7 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
 
 
 def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
-    """Say what the controllers of a system keep in reserve; `values` has start values of the run."""
+    """Return the reserves of the controllers of a system as text; `values` has start values of the run."""
     found = [_of(controller, prepared, values) for controller in _controllers(prepared)]
     return ", ".join(dict.fromkeys("not stated" if one is None else str(one) for one in found))
 
@@ -74,6 +74,6 @@ def _of(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> 
     current, voltage = value(CURRENT), value(VOLTAGE)
     if current is None or voltage is None:
         return None
-    limits = value("limit_current") != 0.0  # a switch of RSBA; the others always limit
+    limits = value("limit_current") != 0.0  # only RSBA has this switch; the other controllers always limit
     counts = "limit_current" not in variables or value("weaken_field") != 0.0
     return Reserves(current if limits else None, voltage if limits and counts else None)

@@ -1,4 +1,4 @@
-"""What came out of a comparison."""
+"""The result of a comparison."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,16 +16,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CompareResult(CompareData):
-    """What came out of a comparison of controllers.
+    """The result of a comparison of controllers.
 
-    `rows` has a row for each scenario, case, joint, controller, set of gains and seed: `seed` is the
-    held-out one, None where nothing is random or the seeds are the scenario's; `held` is the verdict of
-    metrics.json, `lost_at_s` and `why` say when and why a joint was not held; then come the figures of
-    metrics.json under their names, with units in these. `errors` has the position errors in m over `time`
-    in s of each run, by the number in `rows`, in columns by joint, where they were kept. `table` is one of
-    `TABLES`, or None. `complete` says whether all runs are there, `wall_s` how long they took. `notes` say
-    what each controller keeps in reserve, and what was left out. `folder` is where everything was written,
-    if anywhere.
+    Attributes:
+        rows: A row for each scenario, case, joint, controller, set of gains and seed. `seed` is the held-out
+            one, or None if nothing is random or the seeds are those of the scenario. `held` says whether the
+            joint was held; if not, `lost_at_s` and `why` say when and why. Then follow the figures of
+            metrics.json under their names, in the units that these names end with.
+        errors: By the number in `rows`: the position error in m over `time` in s, with a column for each
+            joint. Only comparisons that draw errors have them.
+        table: One of `TABLES`, or None.
+        complete: Whether all runs are there.
+        wall_s: How long they took, in s.
+        notes: The reserves of each controller, and what was left out.
+        folder: The output folder, if there is one.
     """
 
     @property
@@ -39,12 +43,12 @@ class CompareResult(CompareData):
         return self.rows.filter(~polars.col("held"))
 
     def markdown(self) -> str:
-        """All tables as Markdown: what comparison.md holds."""
+        """Return all tables as Markdown, the text of comparison.md."""
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))
         lost = f"\nNot held:\n\n{lines}" if lines else ""
         return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
 
     def figures(self) -> "dict[str, Figure]":
-        """The pictures by name."""
+        """Return the pictures by name."""
         return draw_pictures(self)

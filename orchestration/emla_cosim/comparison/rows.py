@@ -1,4 +1,4 @@
-"""What came out of each run, as rows: one for each scenario, case, joint, controller and set of gains."""
+"""Rows with the outcome of each run: one for each scenario, case, joint, controller and set of gains."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -15,10 +15,10 @@ from .plan import ComparisonPlan, ComparisonRun
 _NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")
 
 FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBERS)
-"""Columns with figures of a joint, by the names that metrics.json has for them."""
+"""Columns with figures of a joint, by their names in metrics.json."""
 
 HELD, LOST_AT, WHY, SEED = "held", "lost_at_s", "why", "seed"
-"""Whether a joint was held, as metrics.json says; if not, when that was seen, and why; the held-out seed."""
+"""Columns that say whether a joint was held; if not, when and why; and the held-out seed."""
 
 COLUMNS: Mapping[str, Any] = {
     "run": polars.Int64,
@@ -37,33 +37,33 @@ COLUMNS: Mapping[str, Any] = {
 }
 
 SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
-"""How a person sees a figure."""
+"""How tables and pictures show a figure."""
 
 Row = Mapping[str, Any]
 
 
-def build_rows(contest: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
-    """The rows of all heats that came to an end, in the order of the heats."""
-    found = [row for number in sorted(outcomes) for row in _rows(contest.runs[number], outcomes[number])]
+def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
+    """Return the rows of all finished runs, in the order of the plan."""
+    found = [row for number in sorted(outcomes) for row in _rows(plan.runs[number], outcomes[number])]
     return polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
 
 
-def _rows(heat: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
-    return [_row(heat, joint, outcome) for joint in heat.joints]
+def _rows(run: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
+    return [_row(run, joint, outcome) for joint in run.joints]
 
 
-def _row(heat: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
+def _row(run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
     is_held, at, why = read_verdict(figures, outcome)
-    x, y = heat.case.at or (None, None)
+    x, y = run.case.at or (None, None)
     return {
         "run": outcome.number,
-        "scenario": heat.scenario,
-        "case": heat.case.name,
+        "scenario": run.scenario,
+        "case": run.case.name,
         "joint": joint,
-        "controller": heat.controller_variant.label,
-        "gains": heat.controller_variant.gains,
-        SEED: heat.seed,
+        "controller": run.controller_variant.label,
+        "gains": run.controller_variant.gains,
+        SEED: run.seed,
         HELD: is_held,
         LOST_AT: at,
         WHY: why,
@@ -76,7 +76,7 @@ def _row(heat: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, 
 def read_verdict(
     figures: Mapping[str, Any], outcome: VariantOutcome
 ) -> tuple[bool, float | None, str | None]:
-    """Return whether a joint was held; if not, when that was seen in s, and why."""
+    """Return whether a joint was held; if not, at which time in s this was detected, and why."""
     is_done = outcome.status == DONE
     if is_done and figures.get(HELD):
         return True, None, None
@@ -87,5 +87,5 @@ def read_verdict(
 
 
 def label_variant(row: Row) -> str:
-    """The controller of a row with its gains."""
+    """Return the controller of a row with its gains."""
     return f"{row['controller']}/{row['gains']}"

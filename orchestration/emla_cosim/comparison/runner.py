@@ -1,4 +1,4 @@
-"""The one way to compare controllers: laid out, given out to the workers of a sweep, and put side by side."""
+"""Run a comparison: plan it, run it on the workers of a sweep, and collect the result."""
 
 import shlex
 import time
@@ -35,10 +35,10 @@ from .result import CompareResult
 from .rows import build_rows as rows_of
 
 RESOLUTION = 7
-"""Points along an axis of a map unless told otherwise."""
+"""Default number of points along an axis of a map."""
 
 SEEDS = 5
-"""Held-out seeds by default; for maps none."""
+"""Default number of held-out seeds; maps use none by default."""
 
 
 def compare(
@@ -57,28 +57,36 @@ def compare(
     progress: Progress | None = None,
     **options: Any,
 ) -> CompareResult:
-    """Run a built-in scenario with several controllers side by side, and put what came out into tables.
+    """Run a built-in scenario with several controllers, and collect their figures in tables.
 
-    `controllers` are names, FILE.fmu, FILE.py:BLOCK or blocks, by default all of `CONTROLLERS`. `gains` names
-    sets: SET for every controller that has it, CONTROLLER/SET for one, "all" for all; a controller for
-    which none is named comes with its recommended set. `table` is "paper" (the paper's Tables VI and VIII
-    beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances, with
-    the sets `robust` and `rule`, too, unless some are named), "stability" (maps over delay and parameters,
-    with `resolution` points along each axis), or None. Where anything is random, each controller runs with
-    the same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's
-    own.
-    `reserves` are the parts of current and voltage, such as (0.02, 0.2), that every controller keeps; by
-    default each keeps its own. `options` are those of `Options`, for all runs.
+    Joints that no connection links run separately, so that none ends the run of another. Runs use the
+    workers of a sweep. Ctrl-C ends the comparison early; the result has the runs that finished.
 
-    Joints that nothing connects are run apart, so that none of them ends the others. It runs on the
-    cluster of a sweep: see `sweep` for `scheduler` and `workers`. With `output` everything is written to
-    that folder, where files that emla did not write are only replaced with `overwrite`. Ctrl-C ends it
-    early, and the result has what was there.
+    Args:
+        scenario: The name or the file of a scenario.
+        controllers: Names, FILE.fmu, FILE.py:BLOCK or blocks; default: all of `CONTROLLERS`.
+        gains: Sets of gains: SET for every controller that has it, CONTROLLER/SET for one, "all" for all.
+            Controllers without a named set use their recommended one.
+        table: "paper" (Tables VI and VIII of the paper beside ours, by default with all sets of gains),
+            "robustness" (many cases, by default also with the sets `robust` and `rule`),
+            "stability" (maps over delay and parameters), or None.
+        seeds: Number of held-out seeds, which no tuning used, for scenarios with random sequences. 0 keeps
+            the seeds of the scenario. Default: 5, and 0 for maps.
+        reserves: Parts of current and voltage, such as (0.02, 0.2), that every controller keeps; default:
+            those of each controller.
+        resolution: Points along each axis of the maps of "stability".
+        scheduler: See `sweep`.
+        workers: See `sweep`.
+        output: The output folder.
+        overwrite: Whether to replace files in it that emla did not write.
+        progress: Receives messages and progress.
+        **options: Options of all runs; see `Options`.
 
-    Raises CommandError for whatever is wrong with controllers, gains, scenario and options, before anything
-    is run; RunError where the cluster is gone, all runs are refused, or files cannot be written.
+    Raises:
+        CommandError: Controllers, gains, scenario or options are wrong. Raised before the first run.
+        RunError: The cluster is lost, all runs fail, or files cannot be written.
     """
-    told, name = progress or Progress(), _name_of(scenario)
+    reporter, name = progress or Progress(), _name_of(scenario)
     options |= {"overwrite": True} if overwrite else {}
     _check(table, resolution, options)
     check_cluster(scheduler, workers)
@@ -91,21 +99,21 @@ def compare(
     if table == STABILITY:
         options = {"stop_time": stability_stop_time(), **options}
         terms = replace(terms, options=options)
-    contest = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
+    plan = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, reporter)
     for kind, known in REGISTRIES.items():
         check_portable(kind, known)
     if folder is None:
-        return _result(contest, name, table, _run(contest, table, (scheduler, workers), told), None)
-    folder.check_unread(group.read for group in contest.groups)
+        return _result(plan, name, table, _run(plan, table, (scheduler, workers), reporter), None)
+    folder.check_unread(group.read for group in plan.groups)
     with folder.alone():
-        ran = _run(contest, table, (scheduler, workers), told)
-        result = _result(contest, name, table, ran, folder.path)
-        folder.keep(result, build_record(contest, result))
+        ran = _run(plan, table, (scheduler, workers), reporter)
+        result = _result(plan, name, table, ran, folder.path)
+        folder.keep(result, build_record(plan, result))
     return result
 
 
 class _CollectedOutcomes:
-    """What came back so far."""
+    """The outcomes of the runs that have ended so far."""
 
     def __init__(self) -> None:
         self.outcomes: dict[int, VariantOutcome] = {}
@@ -114,7 +122,7 @@ class _CollectedOutcomes:
         self.wall_s = 0.0
 
     def keep(self, chunk: Chunk) -> None:
-        """Take what a chunk gave."""
+        """Take the outcomes of a chunk."""
         self.outcomes |= {outcome.number: outcome for outcome in chunk.outcomes}
         if chunk.series is not None:
             series = polars.read_parquet(BytesIO(chunk.series))
@@ -123,23 +131,23 @@ class _CollectedOutcomes:
 
 
 def _run(
-    contest: ComparisonPlan, table: str | None, cluster: tuple[Scheduler, int | None], told: Progress
+    plan: ComparisonPlan, table: str | None, cluster: tuple[Scheduler, int | None], reporter: Progress
 ) -> _CollectedOutcomes:
-    """Run all heats, or as many as there is time for until somebody interrupts."""
+    """Run all planned runs, or those that end before an interrupt."""
     ran = _CollectedOutcomes()
     measures = FIGURES_ALONE if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
-    shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", contest.groups)
+    shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", plan.groups)
 
     def keep(chunk: Chunk) -> None:
         ran.keep(chunk)
-        told.advance(len(chunk.outcomes))
+        reporter.advance(len(chunk.outcomes))
 
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
-        for group in {heat.scenario: heat.group for heat in reversed(contest.runs)}.values():
-            found.describe(group)  # raises what no run of the scenario could do either
-        told.begin("comparing", len(contest.runs), "runs")
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
+        for group in {run.scenario: run.group for run in reversed(plan.runs)}.values():
+            found.describe(group)  # raises the error that prevents every run
+        reporter.begin("comparing", len(plan.runs), "runs")
         began = time.monotonic()
-        ran.complete = found.run(contest.work(), contest.variant, measures, 0, keep, interrupted)
+        ran.complete = found.run(plan.work(), plan.variant, measures, 0, keep, interrupted)
         ran.wall_s = time.monotonic() - began
     if ran.outcomes and all(outcome.status == REFUSED for outcome in ran.outcomes.values()):
         raise RunError(str(next(iter(ran.outcomes.values())).problem))
@@ -147,18 +155,18 @@ def _run(
 
 
 def _result(
-    contest: ComparisonPlan, name: str, table: str | None, ran: _CollectedOutcomes, folder: Path | None
+    plan: ComparisonPlan, name: str, table: str | None, ran: _CollectedOutcomes, folder: Path | None
 ) -> CompareResult:
-    commands = {number: contest.command(number) for number in ran.outcomes}
-    compared = list(dict.fromkeys(heat.controller_variant for heat in contest.runs))
+    commands = {number: plan.command(number) for number in ran.outcomes}
+    compared = list(dict.fromkeys(run.controller_variant for run in plan.runs))
     return CompareResult(
         name=name,
         table=table,
-        rows=rows_of(contest, ran.outcomes),
+        rows=rows_of(plan, ran.outcomes),
         entrants=list(map(str, compared)),
         errors=ran.errors,
         commands={number: shlex.join(words) for number, words in commands.items() if words},
-        notes=[*contest.notes, *_describe_other_sets(compared)],
+        notes=[*plan.notes, *_describe_other_sets(compared)],
         complete=ran.complete,
         wall_s=ran.wall_s,
         folder=folder,
@@ -166,33 +174,33 @@ def _result(
 
 
 def _describe_other_sets(compared: Sequence[ControllerVariant]) -> list[str]:
-    """A sentence that names the sets of gains which are there but not compared."""
+    """Return a remark that names the existing sets of gains that are not compared."""
     left = list_other_variants(compared)
-    return [f"Further sets of gains: {join_names(left)}; take them with --gains."] if left else []
+    return [f"Further sets of gains: {join_names(left)}; add them with --gains."] if left else []
 
 
 def _name_of(scenario: str | Path) -> str:
     if not isinstance(scenario, (str, Path)):
-        raise CommandError(f"controllers are compared on a scenario by its name or file, not {scenario!r}.")
+        raise CommandError(f"the scenario is {scenario!r}; it must be the name or the file of a scenario.")
     path = Path(scenario)
     return path.stem if path.suffix else path.name
 
 
 def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]) -> None:
-    """Raise CommandError for what can be seen to be wrong at once."""
+    """Raise CommandError for options that are wrong or do not fit together."""
     if table is not None:
         check_choice("table", table, TABLES)
     if resolution is not None and table != STABILITY:
-        raise CommandError(f"a resolution is for the table {STABILITY}; leave it out.")
+        raise CommandError(f"only the table {STABILITY} has a resolution; remove the option.")
     if resolution is not None:
         check_resolution(resolution)
     known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
     if wrong := [n for n in options if n in options_table() and n not in known]:
-        raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of the comparison.")
+        raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
 
 
 def _check_seeds(seeds: int | None, table: str | None) -> int:
-    """Return the number of held-out seeds; CommandError for one that is none."""
+    """Return the number of held-out seeds; raise CommandError if it is out of range."""
     if seeds is None:
         return 0 if table == STABILITY else SEEDS
     if not 0 <= convert_value(seeds, int, "the number of seeds") <= 1000:
@@ -201,13 +209,13 @@ def _check_seeds(seeds: int | None, table: str | None) -> int:
 
 
 def _scenarios(scenario: str, table: str | None) -> list[str]:
-    """The scenarios to run; CommandError for one that the paper prints nothing of."""
+    """Return the scenarios to run; raise CommandError for a scenario that is not in the paper's tables."""
     if table != PAPER:
         return [scenario]
     printed = [s for t in PRINTED for s in t.scenarios]
     if scenario not in printed:
         raise CommandError(
-            f"the paper's tables take the scenarios {join_names(printed)}; name {printed[0]}, not "
+            f"the paper's tables need the scenarios {join_names(printed)}; use {printed[0]}, not "
             f"'{scenario}'."
         )
     return [s for s in printed if s in SCENARIOS]

@@ -1,4 +1,4 @@
-"""The runs of a comparison over seeds: mean and spread of each figure, and who is clearly the best."""
+"""Statistics over the seeds of a comparison: mean and spread of each figure, and clear winners."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from .text_table import Cell, format_rounded
 
 @dataclass(frozen=True)
 class SeedStatistics:
-    """The runs of a joint with one controller in one case, which differ in their seeds alone."""
+    """The runs of a joint with one controller in one case, which differ only in their seeds."""
 
     rows: Sequence[Row]
 
@@ -23,7 +23,7 @@ class SeedStatistics:
 
     @property
     def controller(self) -> str:
-        """The controller's name."""
+        """The name of the controller."""
         return str(self.rows[0]["controller"])
 
     @property
@@ -33,11 +33,11 @@ class SeedStatistics:
 
     @property
     def lost(self) -> list[Row]:
-        """The runs in which it was not."""
+        """The runs in which the joint was not held."""
         return [row for row in self.rows if not row[HELD]]
 
     def mean(self, figure: str) -> float | None:
-        """Return the mean of a figure over all runs, in its unit of metrics.json; None where one has none."""
+        """Return the mean of a figure over all runs, in the unit of metrics.json; None if a run lacks it."""
         values = self._values(figure)
         return None if values is None else fmean(values)
 
@@ -47,7 +47,7 @@ class SeedStatistics:
         return stdev(values) if values is not None and len(values) > 1 else 0.0
 
     def largest(self, figure: str) -> float | None:
-        """Return the largest value of a figure among all runs in which the joint was not held."""
+        """Return the largest value of a figure among the runs in which the joint was not held."""
         return max((row[figure] for row in self.lost if _is_known(row[figure])), default=None)
 
     def _values(self, figure: str) -> list[float] | None:
@@ -56,19 +56,21 @@ class SeedStatistics:
 
 
 def group_by_variant(rows: Sequence[Row]) -> dict[str, SeedStatistics]:
-    """Return rows of one joint in one case by controller and gains, in their order."""
+    """Return the rows of one joint in one case, grouped by controller and gains, in their order."""
     found: dict[str, list[Row]] = {}
     for row in rows:
         found.setdefault(label_variant(row), []).append(row)
-    return {entrant: SeedStatistics(own) for entrant, own in found.items()}
+    return {variant: SeedStatistics(own) for variant, own in found.items()}
 
 
 def find_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> str | None:
-    """Return the entrant with the smallest mean of a figure, if that is less than all others beyond doubt.
+    """Return the controller with the clearly smallest mean of a figure.
 
-    Only joints that were held in all runs take part. The smallest mean has to be below the next one by more
-    than both standard deviations together, and look different in the digits that tables show. None where
-    there is no such entrant, or nobody to compare it with.
+    Only joints that were held in all runs count. The smallest mean must be below the next one by more than
+    both standard deviations together, and differ from it in the digits that tables show.
+
+    Returns:
+        The controller with its gains; None if there is no clear winner or no other controller.
     """
     means = {
         name: mean
@@ -88,26 +90,26 @@ def find_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> str | Non
 
 
 def mark_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> dict[str, Cell]:
-    """Return the cells of a row of a table by entrant: means with their spread, the winner marked."""
+    """Return the cells of a row of a table by controller and gains, with means, spreads and the winner."""
     best = find_winner(found, figure)
     return {name: _cell(one, figure)._replace(best=name == best) for name, one in found.items()}
 
 
 def format_mean(one: SeedStatistics, figure: Shown) -> str:
-    """Return a mean in the unit of its row."""
+    """Return a mean as text, in the unit of its row."""
     mean = one.mean(figure.name)
     return "none" if mean is None else format_rounded(figure.factor * mean)
 
 
 def format_mean_and_spread(one: SeedStatistics, figure: Shown) -> str:
-    """Return a mean in the unit of its row, with its spread where there is any."""
+    """Return a mean as text in the unit of its row, with its spread if there is one."""
     spread = figure.factor * one.spread(figure.name)
     text = format_mean(one, figure)
     return f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text
 
 
 def format_lost(one: SeedStatistics, figure: Shown) -> str:
-    """Return that a joint was not held, in how many runs, and the largest value of a figure in these."""
+    """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
     of = "" if len(one.rows) == 1 else f" in {len(one.lost)} of {len(one.rows)}"
     largest = one.largest(figure.name)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")

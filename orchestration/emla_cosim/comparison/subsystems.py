@@ -1,4 +1,4 @@
-"""A prepared scenario in parts that have nothing to do with each other, so that none can end the others."""
+"""Split a prepared scenario into independent subsystems, so that none ends the run of another."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from ..system.model import System
 
 
 def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
-    """One for each joint, or for those joints together that connections lead between."""
+    """Return one subsystem for each joint, or for each group of joints that connections link."""
     graph = networkx.Graph()
     system = prepared.system
     branch = {c.name: c.branch for c in system.components}
@@ -44,7 +44,7 @@ def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
 
 
 def _remove_components(value: Any, components: set[str]) -> Any:
-    """The value of an option that may name components, without these."""
+    """Return the value of an option without the components that it names."""
     if isinstance(value, Mapping):
         return {name: one for name, one in value.items() if name not in components}
     if isinstance(value, Sequence) and not isinstance(value, str):

@@ -1,4 +1,4 @@
-"""The tables of a comparison, as grids."""
+"""The tables of a comparison."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ _COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
 
 
 def build_tables(result: CompareData) -> list[TextTable]:
-    """All tables of a result."""
+    """Return all tables of a result."""
     if result.table == PAPER:
         return build_paper_tables(result)
     if result.table == ROBUSTNESS:
@@ -34,9 +34,9 @@ def build_tables(result: CompareData) -> list[TextTable]:
 
 
 def describe_lost_joints(result: CompareData) -> list[str]:
-    """For each joint that was not held a line that says with which controller, in how many runs, and why."""
+    """Return a line for each joint that was not held: with which controller, in how many runs, and why."""
     if result.table == STABILITY:
-        return []  # that is what the maps show
+        return []  # the maps show these
     several = {name: result.rows[name].n_unique() > 1 for name in ("scenario", "case")}
     found = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
     return [
@@ -47,7 +47,7 @@ def describe_lost_joints(result: CompareData) -> list[str]:
 
 
 def group_rows(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
-    """Rows by the values of these columns, in their order."""
+    """Return rows grouped by the values of these columns, in their order."""
     found: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         found.setdefault(tuple(row[name] for name in by), []).append(row)
@@ -55,7 +55,7 @@ def group_rows(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]
 
 
 def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -> str:
-    """The earliest of the runs in which a joint was not held, and how many there are."""
+    """Describe the earliest loss of a joint, and the number of runs with a loss."""
     first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
     where = "".join(f"{first[name]}, " for name, many in several.items() if many)
     runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
@@ -67,7 +67,7 @@ def _header(result: CompareData, first: str) -> list[str]:
 
 
 def _under(rows: Sequence[Row]) -> list[str]:
-    """What a reader has to know of cells that are means."""
+    """Return the remarks that explain cells with means."""
     seeds = len({row["seed"] for row in rows} - {None})
     if seeds < 2:
         return []
@@ -78,7 +78,7 @@ def _under(rows: Sequence[Row]) -> list[str]:
 
 
 def _plain(result: CompareData) -> Iterator[TextTable]:
-    """For each joint its figures in rows, and the controllers in columns."""
+    """Return a table for each joint, with figures in rows and controllers in columns."""
     shown = [SHOWN[name] for name in _FIGURES]
     for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
         body, lines = list[Sequence[Cell]](), list[int]()
@@ -98,7 +98,7 @@ def _plain(result: CompareData) -> Iterator[TextTable]:
 
 
 def _robustness(result: CompareData) -> Iterator[TextTable]:
-    """For each joint the cases in rows, and the controllers in columns; then how many of these hold."""
+    """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
     meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
     for (scenario, joint), rows in group_rows(result.rows.rows(named=True), "scenario", "joint").items():
@@ -117,7 +117,7 @@ def _robustness(result: CompareData) -> Iterator[TextTable]:
 
 
 def _stability(result: CompareData) -> Iterator[TextTable]:
-    """For each map how many of its points hold."""
+    """Return a table for each map with the number of points that hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
     for (name,), own in group_rows(rows, "map").items():
         title = f"Points of the map of {name} that hold"
@@ -125,7 +125,7 @@ def _stability(result: CompareData) -> Iterator[TextTable]:
 
 
 def _shares(result: CompareData, rows: Sequence[Row]) -> list[Sequence[Cell]]:
-    """For each joint in how many cases each controller holds it, with all seeds."""
+    """Return for each joint the number of cases in which each controller holds it with all seeds."""
     return [
         [Cell(str(joint)), *(_share([r for r in own if label_variant(r) == e]) for e in result.entrants)]
         for (joint,), own in group_rows(rows, "joint").items()

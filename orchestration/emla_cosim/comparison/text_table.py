@@ -1,4 +1,4 @@
-"""A table as a person reads it, for the terminal and as Markdown."""
+"""A text table for the terminal and for Markdown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from rich.table import Table
 
 
 class Cell(NamedTuple):
-    """What stands in a cell, and whether it is the best of its kind or tells of a loss."""
+    """The text of a cell, and whether it is the best of its row or reports a loss."""
 
     text: str
     best: bool = False
@@ -17,13 +17,13 @@ class Cell(NamedTuple):
 
 
 def format_rounded(value: float) -> str:
-    """A number with three digits, or as many as stand before the point; no power of ten for large ones."""
+    """Return a number with three digits, or with all digits before the point; large ones without exponent."""
     return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table: its title, sentences under it, and numbers of the rows before which a line is drawn."""
+    """A table: its title, remarks below it, and the numbers of the rows that follow a line."""
 
     title: str
     header: Sequence[str]
@@ -32,7 +32,7 @@ class TextTable:
     lines: Sequence[int] = ()
 
     def markdown(self) -> str:
-        """The table for a page."""
+        """Return the table as Markdown."""
         columns = range(len(self.header))
         texts = [[_mark_cell(cell) for cell in row] for row in self.rows]
         heads = [_plain(head) for head in self.header]
@@ -43,7 +43,7 @@ class TextTable:
         return f"{self.title}\n\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows) + said
 
     def rich(self) -> Table:
-        """The table for the terminal."""
+        """Return the table for the terminal."""
         table = Table(title=escape(self.title), title_justify="left")
         for number, head in enumerate(self.header):
             table.add_column(escape(head), justify="right" if number else "left")
@@ -64,6 +64,6 @@ def _mark_cell(cell: Cell) -> str:
 
 
 def _style_cell(cell: Cell) -> str:
-    text = escape(f"{cell.text} *" if cell.best else cell.text)  # also where there are no colours
+    text = escape(f"{cell.text} *" if cell.best else cell.text)  # visible also without colours
     style = "bold green" if cell.best else "bold red" if cell.lost else ""
     return f"[{style}]{text}[/]" if style and text else text

@@ -1,1 +1,1 @@
-"""What is special to this project's machine: joints, their roles, metrics, figures and scenarios."""
+"""What is specific to this project's machine: joints, their roles, metrics, figures and scenarios."""

@@ -1,4 +1,4 @@
-"""The controllers that a joint can have, and the sets of gains that they come with."""
+"""The controllers of a joint, and their sets of gains."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,12 +23,14 @@ from ..fmu.models import find_block
 
 @dataclass(frozen=True)
 class Gains:
-    """A set of gains: where controller and observer of a joint get theirs.
+    """A set of gains of a joint's controller and observer.
 
-    `observer` has the gains of the observer by joint, or is the name of the joint's set, `[observer.NAME]` of
-    its file. `controller` has the gains of the controller by joint, `on_machine` those of joints that move a
-    whole machine, where they differ. `printed_estimate` starts the observer as in (103). With `in_file`
-    the joint's file has all of them, in `[gains.CONTROLLER.NAME]`.
+    Attributes:
+        observer: Gains of the observer by joint, or the name of a set `[observer.NAME]` of the joint's file.
+        controller: Gains of the controller by joint.
+        on_machine: Gains of the controller for joints that move a whole machine, if they differ.
+        printed_estimate: Whether the observer starts as in (103).
+        in_file: Whether the joint's file has all of them, in `[gains.CONTROLLER.NAME]`.
     """
 
     observer: Mapping[str, Any] | str = ""
@@ -39,18 +41,20 @@ class Gains:
 
     @property
     def has_controller_gains(self) -> bool:
-        """Return whether the set has gains of the controller, not of the observer alone."""
+        """Whether the set has gains of the controller, not of the observer alone."""
         return self.in_file or bool(self.controller)
 
 
 @dataclass(frozen=True)
 class Controller:
-    """What closes a joint's loop, a block or the file of an FMU, and the names of its sets of gains.
+    """A controller of a joint: a block or the file of an FMU, with its sets of gains.
 
-    The first set is the recommended one: every command takes it unless gains are named, and comparisons
-    use it. A controller that brings no gains of its own runs with its start values, and with one of the
-    joint's observers. `gain_type` is the class of its gains in joint files, `rules` are functions that
-    make them.
+    The first set is the recommended one, which commands use by default. A controller without gains uses its
+    start values and one of the joint's observers.
+
+    Attributes:
+        gain_type: The class of its gains in joint files.
+        rules: Functions that compute such gains.
     """
 
     model: type[Block] | Path
@@ -62,7 +66,7 @@ class Controller:
 
     @property
     def recommended(self) -> str:
-        """Return the name of the recommended set of gains."""
+        """The name of the recommended set of gains."""
         return next(iter(self.gains))
 
 
@@ -90,19 +94,24 @@ CONTROLLERS: dict[str, Controller] = {
         AnatcController, _in_files("tuned", "published"), anatc_gains.AnatcGains, {"tuned": anatc_gains.tuned}
     ),
 }
-"""Controllers by name; one that you add here can be chosen wherever a name is given.
+"""Controllers by name; add your own here to use it by name.
 
-The recommended sets are like against like: the search of `emla tune` found each of them, or begins there.
+The recommended sets are comparable: `emla tune` found each of them, or starts from it.
 """
 
 ROBUSTNESS_SETS = ("robust", "rule")
-"""Sets that tables of robustness have beside the recommended ones, which were tuned for small errors."""
+"""Further sets in tables of robustness, since the recommended ones were tuned for small errors."""
 
 
 def choose_controller(controller: str | type | None, gain_set: str | None) -> "ChosenGains":
-    """Return a controller, by its name, as a block or as FILE.fmu or FILE.py:BLOCK, and a set of its gains.
+    """Return a controller with one of its sets of gains.
 
-    Raises CommandError for a controller or a set of gains that does not exist.
+    Args:
+        controller: A name, FILE.fmu, FILE.py:BLOCK, or a block.
+        gain_set: The name of the set; None for the recommended one.
+
+    Raises:
+        CommandError: The controller or the set does not exist.
     """
     called = "rsba" if controller is None else controller
     found = _controller(called)
@@ -114,7 +123,7 @@ def choose_controller(controller: str | type | None, gain_set: str | None) -> "C
 
 @dataclass(frozen=True)
 class ChosenGains:
-    """A controller, what it is called, and the name of a set of its gains."""
+    """A controller, its name, and the name of one of its sets of gains."""
 
     controller: Controller
     name: str
@@ -122,14 +131,14 @@ class ChosenGains:
 
     @property
     def gains(self) -> Gains:
-        """Return the set of gains."""
+        """The set of gains."""
         return self.controller.gains[self.gain_set]
 
 
 def _controller(name: str | type) -> Controller:
     if isinstance(name, type):
         if not issubclass(name, Block):
-            raise CommandError(f"the controller {name.__name__} is no block of fmublock.")
+            raise CommandError(f"the controller {name.__name__} is not a block of fmublock.")
         return Controller(name)
     if name.lower().endswith(".fmu"):
         return Controller(Path(name))
@@ -143,7 +152,7 @@ def _controller(name: str | type) -> Controller:
         )
     if name not in CONTROLLERS:
         raise CommandError(
-            f"there is no controller '{name}'; choose from {join_names(CONTROLLERS)}, or name FILE.fmu or "
+            f"there is no controller '{name}'; choose from {join_names(CONTROLLERS)}, or write FILE.fmu or "
             "FILE.py:BLOCK.",
             name=name,
         )

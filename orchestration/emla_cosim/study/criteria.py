@@ -1,4 +1,4 @@
-"""What a joint is judged by: windows, times and thresholds, with defaults that drives use."""
+"""The criteria of a joint's verdict: windows, times and thresholds, with defaults that drives use."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -18,9 +18,9 @@ def _criterion(default: float, unit: str, meaning: str) -> Any:
 class Criteria:
     """The criteria of one joint.
 
-    A position window and a window time are what CiA 402 (IEC 61800-7-201, objects 6067h and 6068h) calls
-    so. Thresholds of trips say how far beyond a limit of the plant a value may go: a fraction of the limit
-    for speed, current and temperature, a distance for the stroke.
+    Position window and window time are those of CiA 402 (IEC 61800-7-201, objects 6067h and 6068h). The
+    threshold of a trip says how far a value may exceed a limit of the plant: by a fraction of the limit for
+    speed, current and temperature, by a distance for the stroke.
     """
 
     position_window: float = _criterion(
@@ -44,11 +44,11 @@ def criteria_of(joints: Collection[str], given: Mapping[str, float | str]) -> di
 
     Args:
         joints: Names of all joints.
-        given: Values by JOINT.CRITERION, numbers in SI units or texts with a unit such as "0.5 mm"; the
-            joint may be `*`. What names a joint overrides what names all.
+        given: Values by JOINT.CRITERION: numbers in SI units, or texts with a unit such as "0.5 mm". The
+            joint may be `*`; a joint's own value overrides it.
 
     Raises:
-        CommandError: For a joint, a criterion or a value that does not exist or does not fit.
+        CommandError: A joint or a criterion does not exist, or a value is invalid.
     """
     found = dict.fromkeys(joints, Criteria())
     for place in sorted(given, key=lambda place: not place.startswith(f"{ALL_JOINTS}.")):
@@ -58,7 +58,7 @@ def criteria_of(joints: Collection[str], given: Mapping[str, float | str]) -> di
             raise CommandError(f"the criterion '{place}' does not exist; {right}.", criterion=place)
         if joint != ALL_JOINTS and joint not in found:
             meant = suggest_names(joint, list(found)) if found else "this system has no joints."
-            raise CommandError(f"the criterion '{place}' is for '{joint}', which is no joint; {meant}")
+            raise CommandError(f"the criterion '{place}' names '{joint}', which is not a joint; {meant}")
         value = _value(place, given[place], _FIELDS[name].metadata["unit"])
         for one in found if joint == ALL_JOINTS else (joint,):
             found[one] = replace(found[one], **{name: value})

@@ -11,7 +11,7 @@ from .joints.joint_files import load_joint
 from .systems import Choice, study_joint
 
 EXPERIMENTS = {"experiment-1": "prototype", "experiment-2": "prototype"}
-"""The joint that each scenario is of; its file has the motion and the load, in `[experiment.SCENARIO]`."""
+"""The joint of each scenario; its file has motion and load, in `[experiment.SCENARIO]`."""
 
 
 def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE) -> System:
@@ -33,12 +33,12 @@ def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Act
 
 
 def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
-    """Return what sensors and computing time of the drive do; all of it assumed, but for the sample.
+    """Return parameters of the drive's sensors and computing time; assumed, except the sample time.
 
-    It is no part of a joint file because it follows from the actuator, which may be another one.
+    They are not in a joint file because they follow from the actuator, which the user can replace.
     """
     return {
-        "sigma": 1e-8,  # 3 steps of the encoder
+        "sigma": 1e-8,  # three steps of the encoder
         "delay": sample_time,
         "sigma_i": 1e-3 * i_range,
         "resolution_i": 2.0 * i_range / 2**12,
@@ -46,4 +46,4 @@ def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
 
 
 SYSTEMS: dict[str, Callable[..., System]] = {name: partial(_experiment, name) for name in EXPERIMENTS}
-"""Systems by name, made for a controller, a set of its gains, and maybe another actuator."""
+"""Systems by name, made for a controller, a set of its gains, and optionally other actuators."""

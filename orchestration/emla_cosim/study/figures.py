@@ -1,4 +1,4 @@
-"""The pictures of joints, and of those that move a machine together."""
+"""The plots of joints, and of those that move a machine together."""
 
 from collections.abc import Collection, Mapping
 
@@ -130,11 +130,11 @@ JOINT_FIGURES: dict[str, Picture] = {
         moving="v_d",
     ),
 }
-"""The pictures of a joint by file name; their signals are roles."""
+"""The plots of a joint by file name; their signals are roles."""
 
 
 def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
-    """`find_variable` where joints move a machine together."""
+    """Find a variable as `find_variable` does, if joints move a machine together."""
     there = any(name.startswith("machine.") for name in names)
     return find_variable(joint, role, names, roles) if there else None
 
@@ -171,4 +171,4 @@ MACHINE_FIGURES: dict[str, Picture] = {
         find=_in_machine,
     ),
 }
-"""The pictures of a machine's joints by file name, as the paper's figures 8 and 9 have them."""
+"""The plots of a machine's joints by file name, as figures 8 and 9 of the paper."""

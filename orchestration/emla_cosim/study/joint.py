@@ -36,20 +36,21 @@ _WIRES = (
 )
 _ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
 _SAMPLE = ("disturbance", "observer")
-"""What computes at communication points beside the controller: the disturbance draws random numbers there."""
+"""Components that compute at communication points, like the controller: the disturbance draws random numbers.
+"""
 
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Components of a joint, and its connections by full names, which may lead out of it."""
+    """Components of a joint, and its connections by full names, which may lead to other components."""
 
     components: tuple[Component, ...]
     wires: tuple[str, ...]
 
     def alone(self) -> System:
-        """The system that it is by itself."""
+        """Return the joint as a system of its own."""
         return System(self.components, ()).with_connections(*self.wires)
 
 
@@ -68,16 +69,28 @@ def build_joint(
     electrical: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
-    """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
+    """Build a joint from its parameters, with a block or an FMU as controller.
 
-    The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat,
-    d_hat, i_q, i_d, u_available; its i_q_ref goes to plant and observer. `emla`, `gains` and
-    `observer_gains` are parameter sets; `reference`, `disturbance` and `plant` are values by attribute of
-    the block. `estimate` is the observer's start in m. With `true_feedback` the controller gets the
-    plant's true position and speed and the observer only watches. `electrical` leaves the plant its
-    electrical half, `motor`. `elsewhere` has full names of what other components have in the place of ends
-    such as reference.x_d, or None where such an end is left open; without a reference all of its are there.
-    Raises CommandError for a controller without u_q or u_d.
+    The controller has the outputs u_q and u_d, and any of the inputs x_d, v_d, a_d, x_hat, v_hat, d_hat, i_q,
+    i_d and u_available. Its output i_q_ref, if it has one, goes to plant and observer.
+
+    Args:
+        name: The name of the joint.
+        emla: Parameters that plant, observer and controller share.
+        controller: A block, or the file of an FMU.
+        gains: Gains of the controller.
+        observer_gains: Gains of the observer.
+        reference: Values by attribute of the block; None for a joint whose reference is elsewhere.
+        disturbance: Values by attribute of the block.
+        plant: Values by attribute of the block.
+        estimate: The observer's start in m.
+        true_feedback: Whether the controller gets the plant's true position and speed.
+        electrical: Whether the plant is only its electrical half, `motor`.
+        elsewhere: Full names of variables of other components that replace ends such as reference.x_d; None
+            leaves an end open.
+
+    Raises:
+        CommandError: The controller lacks u_q or u_d.
     """
     driven = EmlaMotor if electrical else EmlaPlant
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
@@ -128,25 +141,29 @@ def _controller_label(controller: type[Block] | Path) -> str:
 
 
 def _ports(controller: type[Block] | Path) -> set[str]:
-    """Names of the variables of a controller."""
+    """Return the names of a controller's variables."""
     if isinstance(controller, Path):
-        from ..fmu.interface import read_interface  # takes a while
+        from ..fmu.interface import read_interface  # slow to import
 
         return set(read_interface(controller).variables)
     return {scalar.name for scalar in controller.layout().scalars}
 
 
 def _has_port(ports: set[str], wire: str) -> bool:
-    """Whether the controller's end of a connection, if it has one, is there."""
+    """Return whether the controller has its end of a connection; True for a connection without it."""
     ends = (end.partition(".") for end in wire.split(" -> "))
     return all(port in ports for role, _, port in ends if role == "controller")
 
 
 def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
-    """Start values by FMI name: of each source, what has the name of an attribute of the block.
+    """Return start values by FMI name, from what sources have under the names of the block's attributes.
 
-    Sources are mappings, or objects with attributes; later ones win. Raises KeyError for a
-    key of a mapping that the block does not have.
+    Args:
+        block: The block.
+        sources: Mappings, or objects with attributes; later ones win.
+
+    Raises:
+        KeyError: The block lacks a key of a mapping.
     """
     layout = block.layout()
     settable = {x.attribute: x for x in (*layout.inputs, *layout.parameters, *layout.states)}

@@ -1,4 +1,4 @@
-"""The certificate of a scenario's RSBA gains: what the stability proof predicts, beside what is simulated."""
+"""The stability certificate of a scenario's RSBA gains: predictions of the proof beside a simulation."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,10 +26,14 @@ _SUBSYSTEMS = (1, 2, 3, 4)
 
 @dataclass(frozen=True)
 class JointCertificate:
-    """The certificate of a joint, for bounds measured in a run, and the largest values there from 0.3 s on.
+    """The certificate of a joint, for bounds measured in a run.
 
-    `position_m`, `length` (of P), `current_A` (P_3) and `observer_m` are simulated; `remarks` are sentences
-    on where the assumptions of the proof do not hold.
+    Attributes:
+        position_m: Largest simulated position error from 0.3 s on; so are the next three.
+        length: The length of P.
+        current_A: P_3.
+        observer_m: The observer's position error.
+        remarks: Assumptions of the proof that do not hold.
     """
 
     joint: str
@@ -48,11 +52,11 @@ _CHOICES = (
     "observer.model.N_p",
     "plant.torque_source",
 )
-"""Parameters that are no real numbers, which the outline of a run does not have."""
+"""Parameters that are not real numbers, which the outline of a run does not have."""
 
 
 class _ParameterRecorder(Recorder):
-    """Remembers the real parameters with which a run began."""
+    """Stores the real parameters at the start of a run."""
 
     parameters: Mapping[str, float]
 
@@ -61,11 +65,15 @@ class _ParameterRecorder(Recorder):
 
 
 def certify(simulation: Simulation) -> list[JointCertificate]:
-    """Run a prepared scenario once, and give the certificate of each joint that has an `RsbaController`.
+    """Run a prepared scenario once, and return the certificate of each joint that has an `RsbaController`.
 
-    Its bounds are those of the run itself: D_i is the largest |P_i' + (beta_i + zeta_i theta_i) / 2 P_i|,
-    less what connects the subsystems, which by (36) and (39) is all that Lambda_i r_i, d_max(i) and Omega_i
-    stand for. Raises CommandError where there is no such joint, RunError where the run fails.
+    The bounds are those of the run itself. D_i is the largest |P_i' + (beta_i + zeta_i theta_i) / 2 P_i|
+    without the terms that connect the subsystems. By (36) and (39) it covers Lambda_i r_i, d_max(i) and
+    Omega_i.
+
+    Raises:
+        CommandError: No joint has such a controller.
+        RunError: The run fails.
     """
     names = set(simulation.names)
     joints = [
@@ -136,7 +144,7 @@ def _certify_joint(
 
 
 def _acting(time: Vector, P: Vector, theta: Vector, gains: ControlGains) -> Vector:
-    """F_i + d_i - x_id' of (36), from what (39) leaves of the derivative of P_i."""
+    """Return F_i + d_i - x_id' of (36), computed from the derivative of P_i by (39)."""
     gain = (np.array(gains.beta)[:, None] + np.array(gains.zeta)[:, None] * theta) / 2.0
     left = np.gradient(P, time, axis=1) + gain * P
     left[0] -= P[1]
@@ -145,7 +153,7 @@ def _acting(time: Vector, P: Vector, theta: Vector, gains: ControlGains) -> Vect
 
 
 def _unknown_acceleration(signal: Any, own: Mapping[str, float]) -> Vector:
-    """K_2 of (17) in m/s2: what the screw does, less what the observer knows of it."""
+    """Return K_2 of (17) in m/s2: the acceleration of the screw that the observer does not model."""
     found = signal("plant.a_L") - signal("observer.d_hat")
     if not own["observer.use_model"]:
         return found
@@ -172,30 +180,30 @@ def _observer(own: Mapping[str, float]) -> ObserverConstants:
 def _remarks(
     gains: ControlGains, own: Mapping[str, float], step: float, limited: float, travel: float
 ) -> list[str]:
-    """Where the proof does not speak of this loop."""
+    """Return the assumptions of the proof that do not hold for this loop."""
     forgetting = min(delta * sigma for delta, sigma in zip(gains.delta, gains.sigma, strict=True))
     no_zeta = [i for i, zeta in zip(_SUBSYSTEMS, gains.zeta, strict=True) if zeta == 0.0]
     said = [
         (
             bool(no_zeta),
-            f"zeta_i is 0 for i = {', '.join(map(str, no_zeta))}: (43) divides by it; nothing is proved.",
+            f"zeta_i is 0 for i = {', '.join(map(str, no_zeta))}: (43) divides by it, so nothing is proved.",
         ),
         (
             forgetting < 0.1 * min(gains.beta),
-            f"The least of phi_1 to phi_4 is how theta_hat forgets, delta_i sigma_i = {forgetting:.3g} 1/s, "
+            f"The smallest of phi_1 to phi_4 is theta_hat's decay, delta_i sigma_i = {forgetting:.3g} 1/s, "
             f"{min(gains.beta) / max(forgetting, 1e-300):.3g} times slower than the loops.",
         ),
         (
             own["observer.m_decay"] > 0.0,
-            "(22) wants the integral of m(t) finite, (55) its infimum positive: over unlimited time both "
-            "cannot be, and phi_0 is that of this run.",
+            "(22) requires a finite integral of m(t), (55) a positive infimum. Over unlimited time both "
+            "are impossible; phi_0 is that of this run.",
         ),
-        (True, "(19) wants K along p^-1 C'; what acts on the speed alone, as loads do, is not."),
+        (True, "(19) requires K along p^-1 C'. Loads act on the speed alone, so they violate this."),
         (
             True,
-            f"What is measured is held for a step, in which the joint goes {1e6 * travel:.3g} µm at most, "
-            f"and has a resolution of {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm: of both the "
-            "bound of the observer's error knows nothing.",
+            f"Measurements are held for a step, in which the joint moves {1e6 * travel:.3g} µm at most. "
+            f"Their resolution is {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm. The bound of the "
+            "observer's error ignores both.",
         ),
         (
             own.get("observer.omega_d", 0.0) > 0.0,
@@ -203,29 +211,34 @@ def _remarks(
         ),
         (
             own["plant.torque_source"] == TorqueSource.CURRENT,
-            "x_3d is u_2, whose derivative Omega_3 nothing bounds beforehand, and P_3 acts on the speed, "
-            "which (36) leaves out: both are measured here.",
+            "x_3d is u_2, for whose derivative Omega_3 there is no prior bound, and P_3 acts on the speed, "
+            "which (36) omits. Both are measured here.",
         ),
-        (True, "F* of (34) contains P_1 and P_2 themselves: Lambda_2 r_2 is known only after the run."),
+        (True, "F* of (34) contains P_1 and P_2 themselves, so Lambda_2 r_2 is known only after the run."),
         (
             True,
-            f"The proof is of continuous laws; here they are held for {1e3 * step:g} ms, in which the "
-            f"fastest loop falls by {100 * (1 - math.exp(-0.5 * max(gains.beta) * step)):.2g} %.",
+            f"The proof is for continuous laws. Here they are held for {1e3 * step:g} ms, in which the "
+            f"fastest loop decays by {100 * (1 - math.exp(-0.5 * max(gains.beta) * step)):.2g} %.",
         ),
         (
             own.get("plant.inverter.delay", 0.0) > 0.0,
-            "The inverter acts late, of which the proof knows nothing.",
+            "The proof ignores the delay of the inverter.",
         ),
         (
             limited > 0.0,
-            f"A limit is reached {100 * limited:.2g} % of the time: the laws are not applied then.",
+            f"A limit is active {100 * limited:.2g} % of the time; the laws are not applied then.",
         ),
     ]
     return [sentence for holds, sentence in said if holds]
 
 
 def build_certificate_table(found: Sequence[JointCertificate], gains: str = "") -> RenderableType:
-    """Constants, predicted bounds and simulated values, a column for each joint; `gains` names the set."""
+    """Return a table of constants, predicted bounds and simulated values, with a column for each joint.
+
+    Args:
+        found: The certificates.
+        gains: The name of the set of gains, for the title.
+    """
     of = f" of {gains}" if gains else ""
     title = f"Certificate{of}: bounds of the proof beside the run, from 0.3 s on"
     table = Table(title=title, title_justify="left")
@@ -239,7 +252,7 @@ def build_certificate_table(found: Sequence[JointCertificate], gains: str = "") 
 
 
 def build_certificate_rows(found: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
-    """The rows of that table: what it is, its unit, and the values by joint; inf where there is no bound."""
+    """Return the rows of the table: label, unit, and the values by joint; inf if there is no bound."""
     return [
         *((f"phi_{i}", "1/s", [one.certificate.phi[i] for one in found]) for i in range(5)),
         ("phi_total", "1/s", [one.certificate.phi_total for one in found]),

@@ -1,4 +1,4 @@
-"""The limits of a joint's plant: where it touches one, and where it goes so far beyond that a drive trips."""
+"""The limits of a joint's plant: which ones it touches, and which trip it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -12,10 +12,10 @@ from .roles import RoleNames, find_variable
 
 
 class Range(NamedTuple):
-    """The role of a signal and of what bounds it; without a lower bound, plus and minus the upper.
+    """The roles of a signal and of its limits; without a lower limit, the range is symmetric.
 
-    `threshold` is the criterion that says how far beyond is a trip: a fraction of the limit, or where
-    `is_distance` a distance in the signal's unit.
+    `threshold` is the criterion of a trip: a fraction of the limit, or a distance in the signal's unit if
+    `is_distance`.
     """
 
     role: str
@@ -34,12 +34,12 @@ RANGES = (
     Range("i_d", "current", "A", None, "i_max", "over_current"),
     Range("temperature_rise", "winding temperature", "K", None, "permitted_rise", "over_temperature"),
 )
-"""What a joint should stay within; a plant without these parameters has no ranges."""
+"""Ranges of a joint; a plant without these parameters has none."""
 
 
 @dataclass(frozen=True)
 class LimitViolation:
-    """A value beyond a limit: `value`, `limit` and `threshold` are in `unit`, `what` says what is limited."""
+    """A value beyond a limit; `value`, `limit` and `threshold` are in `unit`, `what` names the quantity."""
 
     signal: str
     time_s: float
@@ -54,7 +54,7 @@ class Trip(LimitViolation):
     """The first value beyond the threshold of a limit."""
 
     def sentence(self, joint: str) -> str:
-        """Say when the joint tripped, and why."""
+        """Return a message that says when the joint tripped, and why."""
         value, threshold = _format_distinct(self.value, self.threshold)
         return (
             f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
@@ -63,10 +63,10 @@ class Trip(LimitViolation):
 
 
 class Touch(LimitViolation):
-    """A limit that was exceeded by less than its threshold: when first, and the largest value."""
+    """A limit that was exceeded by less than its threshold: the first time, and the largest value."""
 
     def sentence(self, joint: str) -> str:
-        """Say which limit the joint touched."""
+        """Return a message that says which limit the joint touched."""
         value, limit = _format_distinct(self.value, self.limit)
         return (
             f"{joint} touched its {self.what} limit, first at t = {self.time_s:.6g} s: {self.signal} reached "
@@ -86,7 +86,7 @@ class _WatchedSignal(NamedTuple):
 
 
 class LimitWatch:
-    """Looks at every row for values beyond a limit, for each joint until it has tripped."""
+    """Finds values beyond limits, for each joint until it trips."""
 
     def __init__(
         self,
@@ -110,21 +110,23 @@ class LimitWatch:
 
     @property
     def columns(self) -> list[int]:
-        """The columns of the signals that are looked at."""
+        """The columns of the watched signals."""
         return [watched.column for watched in self._watched]
 
     def trip(self, joint: str) -> Trip | None:
-        """Where a joint tripped first; None while it did not."""
+        """Return the first trip of a joint; None if it did not trip."""
         return self._trips.get(joint)
 
     def touches(self, joint: str) -> list[Touch]:
-        """The limits that a joint touched, in the order of `RANGES`."""
+        """Return the limits that a joint touched, in the order of `RANGES`."""
         return list(self._touches[joint].values())
 
     def write(self, time: Vector, values: Vector) -> None:
         """Take the next rows: times in s, and the signals of `columns`, shape (signals, rows)."""
         highest, lowest = values.max(axis=1), values.min(axis=1)
-        places = np.flatnonzero(~((self._minima <= lowest) & (highest <= self._maxima)))  # NaN is beyond
+        places = np.flatnonzero(
+            ~((self._minima <= lowest) & (highest <= self._maxima))
+        )  # NaN counts as beyond
         if not len(places):
             return
         trips = dict[str, tuple[int, Trip]]()
@@ -147,7 +149,7 @@ class LimitWatch:
             self._trips[joint] = trip
 
     def _look(self, watched: _WatchedSignal, time: Vector, values: Vector) -> None:
-        """Remember the first time beyond a limit, and the largest value there."""
+        """Record the first time beyond a limit, and the largest value there."""
         beyond = (values < watched.minimum) | (watched.maximum < values)
         if not beyond.any():
             return
@@ -163,13 +165,13 @@ class LimitWatch:
         self._touches[watched.joint][watched.signal] = touch
 
     def memory(self) -> dict[str, Any]:
-        """Return what was found so far, as plain data."""
+        """Return the state as plain data."""
         trips = {joint: asdict(trip) for joint, trip in self._trips.items()}
         touches = {joint: [asdict(t) for t in found.values()] for joint, found in self._touches.items()}
         return {"trips": trips, "touches": touches}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave, which may come from a damaged file; KeyError, ValueError if so."""
+        """Continue from `memory`; raise KeyError or ValueError if it is damaged."""
         known = {watched.signal for watched in self._watched}
         self._trips = {joint: _read(Trip, trip, known) for joint, trip in memory["trips"].items()}
         self._touches = {
@@ -200,14 +202,14 @@ def _watch_signal(
 def _violation_fields(
     watched: _WatchedSignal, time: float, value: float
 ) -> tuple[str, float, float, float, float, str, str]:
-    """What a trip or a touch has of a value beyond a limit."""
+    """Return the fields of a trip or a touch."""
     below = value < watched.minimum
     limit, threshold = (watched.minimum, watched.lowest) if below else (watched.maximum, watched.highest)
     return watched.signal, time, value, limit, threshold, watched.range.unit, watched.range.what
 
 
 def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
-    """A trip or a touch from a memory."""
+    """Return a trip or a touch from `memory`."""
     if found["signal"] not in known:
         raise KeyError(found["signal"])
     read = {f.name: (float if f.type in (float, "float") else str)(found[f.name]) for f in fields(kind)}
@@ -215,6 +217,6 @@ def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
 
 
 def _format_distinct(value: float, limit: float) -> tuple[str, str]:
-    """Two values with as many digits as it takes to see that they differ, but no fewer than 4."""
+    """Return two values with as many digits as show their difference, at least 4."""
     texts: Sequence[tuple[str, str]] = [(f"{value:.{n}g}", f"{limit:.{n}g}") for n in range(4, 18)]
     return next(((a, b) for a, b in texts if a != b), (repr(value), repr(limit)))

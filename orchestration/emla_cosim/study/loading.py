@@ -1,4 +1,4 @@
-"""The one way to a scenario, whatever it is made of."""
+"""Load a scenario from any source."""
 
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,13 @@ register()
 
 
 def load(source: str | Path | System, **options: Any) -> Scenario:
-    """A scenario: built-in by its name, from a file (.toml, .ssp, .ssd, .fmu, a folder), or of a system.
+    """Load a scenario: by its name, from a file (.toml, .ssp, .ssd, .fmu, a folder), or from a system.
 
-    `options` are those of `Options`, by name, and win over what a file says. Raises CommandError for
-    whatever is wrong.
+    Args:
+        source: The name, the path, or the system.
+        options: Options by name, which override those of a file; see `Options`.
+
+    Raises:
+        CommandError: The source or an option is invalid.
     """
     return load_scenario(source, options)

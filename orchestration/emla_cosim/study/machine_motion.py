@@ -1,4 +1,4 @@
-"""The motion that leads the joints of the manipulator."""
+"""The motion of the manipulator's joints."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,16 +15,18 @@ from .systems import STUDY
 
 @dataclass(frozen=True)
 class Motion:
-    """Parameters of the block Trajectory; and by how much farther out than at q_S each joint begins, in m."""
+    """Parameters of the block Trajectory, and each joint's start relative to q_S in m."""
 
     parameters: Mapping[str, Value]
     ahead: Mapping[str, float]
     spline: Spline
 
     def travel(self, joint: str, start: float, stop: float) -> tuple[float, float, float]:
-        """Return how far in and out a joint goes from `start` to `stop` in s, and its largest speed.
+        """Return lowest and highest position of a joint in m, and its largest speed in m/s.
 
-        In m and m/s, as 5,000 moments show it. Before and after the motion the joint rests at its ends.
+        They are sampled at 5,000 moments from `start` to `stop` in s. Before and after the motion the joint
+        rests
+        at its ends.
         """
         import numpy as np
 
@@ -35,7 +37,7 @@ class Motion:
 
 
 def load_motion(file: Path | None) -> Motion:
-    """The motion of a trajectory file, or the optimised one; CommandError for a file that has none."""
+    """Return the motion of a trajectory file, or the optimised one. Raises CommandError."""
     if file is None:
         return _motion(default_spline())
     try:

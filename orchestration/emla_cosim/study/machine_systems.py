@@ -1,4 +1,4 @@
-"""The built-in systems of the manipulator: three joints that one trajectory leads and one machine loads."""
+"""The built-in systems of the manipulator: three joints with one trajectory and one machine as load."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -46,13 +46,13 @@ _MERGED = (
 )
 
 _NOT_MERGED = ("friction", "stop")
-"""Tables of an actuator that the merged plant has nothing for."""
+"""Tables of an actuator that the merged plant does not support."""
 
 
 def _replay(
     controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
 ) -> System:
-    """Load forces of the motion that is wanted, as the paper takes them: nobody's motion changes them."""
+    """Build the machine with load forces of the reference motion, as in the paper; no joint affects them."""
     return _system(
         controller, gains, load_motion(trajectory), _manipulator(actuators), _LOADED, _REPLAYED, actuators
     )
@@ -61,7 +61,7 @@ def _replay(
 def _coupled(
     controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
 ) -> System:
-    """Load forces of the motion that there is: plants and manipulator exchange motion and force."""
+    """Build the machine with load forces of the actual motion: both sides exchange motion and force."""
     machine = _manipulator(actuators)
     return _system(
         controller, gains, load_motion(trajectory), machine, _LOADED, _COUPLED, actuators, bond=_BOND
@@ -71,21 +71,21 @@ def _coupled(
 def _merged(
     controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
 ) -> System:
-    """The mechanics of plants and manipulator in one component, which need not agree on a force."""
+    """Build the machine with the mechanics of plants and manipulator in one component."""
     wanted = load_motion(trajectory)
     check_joints(actuators, JOINTS)
     for joint, own in actuators.items():
         if lost := [place for place in own.values if place.partition(".")[0] in _NOT_MERGED]:
             raise CommandError(
-                f"the merged machine has no friction and no end stops of single actuators; for "
-                f"{joint}, leave out {join_names(lost)}, or run hdrm-coupled."
+                f"the merged machine does not support friction and end stops of single actuators; for "
+                f"{joint}, remove {join_names(lost)}, or run hdrm-coupled."
             )
     machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted, actuators))
     return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
 
 
 def _manipulator(actuators: Actuators) -> Component:
-    """The manipulator, which knows masses and strokes of its actuators."""
+    """Return the manipulator, with masses and strokes of its actuators."""
     values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators)) if actuators else {}
     return Component("machine.manipulator", "HdrmManipulator", values)
 
@@ -101,7 +101,7 @@ def _system(
     electrical: bool = False,
     bond: Bond | None = None,
 ) -> System:
-    """Three joints with what they share; names in `elsewhere`, `wires` and `bond` are made for each."""
+    """Return three joints with their machine; `elsewhere`, `wires` and `bond` are patterns for each joint."""
     check_joints(actuators, JOINTS)
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
@@ -130,14 +130,14 @@ def _system(
 
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
-    """The actuators' part in the merged plant, and where it starts."""
+    """Return the parameters of the actuators in the merged plant, and its start position."""
     start = [STUDY[joint].start.x_L + wanted.ahead[joint] for joint in JOINTS]
     uncertain = [STUDY[joint].plant.get("F_2", 0.0) for joint in JOINTS]
     return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
 
 
 def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
-    """What a block knows of each actuator, by its attributes."""
+    """Return a block's parameters of all actuators, by attribute."""
     emlas = [(actuators.get(joint) or STUDY[joint].actuator).emla for joint in JOINTS]
     known = {x.attribute for x in block.layout().parameters if x.shape}
     return {
@@ -150,4 +150,4 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     "hdrm-coupled": _coupled,
     "hdrm-merged": _merged,
 }
-"""Systems by name, made for a controller, a set of its gains, and maybe a trajectory's file and actuators."""
+"""Systems by name, made for a controller and its gains, and optionally a trajectory file and actuators."""

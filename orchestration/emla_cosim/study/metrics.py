@@ -1,4 +1,4 @@
-"""Figures and the verdict of a joint, from the plant's true states at every communication point.
+"""Figures and verdict of joints, from the plants' true states at every communication point.
 
 docs/metrics.md has their definitions and sources.
 """
@@ -22,16 +22,17 @@ from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
 EVALUATED_AFTER = 0.3
-"""Errors and torque count from this time after the start on in s, or from settling if that is later."""
+"""Errors and torque count from this time in s after the start, or from settling if that is later."""
 
 CONVERGED_WITHIN = 0.05
-"""The paper's convergence time is when the position error stays within this fraction of its first value."""
+"""The paper's convergence time: from then on, the position error is within this fraction of its first value.
+"""
 
 STARTS_CONVERGED = 1e-6
-"""An initial position error in m below this counts as none."""
+"""An initial position error in m below this counts as zero."""
 
 _ROUNDING = 1e-9
-"""Times in s may differ by so much and still be the same."""
+"""Tolerance in s for equal times."""
 
 
 @dataclass
@@ -39,8 +40,8 @@ class JointFigures:
     """One joint's part of metrics.json; docs/metrics.md defines each figure.
 
     `held` is the verdict: finite, settled and still so, not tripped, quiet; `reason` says why not. `trip`,
-    `limits_touched`, `excursions` and `oscillation` are what was found of these, or None. NaN stands for a
-    figure that does not exist.
+    `limits_touched`, `excursions` and `oscillation` have details, or None. NaN marks a figure that does not
+    exist.
     """
 
     held: bool
@@ -68,7 +69,7 @@ class JointFigures:
 _TRACKED = ("x_L", "x_d")
 _NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
 _ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
-"""Roles of the signals that are looked at, in the order of the gathered rows."""
+"""Roles of the watched signals, in the order of the gathered rows."""
 
 _HELD = Shown(HELD, HELD)
 _SHOWN = (
@@ -85,7 +86,7 @@ _SHOWN = (
 )
 
 CONVERGENCE_TIME = Shown("convergence_time_s", "convergence time", 1e3, "ms")
-"""The paper's, for tables beside its own."""
+"""The paper's figures, for tables beside its own."""
 
 TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
 
@@ -94,14 +95,14 @@ RENAMED = {
     "left_limits": "trip",
     "saturated_after_convergence": "saturated_after_settling",
 }
-"""Figures that older versions had, and what has taken their places."""
+"""Figures of older versions, with their replacements."""
 
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
-    """Return the metrics of all joints of a run; None where it has none.
+    """Return the metrics of all joints of a run; None if it has no joints.
 
     Raises:
-        CommandError: For wrong roles or criteria.
+        CommandError: Roles or criteria are wrong.
     """
     check_roles(outline.roles, outline.names, outline.parameters)
     metrics = JointMetrics(outline.names, outline.parameters, outline.roles, outline.criteria)
@@ -109,11 +110,10 @@ def joint_metrics(outline: Outline) -> "JointMetrics | None":
 
 
 class JointMetrics(Metrics):
-    """Figures by joint: what stands before the first dot of a signal's name.
+    """Figures by joint; the joint is the part of a signal's name before the first dot.
 
-    Joints without position, speed, torque and reference have no metrics, but those that are named in
-    `roles` need no speed and no torque. `parameters` has the limits of the plants' ranges, by full name,
-    `criteria` what joints are judged by; see `criteria_of`.
+    Joints need position, speed, torque and reference to have metrics; those in `roles` need only position and
+    reference.
     """
 
     shown = (_HELD, *_SHOWN)
@@ -140,7 +140,7 @@ class JointMetrics(Metrics):
         self._joints = list(signals)
         self._criteria = criteria_of(self._joints, criteria or {})
         each = [self._criteria[joint] for joint in self._joints]
-        # what a joint does not have is read from a column of NaN beside the rows
+        # signals that a joint lacks are read from an added column of NaN
         self._columns = np.array(
             [[column.get(of[role] or "", -1) for of in signals.values()] for role in _ROLES], dtype=int
         ).reshape(len(_ROLES), len(signals))
@@ -161,12 +161,12 @@ class JointMetrics(Metrics):
         self._first, self._final = np.full((2, count), np.nan)
         """First and last position error in m."""
         self._last_outside = np.full(count, np.nan)
-        """When the position error last was beyond 5 % of the first one, in s."""
+        """When the position error was last beyond 5 % of the first one, in s."""
         self._last_reference = np.full(count, np.nan)
         self._evaluated_from = np.full(count, np.nan)
         self._limited = np.zeros(count)
         self._not_finite = np.full(count, np.nan)
-        """When the position error first was no finite number, in s."""
+        """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
         self._ended: str | None = None
 
@@ -177,7 +177,7 @@ class JointMetrics(Metrics):
 
     @property
     def _is_short(self) -> bool:
-        """Whether it is too early to judge."""
+        """Whether the run is too short for a verdict."""
         return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
 
     def write(self, rows: Vector) -> None:
@@ -217,7 +217,7 @@ class JointMetrics(Metrics):
         self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
 
     def _moving(self, x_d: Vector, v_d: Vector, steps: Vector) -> Mask:
-        """Whether the references move, by their speeds, or where these are not there by their positions."""
+        """Return whether the references move, by their speeds, else by their positions."""
         if self._has_speed.all():
             return np.abs(v_d) > AT_REST
         changes = np.diff(x_d, prepend=self._last_reference[:, np.newaxis], axis=1)
@@ -229,9 +229,9 @@ class JointMetrics(Metrics):
     def _evaluate(
         self, time: Vector, steps: Vector, values: Sequence[Vector], moving: Mask, limited: Mask
     ) -> None:
-        """Count what each joint does from when it is evaluated on.
+        """Update the figures of each joint from when it is evaluated on.
 
-        Before a joint has settled it counts from 0.3 s on, and anew once it has.
+        Before a joint has settled it counts from 0.3 s on, and restarts once it has settled.
         """
         earliest = self._start + EVALUATED_AFTER
         begins = list[int]()
@@ -251,23 +251,23 @@ class JointMetrics(Metrics):
                 self._tracking.write(joints, time[begin:], steps[begin:], part, *of)
 
     def _converge(self, time: Vector, distance: Vector) -> None:
-        """Follow the paper's convergence time."""
+        """Update the paper's convergence time."""
         for joint in np.flatnonzero(self._first > STARTS_CONVERGED):
             outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
             if len(outside):
                 self._last_outside[joint] = float(time[outside[-1]])
 
     def ended_early(self, problem: str) -> None:
-        """The run ended before its stop time: no joint is held."""
+        """Mark all joints as not held, because the run ended before its stop time."""
         self._ended = problem
 
     def memory(self) -> Any:
-        """Return all that was computed so far, as plain data."""
+        """Return the state as plain data."""
         own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
         return {"own": own, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
 
     def remember(self, memory: Any) -> None:
-        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
             value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
@@ -276,7 +276,7 @@ class JointMetrics(Metrics):
             getattr(self, f"_{name}").remember(memory[name])
 
     def remarks(self) -> Sequence[str]:
-        """Return which joints are not held and why, which limits they touched, and if it is early to tell."""
+        """Return why joints are not held, which limits they touched, and whether the run is too short."""
         found = list[str]()
         for number, joint in enumerate(self._joints):
             found += self._reasons(number)
@@ -287,7 +287,7 @@ class JointMetrics(Metrics):
         return found
 
     def _reasons(self, number: int) -> list[str]:
-        """Sentences on why a joint is not held, but for that it is too early to tell."""
+        """Return the reasons why a joint is not held, except that the run is too short."""
         joint = self._joints[number]
         window = _length(self._criteria[joint].position_window)
         found = list[str]()
@@ -303,7 +303,7 @@ class JointMetrics(Metrics):
         if (left := self._excursions(number)) is not None:
             times = "once" if left["count"] == 1 else f"{left['count']} times"
             found.append(
-                f"{joint} left its position window of {window} {times} after it had settled; its position "
+                f"{joint} left its position window of {window} {times} after settling; its position "
                 f"error was largest at t = {left['time_s']:.6g} s, {_length(left['largest_m'])}."
             )
         if (oscillation := self._oscillation.oscillation(number)) is not None:
@@ -311,7 +311,7 @@ class JointMetrics(Metrics):
         return found
 
     def _excursions(self, number: int) -> dict[str, Any] | None:
-        """How often a joint left its window since it is evaluated, and when it was farthest away."""
+        """Return how often a joint left its window while it was evaluated, and when it was farthest away."""
         count, time = self._tracking.excursions[:, number]
         if not count or not self._settling.is_settled(number):
             return None
@@ -319,7 +319,7 @@ class JointMetrics(Metrics):
         return {"count": int(count), "largest_m": largest, "time_s": float(time)}
 
     def figures(self) -> Figures:
-        """Return the figures by joint, of what was recorded so far."""
+        """Return the figures by joint for the recorded rows."""
         return {joint: NamedFigures(asdict(self._figures(i, joint))) for i, joint in enumerate(self._joints)}
 
     def _figures(self, number: int, joint: str) -> JointFigures:
@@ -376,7 +376,7 @@ _STATE = (
 
 
 def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
-    """Torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN where it is not known."""
+    """Return torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN if it is unknown."""
     named = {role: find_variable(joint, role, parameters, roles) for role in INERTIA}
     if any(name is None for name in named.values()):
         return np.nan
@@ -386,7 +386,7 @@ def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, st
 
 
 def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
-    """Torque in N m at the smaller of the motor's and the controller's current limit; NaN if not known."""
+    """Return the torque in N m at the lower current limit of motor and controller; NaN if it is unknown."""
     values = []
     for role in ("N_p", "Phi_PM", "i_max", "i_limit"):
         name = find_variable(joint, role, parameters, roles)
@@ -396,7 +396,7 @@ def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[st
 
 
 def _length(value: float) -> str:
-    """A length in m as a person reads it."""
+    """Return a length in m as text with a suitable unit."""
     if value < 1e-3:
         return f"{1e6 * value:.4g} µm"
     return f"{1e3 * value:.4g} mm" if value < 1.0 else f"{value:.4g} m"

@@ -1,10 +1,11 @@
-"""Whether joints are quiet: torque that shakes a joint instead of moving its load.
+"""Detect oscillations: torque that shakes a joint instead of moving its load.
 
-In a limit cycle and in chatter on noise the torque accelerates the joint to and fro, so that the torque is
-in phase with the acceleration of the speed error. A disturbance that is rejected, however large, needs as
-much torque and accelerates nothing; one that comes from outside, such as random forces, accelerates the
-joint without the torque. So both are looked at, in windows of 0.1 s: the part of the torque that is in
-phase with the acceleration, and the torque that this acceleration takes of the inertia.
+In a limit cycle, and in chatter on noise, the torque accelerates the joint back and forth. So the torque is
+in
+phase with the acceleration of the speed error. A rejected disturbance, however large, needs as much torque
+but accelerates nothing. An external disturbance, such as a random force, accelerates the joint without the
+torque. So both are evaluated in windows of 0.1 s: the part of the torque in phase with the acceleration,
+and the torque that this acceleration of the inertia requires.
 """
 
 import itertools
@@ -18,16 +19,16 @@ import numpy as np
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 
 WINDOW = 0.1
-"""Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
+"""Length in s of the windows; the slowest oscillation that can be found has 10 Hz."""
 
 SUSTAINED = 3
-"""Windows in a row that make an oscillation sustained; a reversal or an impact fills one or two."""
+"""Successive windows that make an oscillation sustained; a reversal or an impact fills one or two."""
 
 _FEWEST = 20
-"""Rows that a window needs."""
+"""Least rows in a window."""
 
 _IN_PHASE = 0.9
-"""Correlation of torque and acceleration that is asked for where no inertia is known."""
+"""Least correlation of torque and acceleration for a joint of unknown inertia."""
 
 _STREAK = ("windows", "begin", "crossings", "torque^2", "ripple^2", "torque swing", "position swing")
 _STATE = (
@@ -49,9 +50,14 @@ _SUMS = ("rows", "x", "a", "tau", "x x", "x a", "x tau", "a a", "a tau", "tau ta
 class Oscillation:
     """A sustained oscillation of a joint.
 
-    From `time_s` to `until_s` it took `torque_rms_N_m` in phase with the acceleration, a fraction
-    `torque_ripple` of the torque limit; torque and position error swung by `torque_swing_N_m` and
-    `position_swing_m` from peak to peak, at `frequency_Hz`, which is that of the acceleration's sign changes.
+    Attributes:
+        time_s: When it began.
+        until_s: The end of its last window so far.
+        frequency_Hz: From the sign changes of the acceleration.
+        torque_ripple: `torque_rms_N_m` as a fraction of the torque limit.
+        torque_rms_N_m: Rms of the torque in phase with the acceleration.
+        torque_swing_N_m: Torque from peak to peak.
+        position_swing_m: Position error from peak to peak.
     """
 
     time_s: float
@@ -63,7 +69,7 @@ class Oscillation:
     position_swing_m: float
 
     def sentence(self, joint: str) -> str:
-        """Say how the joint oscillates."""
+        """Return a message that describes the oscillation."""
         return (
             f"{joint} oscillates from t = {self.time_s:.6g} s on, at about {self.frequency_Hz:.3g} Hz: its "
             f"torque swings by {self.torque_swing_N_m:.4g} N m, its position by "
@@ -72,11 +78,12 @@ class Oscillation:
 
 
 class OscillationWatch:
-    """Looks at the windows of all joints, from when each is evaluated on.
+    """Evaluates the windows of all joints, each from when it is evaluated on.
 
-    `inertias` are torque per acceleration of the screw in N m / (m/s^2), NaN where unknown; `limits` are
-    torque limits in N m, NaN where unknown, and then the largest torque so far counts. `ripples` are the
-    fractions of these from which on a window is loud.
+    Args:
+        inertias: Torque per acceleration of the screw in N m / (m/s^2), NaN if unknown.
+        limits: Torque limits in N m; NaN if unknown, then the largest torque so far is used.
+        ripples: Fractions of the limits from which on a window is loud.
     """
 
     def __init__(self, inertias: Sequence[float], limits: Sequence[float], ripples: Sequence[float]) -> None:
@@ -89,16 +96,16 @@ class OscillationWatch:
         )
         pairs = itertools.combinations_with_replacement((one, x, a, tau), 2)
         self._places = tuple(np.array(side) for side in zip(*pairs, strict=True))
-        """Where the first ten sums are in the products of 1, x, and a and tau of all joints."""
+        """Positions of the first ten sums in the products of 1, x, and a and tau of all joints."""
         self._start = np.nan
         self._window = 0
         self._last = np.full((2, joints), np.nan)
-        """Speed error in m/s, and acceleration in m/s^2, of the last row."""
+        """Speed error in m/s and acceleration in m/s^2 of the last row."""
         self._largest = np.zeros(joints)
         self._judged = np.zeros(joints)
-        """Complete windows that were judged."""
+        """Number of evaluated windows."""
         self._streaks, self._worst = np.zeros((2, len(_STREAK), joints))
-        """The loud windows in a row up to now, and the loudest sustained ones."""
+        """The current loud windows in a row, and the loudest sustained ones."""
         self._clear()
 
     def _clear(self) -> None:
@@ -107,9 +114,9 @@ class OscillationWatch:
         self._highest, self._lowest = np.full((2, joints), -np.inf), np.full((2, joints), np.inf)
 
     def oscillation(self, joint: int) -> Oscillation | None:
-        """Return the loudest sustained oscillation of a joint so far; None where it was quiet.
+        """Return the loudest sustained oscillation of a joint so far; None if it was quiet.
 
-        Where there were fewer windows than it takes, all of them have to be loud.
+        In a run with too few windows, all of them must be loud.
         """
         found = self._worst[:, joint]
         if not found[0] and 0 < self._judged[joint] == self._streaks[0, joint]:
@@ -134,11 +141,11 @@ class OscillationWatch:
 
         Args:
             time: Times in s, shape (rows,).
-            steps: Time in s since the row before, shape (rows,).
-            torque: Motor torque in N m, shape (joints, rows), as the next two.
-            speed_error: v_L - v_d in m/s.
-            error: x_L - x_d in m.
-            since: Time in s from which on each joint is evaluated, infinite while that is not known.
+            steps: Time in s since the previous row, shape (rows,).
+            torque: Motor torque in N m, shape (joints, rows).
+            speed_error: v_L - v_d in m/s, shape (joints, rows).
+            error: x_L - x_d in m, shape (joints, rows).
+            since: Time in s from which on each joint is evaluated; infinite while it is unknown.
         """
         first = 0
         if math.isnan(self._start):
@@ -157,7 +164,7 @@ class OscillationWatch:
             np.greater(acceleration, 0.0, out=positive[:, 1:])
             crossings = positive[:, 1:] != positive[:, :-1]
             while first < rows:
-                # window k has what is beyond its first instant, its last one included
+                # window k excludes its first instant and includes its last one
                 end = int(np.searchsorted(time, self._begin + WINDOW * (1.0 + 1e-6), side="right"))
                 if end > first:
                     part = slice(first, end)
@@ -174,11 +181,11 @@ class OscillationWatch:
 
     @property
     def _begin(self) -> float:
-        """When the present window begins, in s."""
+        """Return the start of the current window in s."""
         return self._start + WINDOW * self._window
 
     def _add(self, factors: Vector, crossings: Mask) -> None:
-        """Add rows to the present window: 1, time from its beginning, then by joint a, tau and error."""
+        """Add rows to the current window: 1, time since its start, then by joint a, tau and error."""
         joints = len(self._inertias)
         multiplied = factors[: 2 + 2 * joints]
         self._sums[:10] += (multiplied @ multiplied.T)[self._places]
@@ -188,7 +195,7 @@ class OscillationWatch:
         self._lowest = np.minimum(self._lowest, swinging.min(axis=1).reshape(2, joints))
 
     def _judge(self, since: Vector) -> None:
-        """Judge the present window, which is complete, and begin the next one."""
+        """Evaluate the current window, which is complete, and begin the next one."""
         self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
         limits = np.where(np.isnan(self._limits), self._largest, self._limits)
         judged = (self._sums[0] >= _FEWEST) & (self._begin >= since - 1e-9)
@@ -206,9 +213,9 @@ class OscillationWatch:
         self._clear()
 
     def _shaking(self, joint: int) -> float:
-        """Return the rms in N m of the torque that shakes a joint in the present window."""
+        """Return the rms in N m of the torque that shakes a joint in the current window."""
         n, x, a, tau, xx, xa, x_tau, aa, a_tau, tau_tau, _ = self._sums[:, joint].tolist()
-        # all without their straight lines: what is slower than the window is no oscillation
+        # remove linear trends: changes slower than the window are not oscillations
         spread = max(xx / n - x * x / (n * n), 1e-30)
         with_a, with_tau = xa / n - x * a / (n * n), x_tau / n - x * tau / (n * n)
         rms_a = math.sqrt(max(aa / n - a * a / (n * n) - with_a * with_a / spread, 0.0))
@@ -221,7 +228,7 @@ class OscillationWatch:
         return min(in_phase, inertia * rms_a)
 
     def _follow(self, joint: int, shaking: float, ripple: float, swings: Vector) -> None:
-        """Add the present window, which is loud, to the joint's streak."""
+        """Add the current window, which is loud, to the joint's streak."""
         streak, worst = self._streaks[:, joint], self._worst[:, joint]
         if not streak[0]:
             streak[1] = self._begin
@@ -232,11 +239,11 @@ class OscillationWatch:
             worst[:] = streak
 
     def memory(self) -> dict[str, Any]:
-        """Return all that changes, as plain data."""
+        """Return the state as plain data."""
         return {name: np.asarray(getattr(self, f"_{name}")).tolist() for name in _STATE}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
             before = getattr(self, f"_{name}")
             value = read_stored_array(memory[name], np.shape(before))

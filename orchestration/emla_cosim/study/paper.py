@@ -1,4 +1,4 @@
-"""What the paper prints of its comparison: Tables VI and VIII, cell by cell, and their averages."""
+"""The paper's comparison: the cells of Tables VI and VIII, and their averages."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .systems import STUDY
 class PrintedTable:
     """A table of the paper: cells by scenario and joint, and by controller; averages by controller.
 
-    `references` says in words what our scenarios follow in the place of references that are not printed.
+    `references` describes the references of our scenarios, since the paper does not print them.
     """
 
     name: str
@@ -23,11 +23,11 @@ class PrintedTable:
 
     @property
     def scenarios(self) -> list[str]:
-        """Our scenarios that stand for the rows."""
+        """Our scenarios that reproduce the rows."""
         return list(dict.fromkeys(scenario for scenario, _ in self.cells))
 
     def recomputed(self, controller: str) -> Cells:
-        """The normalised average of the printed cells: the ratio of the means, which gives most of them."""
+        """Return normalised averages of the printed cells: ratios of means, which reproduce most of them."""
         both = zip(self._sums(controller), self._sums(REFERENCE), strict=True)
         return Cells(*(ours / base for ours, base in both))
 
@@ -36,7 +36,7 @@ class PrintedTable:
 
 
 REFERENCE = "rsba"
-"""The controller that averages are relative to."""
+"""The controller to which averages are relative."""
 
 
 def _list_moves() -> str:
@@ -60,11 +60,10 @@ TABLE_VI = PrintedTable(
         "cac": Cells(1.040, 1.090, 1.110, 1.100),
         "anatc": Cells(1.010, 1.100, 1.230, 1.130),
     },
-    "The paper does not print the references behind its Table VI. Ours are quintic moves from rest to rest, "
-    f"then at rest to 10 s ({_list_moves()}), with the disturbances (82) to (84), controller and observer "
-    "every "
-    "0.1 ms, the position through the observer from an encoder of 20 bits per motor turn, ideal current "
-    "sensors, and no computing delay.",
+    f"The paper does not print the references of its Table VI. Ours are quintic moves from rest to rest "
+    f"({_list_moves()}), then rest up to 10 s, with the disturbances (82) to (84). Controller and observer "
+    "run every 0.1 ms. The observer gets the position from an encoder of 20 bits per motor turn. Current "
+    "sensors are ideal, and there is no computing delay.",
 )
 
 TABLE_VIII = PrintedTable(
@@ -76,10 +75,10 @@ TABLE_VIII = PrintedTable(
         "anatc": Cells(3.25, 2.04, 1.14, 2.31),
     },
     "The paper measured its Table VIII on a test bench; ours is simulated. The moves are quintic between "
-    "way-points read off the figures (0.05 to 0.30 m, two stops out, three back, 40 s a cycle, at most "
-    "0.026 and 0.030 m/s), the load 7 to 70 kN in five levels, or 70 kN throughout, with a ripple of 5 kN, "
-    "for 320 s; controller and observer run every 1 ms beside a plant at 0.1 ms, with one sample of "
-    "computing delay, an encoder, and noise of position and current.",
+    "way-points read from the figures: 0.05 to 0.30 m, two stops out, three back, 40 s a cycle, at most "
+    "0.026 and 0.030 m/s. The load is 7 to 70 kN in five levels, or 70 kN throughout, with a ripple of "
+    "5 kN, for 320 s. Controller and observer run every 1 ms beside a plant at 0.1 ms. They have one sample "
+    "of computing delay, an encoder, and noise of position and current.",
 )
 
 PRINTED = (TABLE_VI, TABLE_VIII)

@@ -1,27 +1,27 @@
-"""What is random in the components of a joint: the seeds of sequences, and whether these reach anything."""
+"""Random sequences in the components of a joint: their seeds, and whether they have any effect."""
 
 from collections.abc import Callable, Mapping
 
 SEED = "*.seed"
-"""Pattern of the start values that begin random sequences."""
+"""Pattern of the start values that seed random sequences."""
 
 MAGNITUDES: Mapping[str, tuple[str, ...]] = {
     "d_2.seed": ("d_2.low", "d_2.high"),
     "sensor.seed": ("sensor.sigma",),
     "sensor.current.seed": ("sensor.current.sigma",),
 }
-"""By the end of a seed's name those of the values beside it that its sequence is scaled with.
+"""Start values that scale a random sequence, by the end of its seed's name.
 
 Two are the ends of a uniform distribution, one is a standard deviation.
 """
 
 
 def is_random(seed: str, value: Callable[[str], float | None]) -> bool:
-    """Return whether a sequence reaches anything; of one that is not ours that is taken for granted.
+    """Return whether a sequence has any effect; sequences that are not ours count as effective.
 
     Args:
         seed: Full name of the seed.
-        value: Returns a start value by full name, None where it is not known.
+        value: Returns a start value by full name, or None if it is unknown.
     """
     for end, scales in MAGNITUDES.items():
         if seed.endswith(f".{end}"):

@@ -1,4 +1,4 @@
-"""What the study brings to the rooms that know nothing of it: systems, scenarios, metrics and pictures."""
+"""Register the study's systems, scenarios, metrics and plots with the rooms that do not know the study."""
 
 from collections.abc import Callable
 from functools import partial
@@ -30,11 +30,11 @@ from .systems import joint_scenario
 from .tuning_plans import list_tuning_plans
 
 JOINTS = "joints"
-"""What metrics.json calls the part with the figures of joints."""
+"""Key of the joints' figures in metrics.json."""
 
 
 def register() -> None:
-    """Make all of it known under its names; again makes no difference."""
+    """Register everything under its name; calling it again changes nothing."""
     own = systems.SYSTEMS | experiments.SYSTEMS | machine_systems.SYSTEMS
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
@@ -62,5 +62,5 @@ def register() -> None:
 
 
 def _text(folder: str, name: str) -> Callable[[], str]:
-    """What reads a file of the study."""
+    """Return a function that reads a file of the study."""
     return partial((files("emla_cosim.study") / folder / f"{name}.toml").read_text, encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Which variable plays which role for a joint.
+"""Roles of variables for a joint.
 
-A joint has a plant and a reference of its own, or a part in those of a machine, which have arrays with an
-element for each joint.
+A joint has its own plant and reference, or shares those of a machine, which have arrays with an element
+for each joint.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -62,10 +62,10 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "q_UB": ("{joint}.plant.screw.q_UB", "machine.plant.screw.q_UB[{element}]"),
     "v_max": ("{joint}.plant.screw.v_max", "machine.plant.screw.v_max[{element}]"),
 }
-"""Where the variable of a role may be, the first that there is."""
+"""Possible places of a role's variable; the first existing one counts."""
 
 INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
-"""The roles of what makes the inertia of a joint."""
+"""The roles of the parameters that make the inertia of a joint."""
 
 _PARAMETERS = (
     "N_p",
@@ -86,21 +86,26 @@ _T = TypeVar("_T")
 
 
 class RoleNames(dict[str, _T]):
-    """Values by the names of variables, in which many roles are looked for."""
+    """Values by names of variables, for looking up many roles."""
 
     @cached_property
     def data(self) -> dict[str, str]:
-        """Under which name data are read, by the signal in whose place they are."""
+        """Names of the data by the signals that they replace."""
         return find_data_names(self)
 
 
 def find_variable(
     joint: str, role: str, names: Collection[str], roles: Mapping[str, str] | None = None
 ) -> str | None:
-    """The full name of what plays a role for a joint, one of `names`; None where nothing does.
+    """Return the full name of the variable that has a role for a joint; None if there is none.
 
-    What `roles` names by joint.role goes before the places above. Where data are read in its place, it is
-    theirs. Who asks for many roles gives `RoleNames`.
+    If data replace the variable, return the name of the data.
+
+    Args:
+        joint: The joint.
+        role: The role.
+        names: Existing names; use `RoleNames` to look up many roles.
+        roles: Names by JOINT.ROLE, which override the default places.
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
@@ -112,17 +117,17 @@ def find_variable(
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
-    """What may be a joint: the first part of each name, and what has a role."""
+    """Return possible joints: the first part of each name, and joints with roles."""
     return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *list_given_joints(roles)]))
 
 
 def list_given_joints(roles: Mapping[str, str]) -> list[str]:
-    """The joints that have roles."""
+    """Return the joints that have roles."""
     return list(dict.fromkeys(name.rpartition(".")[0] for name in roles))
 
 
 def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
-    """Raise CommandError for a role, a signal or a parameter that there is not, and for half a joint."""
+    """Raise CommandError for an unknown name, or for a joint without position or reference."""
     signals, parameters = RoleNames(dict.fromkeys(signals)), RoleNames(dict.fromkeys(parameters))
     for place, name in roles.items():
         joint, _, role = place.rpartition(".")
@@ -138,11 +143,11 @@ def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: 
         missing = [role for role in ("x_L", "x_d") if find_variable(joint, role, signals, roles) is None]
         if missing:
             entries = join_names(f"{joint}.{role}" for role in missing)
-            raise CommandError(f"the joint '{joint}' has roles, but nobody plays {entries}: name it too.")
+            raise CommandError(f"the joint '{joint}' has roles, but lacks {entries}; add a signal for each.")
 
 
 def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Position and reference of each joint that has both among these names."""
+    """Return position and reference of each joint for which both are among the names."""
     names = RoleNames(dict.fromkeys(names))
     ends = {
         joint: [find_variable(joint, role, names, roles) for role in ("x_L", "x_d")]
@@ -152,14 +157,14 @@ def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dic
 
 
 def list_role_patterns(*roles: str) -> list[str]:
-    """Patterns for all names that these roles may have."""
+    """Return patterns for all possible names of these roles."""
     return list(
         dict.fromkeys(name.format(joint="*", element="*") for role in roles for name in _PLACES[role])
     )
 
 
 def find_joints(components: Collection[str]) -> list[str]:
-    """The joints that have a position and a reference, of a system with components of these names."""
+    """Return the joints with position and reference, in a system with components of these names."""
     branches = dict.fromkeys(name.partition(".")[0] for name in components)
     return [b for b in branches if all(_component(b, role, components) for role in ("x_L", "x_d"))]
 

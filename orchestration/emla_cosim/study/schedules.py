@@ -1,4 +1,4 @@
-"""Times at which the loads and the supply of joints change by schedule."""
+"""Scheduled changes of the loads and the supply of joints."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,6 @@ def scheduled_times(parameters: Mapping[str, float]) -> Iterator[float]:
 
     Args:
         parameters: All parameters by full name.
-
     """
     for name, start in parameters.items():
         if found := _LEVEL.fullmatch(name):

@@ -1,4 +1,4 @@
-"""When joints have settled: within their position window, and there for their window time."""
+"""Settling of joints: within their position window for their window time."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,15 +9,15 @@ from ..base.arrays import Vector, read_stored_array
 from .criteria import Criteria
 
 _ROUNDING = 1e-9
-"""Fraction by which errors, and s by which times, may differ from what they are compared with."""
+"""Relative tolerance of errors, and tolerance of times in s, in comparisons."""
 
 
 class Settling:
     """Follows the position errors of all joints until each has settled.
 
-    A joint settles when its position error has entered the position window and has stayed within it for
-    the window time, as the target reached bit of CiA 402 (IEC 61800-7-201, objects 6067h and 6068h). Its
-    settling time is when it entered; it is known, and the joint `is_settled`, once the window time is over.
+    A joint settles when its position error has entered the position window and has stayed within it for the
+    window time, like the target reached bit of CiA 402 (IEC 61800-7-201, objects 6067h and 6068h). Its
+    settling time is when it entered; it is known once the window time is over.
     """
 
     def __init__(self, criteria: Sequence[Criteria]) -> None:
@@ -27,15 +27,15 @@ class Settling:
         self._settled = [False] * len(criteria)
 
     def is_settled(self, joint: int) -> bool:
-        """Whether a joint has settled."""
+        """Return whether a joint has settled."""
         return self._settled[joint]
 
     def entered(self, joint: int) -> float:
-        """Return the time in s at which a joint entered its window for the stay it is in; NaN outside."""
+        """Return the time in s at which a joint entered its window for the current stay; NaN outside."""
         return self._entered[joint]
 
     def settled_at(self, joint: int) -> float:
-        """Return the time in s from which a joint counts as settled; NaN while it does not."""
+        """Return the time in s from which a joint counts as settled; NaN if it has not settled."""
         return self._entered[joint] + self._times[joint] if self._settled[joint] else np.nan
 
     def write(self, time: Vector, errors: Vector) -> None:
@@ -59,10 +59,10 @@ class Settling:
             self._entered[joint] = float(entries[-1]) if inside[-1] else np.nan
 
     def memory(self) -> dict[str, Any]:
-        """Return all that changes, as plain data."""
+        """Return the state as plain data."""
         return {"entered": self._entered, "settled": self._settled}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
         self._entered = read_stored_array(memory["entered"], (len(self._times),)).tolist()
         self._settled = [bool(x) for x in read_stored_array(memory["settled"], (len(self._times),))]

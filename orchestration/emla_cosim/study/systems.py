@@ -28,10 +28,10 @@ from .joints.joint_files import Joints, list_joint_names, load_joint
 from .joints.schema import JointFile, parse_joint
 
 STUDY = Joints(("lift", "tilt", "telescope"))
-"""The joints of the study, whatever other joint files there are."""
+"""The joints of the study; further joint files do not add to them."""
 
 Choice = str | type | None
-"""A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
+"""A controller or a set of gains by name, a controller also as a block; None for the default."""
 
 
 def study_joint(
@@ -50,17 +50,25 @@ def study_joint(
     electrical: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
-    """Return one joint of a joint file, or `on_machine` of the manipulator.
+    """Return the components of a joint, alone or on the manipulator.
 
-    It starts where its file says, or by `ahead` m farther out. `load` is the load force as parameters of
-    the disturbance, `reference` the motion as those of the reference; see `joint` for `electrical` and
-    `elsewhere`. One of `actuators` may take the place of its own. `as_printed` is the paper's plant: driven
-    by the commanded current, with an ideal sensor.
-    `drive` is a realistic drive (`emla_fmu.drive`).
+    Args:
+        own: The file of the joint.
+        controller: The controller.
+        gains: The set of its gains.
+        reference: The motion, as parameters of the reference; see `build_joint` for None.
+        load: The load force, as parameters of the disturbance.
+        ahead: Distance in m by which the joint starts farther out than in its file.
+        actuators: Actuators by joint, which replace the joint's own.
+        as_printed: Whether to use the paper's plant: driven by the commanded current, with an ideal sensor.
+        true_feedback: See `build_joint`.
+        drive: Whether to use a realistic drive (`emla_fmu.drive`).
+        on_machine: Whether to use the gains of a joint that moves the manipulator.
+        electrical: See `build_joint`.
+        elsewhere: See `build_joint`.
 
     Raises:
-        CommandError: If the joint has no gains for the controller.
-
+        CommandError: The joint has no gains for the controller.
     """
     other = actuators.get(own.name)
     actuator, x_L = other or own.actuator, own.start.x_L
@@ -74,7 +82,7 @@ def study_joint(
         plant |= {} if own.seed is None else {"seed_i": current_seed(own.seed)}
     else:
         plant |= default_plant_values(actuator)
-    if on_machine:  # a joint that loses its power falls until it is stopped
+    if on_machine:  # a joint without power falls until an end stop holds it
         stops = realistic_plant_values(other or own.realistic)
         plant |= {stop: stops[stop] for stop in ("stop_stiffness", "stop_damping")}
     if electrical:
@@ -101,7 +109,8 @@ def study_joint(
 def _gains(own: JointFile, found: ChosenGains, on_machine: bool) -> tuple[Any, ObserverGains, float]:
     """Return the gains of controller and observer, and where the observer starts in m.
 
-    Raises CommandError where the joint has none.
+    Raises:
+        CommandError: The joint has no such gains.
     """
     of_set, x_L = found.gains, own.start.x_L
     if of_set.in_file:
@@ -127,7 +136,7 @@ def _gains(own: JointFile, found: ChosenGains, on_machine: bool) -> tuple[Any, O
 
 
 def current_seed(seed: int) -> int:
-    """Seed of the current sensors' noise beside that of the position's: far from it in the sequence."""
+    """Return the seed of the current sensors' noise, far from that of the position noise."""
     return 69621 * seed % int(MODULUS)
 
 
@@ -149,7 +158,10 @@ def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuato
 def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> ScenarioFile:
     """Return the scenario of a joint file's content; see `read_joint`.
 
-    `where` is the name of a built-in joint, or the path of a file.
+    Args:
+        content: The content of the file.
+        where: The name of a built-in joint, or the path of a file.
+        folder: The folder to which paths in it are relative.
     """
     path = Path(where)
     label = f"the joint file '{where}'" if path.suffix else f"the joint '{where}'"
@@ -175,4 +187,4 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
 }
-"""Systems by name, made for a controller, a set of its gains, and maybe other actuators by joint."""
+"""Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""

@@ -1,4 +1,4 @@
-"""How far joints are from their references once they are evaluated: maxima, means, excursions."""
+"""Tracking errors of joints while they are evaluated: maxima, means, excursions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 
 AT_REST = 1e-6
-"""A reference that is slower than this, in m/s, is at rest."""
+"""A reference slower than this, in m/s, is at rest."""
 
 POSITION, SPEED, TORQUE, OBSERVER, FOLLOWING, STANDSTILL = range(6)
 """Rows of `largest`."""
@@ -17,7 +17,7 @@ POSITION, SPEED, TORQUE, OBSERVER, FOLLOWING, STANDSTILL = range(6)
 class Tracking:
     """Largest values and means of all joints since each is evaluated, and how often each left its window.
 
-    Nothing that was counted is forgotten, but for `restart`. All arrays have a column for each joint.
+    Values accumulate until `restart`. All arrays have a column for each joint.
     """
 
     def __init__(self, windows: Vector) -> None:
@@ -28,14 +28,14 @@ class Tracking:
         """Largest absolute values since then, in the order of `POSITION` and the others."""
         self._squares, self._durations = np.zeros((2, joints)), np.zeros((2, joints))
         self.excursions = np.zeros((2, joints))
-        """How often the position error left its window, and when in s it was largest."""
+        """How often the position error left its window, and at which time in s it was largest."""
         self._was_outside = np.zeros(joints)
         self._farthest = np.zeros(joints)
         self.counts = np.zeros((2, joints))
-        """Rows, and rows at a limit."""
+        """Number of rows, and of rows at a limit."""
 
     def restart(self, joint: int) -> None:
-        """Forget what was counted of a joint."""
+        """Discard the figures of a joint."""
         self.largest[:, joint] = np.nan
         for counted in (self._squares, self._durations, self.excursions, self.counts):
             counted[:, joint] = 0.0
@@ -61,11 +61,11 @@ class Tracking:
         Args:
             joints: Which joints.
             time: Times in s, shape (rows,).
-            steps: Time in s since the row before, shape (rows,).
-            values: Absolute position error in m, speed error in m/s, torque in N m and observer's position
-                error in m, each of shape (joints, rows), as the last two.
-            moving: Whether the reference moves.
-            limited: Whether the controller or the inverter is at a limit.
+            steps: Time in s since the previous row, shape (rows,).
+            values: Absolute position error in m, speed error in m/s, torque in N m and position error of the
+                observer in m, each of shape (joints, rows).
+            moving: Whether the reference moves, shape (joints, rows).
+            limited: Whether the controller or the inverter is at a limit, shape (joints, rows).
         """
         error = values[0]
         highest = [value.max(axis=1) for value in values]
@@ -73,7 +73,7 @@ class Tracking:
         squares = error * error
         for place, chosen in enumerate((moving, ~moving)):
             row = FOLLOWING + place
-            if chosen.all():  # as most blocks are
+            if chosen.all():  # so in most blocks of rows
                 most = highest[0]
                 self._squares[place, joints] += squares @ steps
                 self._durations[place, joints] += steps.sum()
@@ -102,11 +102,11 @@ class Tracking:
         self._farthest[joints] = np.where(farther, most, self._farthest[joints])
 
     def memory(self) -> dict[str, Any]:
-        """Return all that changes, as plain data."""
+        """Return the state as plain data."""
         return {name: getattr(self, name).tolist() for name in _STATE}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
             values = getattr(self, name)
             values[...] = read_stored_array(memory[name], values.shape)

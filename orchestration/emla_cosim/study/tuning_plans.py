@@ -1,4 +1,4 @@
-"""The tunings of the study: for each controller and joint its gains, with the same effort for all."""
+"""The tuning plans of the study: the gains of each controller and joint, with the same effort for all."""
 
 import math
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from .joints.joint_files import has_tuning, list_joint_names, load_joint
 from .joints.schema import JointFile
 
 _BEHIND = 0.010
-"""So much farther from its reference than in the study a joint starts in one case, in m."""
+"""Additional distance in m from its reference at which a joint starts in one case."""
 
 
 def list_tuning_plans() -> dict[str, Callable[[], str]]:
-    """What reads the text of each plan, by controller and joint; of controllers whose gains have a file."""
+    """Return a function for the text of each plan, by controller and joint."""
     folder = files("emla_cosim.study") / "tunings"
     return {
         f"{controller}-{joint}": partial(_text, controller, joint)
@@ -44,7 +44,7 @@ def _text(controller: str, joint: str) -> str:
 
 
 def _convergence(joint: JointFile) -> float:
-    """Return the convergence time in s to beat: that of the file, or what the paper prints of RSBA."""
+    """Return the convergence time in s to beat: that of the file, or what the paper prints for RSBA."""
     if joint.tuning is not None and joint.tuning.convergence_time is not None:
         return joint.tuning.convergence_time
     printed = joint.printed.get("study", {})

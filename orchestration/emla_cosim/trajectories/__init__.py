@@ -1,1 +1,1 @@
-"""The optimised motion of the manipulator: found, written to a file, read back, and drawn."""
+"""The optimised motion of the manipulator: solve, write and read its file, and draw it."""

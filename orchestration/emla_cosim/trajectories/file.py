@@ -1,4 +1,4 @@
-"""Trajectory files: JSON with a B-spline by joint, and what it is the solution of."""
+"""Trajectory files: JSON with a B-spline for each joint, and the problem that it solves."""
 
 import json
 from pathlib import Path
@@ -12,18 +12,18 @@ from ..base.ownership import check_replaceable, has_format
 __all__ = ["DEFAULT_FILE", "read_trajectory"]
 
 WHAT = "the trajectory"
-"""What error messages call a trajectory file."""
+"""Name of a trajectory file in error messages."""
 
 
 def read_trajectory(path: str | Path) -> Spline:
-    """The spline of a trajectory file; CommandError for one that has none."""
+    """Return the spline of a trajectory file; raise CommandError for an unreadable one."""
     text = read_text(Path(path), WHAT)
     try:
         return spline_of(json.loads(text))
     except TrajectoryError as error:
         raise CommandError(f"{WHAT} '{path}' cannot be used: {error}") from error
-    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
-        raise CommandError(f"{WHAT} '{path}' is no JSON: {error}.") from error
+    except (ValueError, RecursionError) as error:  # ValueError also for numbers with thousands of digits
+        raise CommandError(f"{WHAT} '{path}' is not JSON: {error}.") from error
 
 
 def check_trajectory(path: Path, overwrite: bool = False) -> Path:

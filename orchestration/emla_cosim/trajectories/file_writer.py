@@ -1,4 +1,4 @@
-"""What is written to a trajectory file."""
+"""Write trajectory files."""
 
 import json
 from dataclasses import asdict
@@ -15,7 +15,7 @@ _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 
 
 def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = False) -> None:
-    """Write a motion to a file, whole or not at all. Raises CommandError where that cannot be."""
+    """Write a motion to a file atomically. Raises CommandError."""
     place = check_trajectory(path, overwrite)
     content = json.dumps(build_document(result), indent=1, allow_nan=False) + "\n"
     try:
@@ -26,7 +26,7 @@ def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = Fals
 
 
 def build_document(result: OptimisedMotion) -> dict[str, Any]:
-    """What a trajectory file holds, all in SI units."""
+    """Return the content of a trajectory file, in SI units."""
     spline, figures = result.spline, asdict(result.assessment)
     return {
         "format": "emla-cosim trajectory 1",

@@ -1,4 +1,4 @@
-"""A motion that was optimised, and how it was found."""
+"""An optimised motion, with its problem and the settings of the solver."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..base.arrays import Vector
 
 @dataclass(frozen=True)
 class OptimisedMotion:
-    """The motion that costs least; `TrajectoryResult` explains the fields."""
+    """The motion of least cost; `TrajectoryResult` explains the fields."""
 
     spline: Spline
     assessment: Assessment
@@ -27,5 +27,5 @@ class OptimisedMotion:
     starts: int = 1
 
     def course(self, times: Vector) -> Course:
-        """Strokes, speeds, accelerations and forces at times in s."""
+        """Return strokes, speeds, accelerations and forces at times in s."""
         return course(self.spline, self.problem, times)

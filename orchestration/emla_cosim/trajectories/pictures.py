@@ -1,4 +1,4 @@
-"""Pictures of a motion, laid out as the paper's figures of it."""
+"""Pictures of a motion, laid out as the figures of the paper."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ _POINTS = 1501
 
 
 class _PanelRow(NamedTuple):
-    """One row of a picture: values by joint, their bounds, if there are any, and what they are."""
+    """One row of a picture: values by joint, their bounds if there are any, and a label."""
 
     label: str
     values: np.ndarray
@@ -37,7 +37,7 @@ class _PanelRow(NamedTuple):
 
 
 def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
-    """The pictures by name."""
+    """Return the pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     seen, problem = result.course(times), result.problem
     rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
@@ -47,9 +47,10 @@ def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
 def picture_places(
     path: Path, wanted: bool = True, problem: object = None, overwrite: bool = False
 ) -> list[Path]:
-    """Where the pictures of a trajectory file go, beside it.
+    """Return the paths of the pictures, beside the trajectory file.
 
-    Raises CommandError where these files may not be written, or one of them is that of the problem.
+    Raises:
+        CommandError: A file may not be replaced, or is that of the problem.
     """
     if path.suffix == ".png":
         raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
@@ -63,7 +64,7 @@ def picture_places(
 
 
 def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) -> list[Path]:
-    """Draw the pictures beside a trajectory file; CommandError where they may not be written."""
+    """Draw the pictures beside a trajectory file. Raises CommandError."""
     places = picture_places(path, overwrite=overwrite)
     for place, figure in zip(places, draw_pictures(result).values(), strict=True):
         try:

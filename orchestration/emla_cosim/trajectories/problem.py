@@ -1,4 +1,4 @@
-"""The problem as a user gives it: a file, a table, or single values."""
+"""Read the problem of a user: a file, a table, or single values."""
 
 import difflib
 import re
@@ -20,7 +20,7 @@ _ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
 
 
 def load_problem(given: MotionProblem | Mapping[str, Any] | str | Path | None) -> MotionProblem:
-    """The problem that a value, a table or a file means; CommandError for what is none."""
+    """Return the problem of an object, a table or a file; raise CommandError for an invalid one."""
     if isinstance(given, MotionProblem):
         return given
     if given is None:
@@ -31,20 +31,25 @@ def load_problem(given: MotionProblem | Mapping[str, Any] | str | Path | None) -
     try:
         table = tomllib.loads(read_text(path, "the problem"))
     except (ValueError, RecursionError) as error:
-        raise CommandError(f"the problem '{path}' is no TOML: {error}.") from error
+        raise CommandError(f"the problem '{path}' is not TOML: {error}.") from error
     return _of_table(table, f"the problem '{path}'")
 
 
 def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionProblem:
-    """The problem with other values: of q_E, q_E[3] or machine.lift_a, as numbers or three with commas.
+    """Return the problem with other values.
 
-    Raises CommandError for a name that it does not have, or no such value.
+    Args:
+        problem: The problem.
+        texts: Values by name (q_E, q_E[3] or machine.lift_a): one number, or three with commas.
+
+    Raises:
+        CommandError: A name does not exist, or a value is invalid.
     """
     table = asdict(problem)
     for name, text in texts.items():
         found = _ELEMENT.fullmatch(name)
         if found is None:
-            raise CommandError(f"there is no '{name}' in a problem; write q_E, q_E[3] or machine.lift_a.")
+            raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3] or machine.lift_a.")
         inside, field = _place(table, found["name"])
         value = _numbers(name, text)
         if found["element"] is None:
@@ -52,19 +57,19 @@ def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionP
             continue
         before = inside[field]
         if not isinstance(before, (list, tuple)) or isinstance(value, list):
-            raise CommandError(f"'{name}' = {text} is not one number of three.")
+            raise CommandError(f"'{name}' = {text}; an element must be one of three numbers.")
         i = int(found["element"]) - 1
         inside[field] = [*before[:i], value, *before[i + 1 :]]
     return _of_table(table, "the problem")
 
 
 def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
-    """The table that has a value, and its name there."""
+    """Return the table that contains a value, and its name in this table."""
     *first, field = name.split(".")
     inside = table[_MACHINE] if first == [_MACHINE] else table
     if first not in ([], [_MACHINE]) or field not in inside or (not first and field == _MACHINE):
         names = [n for n in table if n != _MACHINE] + [f"{_MACHINE}.{n}" for n in table[_MACHINE]]
-        raise CommandError(f"there is no '{name}' in a problem{_near(name, names)}")
+        raise CommandError(f"a problem has no '{name}'{_near(name, names)}")
     return inside, field
 
 
@@ -72,12 +77,12 @@ def _numbers(name: str, text: str) -> Any:
     try:
         values = [float(x) for x in text.split(",")]
     except ValueError as error:
-        raise CommandError(f"'{name}' = {text} is no number, and no three with commas.") from error
+        raise CommandError(f"'{name}' = {text}; it must be a number, or three with commas.") from error
     return values[0] if len(values) == 1 else values
 
 
 def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
-    """A problem with the values of a table; what it does not name is the paper's."""
+    """Return a problem with the values of a table; others are those of the paper."""
     _check_names(table, MotionProblem, where)
     values = {name: _value(value) for name, value in table.items() if name != _MACHINE}
     try:
@@ -104,7 +109,7 @@ def _machine(given: object, where: str) -> HdrmParameters:
 
 
 def _check_form(label: str, value: Any, usual: Any) -> None:
-    """Raise CommandError unless a value is a number where there usually is one, else three."""
+    """Raise CommandError unless a value has the form of the default: a number, or three."""
     given = value if isinstance(value, tuple) else (value,)
     three = isinstance(usual, tuple)
     numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in given)
@@ -115,7 +120,7 @@ def _check_form(label: str, value: Any, usual: Any) -> None:
 
 
 def _value(value: Any) -> Any:
-    """Lists as tuples, and NumPy's numbers as numbers."""
+    """Return lists as tuples, and NumPy numbers as Python numbers."""
     plain = value.tolist() if hasattr(value, "tolist") else value
     return tuple(plain) if isinstance(plain, list) else plain
 
@@ -124,9 +129,9 @@ def _check_names(table: Mapping[str, Any], kind: type, where: str) -> None:
     known = [f.name for f in fields(kind)]
     for name in table:
         if name not in known:
-            raise CommandError(f"there is no '{name}' in {where}{_near(str(name), known)}")
+            raise CommandError(f"{where} has the unknown name '{name}'{_near(str(name), known)}")
 
 
 def _near(name: str, known: list[str]) -> str:
     near = [n for n in known if n.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; it has {', '.join(known)}."
+    return f"; did you mean '{near[0]}'?" if near else f"; use {', '.join(known)}."

@@ -1,4 +1,4 @@
-"""What came out of the optimisation of a motion."""
+"""The result of the optimisation of a motion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,20 +14,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrajectoryResult(OptimisedMotion):
-    """The motion that costs least.
+    """The motion of least cost.
 
-    `spline` is the motion, `assessment` has its figures. `given` is the problem as it was given, `problem`
-    with the end speeds of the reading `end_speed`; `contradictions` are sentences on the first. `solution`
-    says how it was found, of `starts` starts.
+    Attributes:
+        spline: The motion.
+        assessment: Its figures.
+        given: The problem of the user.
+        problem: The problem that was solved, with the end speeds after the reading `end_speed`.
+        contradictions: Messages on contradictions in `given`.
+        solution: How the solver found it, as the best of `starts` starts.
     """
 
     def save(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the motion to a trajectory file; CommandError where that cannot be.
+        """Write the motion to a trajectory file.
 
-        A file of something else is only replaced with `overwrite`.
+        Args:
+            path: The file.
+            overwrite: Whether to replace a file that emla did not write.
+
+        Raises:
+            CommandError: The file cannot be written.
         """
         write_trajectory(self, Path(path), overwrite)
 
     def plot(self) -> "dict[str, Figure]":
-        """Pictures of forces and speeds, and of positions and accelerations, by these names."""
+        """Draw forces and speeds, and positions and accelerations; return the figures by name."""
         return draw_pictures(self)

@@ -1,4 +1,4 @@
-"""The one way to find the motion of least cost."""
+"""Optimise a motion of the manipulator."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,10 +25,10 @@ from .problem import load_problem
 from .result import TrajectoryResult
 
 _RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 100)}
-"""Least and largest of what may be chosen; the acceleration must have no jumps."""
+"""Smallest and largest values of the sizes; from degree 3 on, the acceleration has no jumps."""
 
 _LEAST_COEFFICIENTS = 6
-"""Two at either end for position and speed, and two between that can be chosen."""
+"""Two at either end for position and speed, and two free ones between."""
 
 
 def trajectory(
@@ -45,29 +45,38 @@ def trajectory(
     plots: bool = True,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
-    """Find the motion between two postures that costs least actuator power: (14) within the bounds of (15).
+    """Find the motion of least actuator power between two postures: cost (14) within the bounds (15).
 
-    `problem` is the paper's (Table II) unless given: a `MotionProblem`, the path of a TOML file with its
-    fields, or a mapping with some of them, of which `machine` is a mapping with fields of HdrmParameters.
-    `end_speed` says how a v_E beyond its own bound is read: clip, exempt, decimal or rest. `tie_break` is
-    the weight of the joints' own powers beside the square of their sum; 0 is as printed. The motion is a
-    spline of a `degree` with so many different `knots`, and is looked at in `points` points between two of
-    them. Of several `starts` the first is a line, the others wander off; the best motion counts.
+    The motion is a B-spline.
 
-    With `output` it is written to that file, and with `plots` pictures beside it. Files that emla did not
-    write are only replaced with `overwrite`.
+    Args:
+        problem: A `MotionProblem`, a TOML file with its fields, or a mapping with some of them; `machine`
+            is a mapping with fields of `HdrmParameters`. Default: that of the paper (Table II).
+        end_speed: How to read an end speed v_E beyond its own bound: clip, exempt, decimal or rest.
+        tie_break: Weight of the sum of squares of each joint's power, next to the square of the sum of
+            powers; 0 is the cost as printed.
+        degree: Degree of the spline.
+        knots: Number of different knots.
+        points: Number of points between two knots at which bounds are checked.
+        starts: Number of starts. The first is a line, others deviate from it at random; the best motion
+            is returned.
+        output: The trajectory file.
+        overwrite: Whether to replace files that emla did not write.
+        plots: Whether to draw pictures beside the trajectory file.
+        progress: Receives messages and progress.
 
-    Raises CommandError for whatever is wrong with the problem, before anything is solved; RunError where no
-    motion keeps all bounds, with those that are to blame.
+    Raises:
+        CommandError: The problem is invalid. Raised before it is solved.
+        RunError: No motion keeps all bounds; the message names those that are violated.
     """
-    told, reading = progress or Progress(), _parse_reading(end_speed)
+    reporter, reading = progress or Progress(), _parse_reading(end_speed)
     given = load_problem(problem)
     how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
     place = None if output is None else convert_value(output, Path, "the output file")
     if place is not None:
         picture_places(place, plots, problem, overwrite)
     read = _resolve_contradictions(given, reading)
-    best, figures = _find_best(read, how, _size("starts", starts), told)
+    best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), given.contradictions()
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if place is not None:
@@ -91,8 +100,8 @@ def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
         )
     if knots + degree - 1 < _LEAST_COEFFICIENTS:
         raise CommandError(
-            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; positions and speeds "
-            f"at both ends and a way between take {_LEAST_COEFFICIENTS}."
+            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; at least "
+            f"{_LEAST_COEFFICIENTS} are required."
         )
     return sizes
 
@@ -100,19 +109,19 @@ def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
 def _size(name: str, value: int) -> int:
     least, most = _RANGES[name]
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise CommandError(f"{name} is {value!r}; it must be a whole number of {least} to {most}.")
+        raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
     return value
 
 
 def _weight(tie_break: float) -> float:
     found = convert_value(tie_break, float, "the tie-break weight")
     if not 0.0 <= found <= 1e3:
-        raise CommandError(f"the tie-break weight {found:g} must be 0, which is as printed, to 1000.")
+        raise CommandError(f"the tie-break weight is {found:g}; it must be from 0 to 1000.")
     return found
 
 
 def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionProblem:
-    """The problem as it is read; CommandError where it still contradicts itself."""
+    """Return the problem with its end speeds read; raise CommandError if it still contradicts itself."""
     read = given.read_as(reading)
     left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
     if sentences := left.contradictions():
@@ -121,23 +130,23 @@ def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionPr
 
 
 def _find_best(
-    problem: MotionProblem, how: Discretisation, starts: int, told: Progress
+    problem: MotionProblem, how: Discretisation, starts: int, reporter: Progress
 ) -> tuple[Solution, Assessment]:
-    """The best of the motions that several starts lead to, and its figures."""
+    """Return the best of the motions from several starts, with its figures."""
     found = list[Solution]()
     for i in range(starts):
         begin = None if i == 0 else detour(problem, how, i)
-        told.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
         try:
-            found.append(solved(problem, how, begin, lambda: told.advance(1)))
+            found.append(solved(problem, how, begin, lambda: reporter.advance(1)))
         except NoMotionError as error:
             if not found and i + 1 == starts:
                 raise RunError(str(error)) from error
-        told.finish()
+        reporter.finish()
     best = min(found, key=lambda solution: solution.cost)
     figures = assessed(best.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
-        told.begin("narrower bounds", MOST_ITERATIONS, "iterations")
-        best, figures = narrowed(best, problem, how, lambda: told.advance(1))
-        told.finish()
+        reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        best, figures = narrowed(best, problem, how, lambda: reporter.advance(1))
+        reporter.finish()
     return best, figures

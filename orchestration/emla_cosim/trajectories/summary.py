@@ -1,4 +1,4 @@
-"""What a person sees of an optimised motion in the terminal."""
+"""Terminal output of an optimised motion."""
 
 from collections.abc import Iterator
 
@@ -10,25 +10,25 @@ from hdrm_fmu.optimisation.problem import EndSpeed
 from .motion import OptimisedMotion
 
 _READ = {
-    EndSpeed.CLIP: "read as the bound, which is our substitution",
-    EndSpeed.EXEMPT: "kept, the end point being exempt of the bound",
-    EndSpeed.DECIMAL: "read as a tenth",
-    EndSpeed.REST: "read as rest, of all joints",
+    EndSpeed.CLIP: "replaced by the bound",
+    EndSpeed.EXEMPT: "kept; the bound does not apply at the end",
+    EndSpeed.DECIMAL: "divided by ten",
+    EndSpeed.REST: "replaced by rest for all joints",
 }
 
 
 def remarks(result: OptimisedMotion) -> Iterator[str]:
-    """What contradicts itself in the problem as given, and how it was read."""
+    """Return the contradictions in the problem of the user, and how they were resolved."""
     for sentence in result.contradictions:
         read = _READ[result.end_speed] if sentence.startswith("v_E") else "kept"
         yield f"The problem contradicts itself: {sentence}; {read} (--end-speed {result.end_speed})"
     if not result.contradictions and result.end_speed == EndSpeed.REST:
-        yield "The end speeds are read as rest (--end-speed rest)"
+        yield "All joints end at rest (--end-speed rest)"
 
 
 def format_peaks(result: OptimisedMotion) -> Table:
-    """Forces and speeds against their limits, by joint."""
-    table = Table(title="Peaks on a dense grid, against their limits", title_justify="left")
+    """Return a table of forces and speeds with their limits, by joint."""
+    table = Table(title="Peaks on a dense grid, with their limits", title_justify="left")
     table.add_column("")
     for peak in result.assessment.peaks:
         table.add_column(peak.joint, justify="right")
@@ -43,7 +43,7 @@ def format_peaks(result: OptimisedMotion) -> Table:
 
 
 def format_costs(result: OptimisedMotion) -> Table:
-    """What the motion costs."""
+    """Return a table of the costs of the motion."""
     figures = result.assessment
     table = Table(title="Cost", title_justify="left", show_header=False)
     for label, value, unit in (
@@ -59,7 +59,7 @@ def format_costs(result: OptimisedMotion) -> Table:
 
 
 def format_lines(result: OptimisedMotion) -> Iterator[str]:
-    """How it was found, and whether it keeps its bounds between the points it was found on."""
+    """Return how the motion was found, and whether it keeps its bounds on the dense grid."""
     how, solution = result.discretisation, result.solution
     of = f", best of {result.starts} starts" if result.starts > 1 else ""
     yield (
@@ -70,11 +70,11 @@ def format_lines(result: OptimisedMotion) -> Iterator[str]:
     if result.assessment.within_bounds:
         yield "All bounds hold on the dense grid."
     else:
-        yield "; ".join(map(_excess, beyond)) + "; more --points or --knots help"
+        yield "; ".join(map(_excess, beyond)) + "; use more --points or --knots"
 
 
 def _excess(peak: Peak) -> str:
-    return f"The {peak.joint} is beyond a bound by {100.0 * peak.excess:.2g} % of its width between points"
+    return f"The {peak.joint} exceeds a bound between points by {100.0 * peak.excess:.2g} % of its width"
 
 
 def _part(value: float, bound: float) -> str:

@@ -1,1 +1,1 @@
-"""Gains found by optimisation: cases that are simulated, seeds to train on and others to validate."""
+"""Tune gains by optimisation: simulate cases, train with some seeds, and validate with others."""

@@ -1,4 +1,4 @@
-"""What came out of a tuning, as data."""
+"""The result of a tuning, as data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,10 +12,12 @@ from .score import Score
 
 @dataclass(frozen=True)
 class Tuned:
-    """A set of gains, and what it is worth on the seeds of training and of validation.
+    """A set of gains with its scores on the seeds of training and of validation.
 
-    `values` are those that vary, by name, None for one that is no number in the scenario; `set` are the
-    start values that `Simulation.run(set=...)` takes. `validation` is None where it was not come to.
+    Attributes:
+        values: The gains that vary, by name; None for one that is not a single number in the scenario.
+        set: The start values for `Simulation.run(set=...)`.
+        validation: None if the validation did not run.
     """
 
     values: Mapping[str, Value | None]
@@ -25,7 +27,7 @@ class Tuned:
 
     @property
     def ratio(self) -> float:
-        """The objective of the validation by that of the training; NaN where there is none."""
+        """Return the objective of the validation divided by that of the training; NaN without validation."""
         if self.validation is None or not self.training.objective:
             return float("nan")
         return self.validation.objective / self.training.objective
@@ -33,7 +35,7 @@ class Tuned:
 
 @dataclass(frozen=True)
 class TuneData:
-    """The gains that were found, and everything that was tried; `TuneResult` explains the fields."""
+    """The gains found and all that were tried; `TuneResult` explains the fields."""
 
     name: str
     objective: str

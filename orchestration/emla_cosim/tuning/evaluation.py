@@ -1,4 +1,4 @@
-"""Sets of gains tried on a farm of workers: every case with every seed."""
+"""Evaluate sets of gains on workers: every case with every seed."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from .score import Objective, Score
 
 @dataclass
 class Evaluation:
-    """Tries gains; `cases` has the options of each case, `seeds` the start values that are seeds."""
+    """Evaluates gains; `cases` has the options of each case, `seeds` the start values that are seeds."""
 
     executor: ClusterExecutor
     objective: Objective
@@ -29,9 +29,14 @@ class Evaluation:
     def scores(
         self, candidates: Sequence[Mapping[str, Any]], seeds: Sequence[int | None]
     ) -> list[Score] | None:
-        """What each of these options is worth on these seeds; None where somebody ended it meanwhile.
+        """Return the score of each candidate on these seeds; None after an interrupt.
 
-        A seed None leaves the scenario's. Raises RunError where the cluster is gone.
+        Args:
+            candidates: The options of each set of gains.
+            seeds: Seeds of the random sequences; None keeps those of the scenario.
+
+        Raises:
+            RunError: The cluster is lost.
         """
         variants = {
             next(self._numbers): merge_options([gains, self._with_seed(seed), case])

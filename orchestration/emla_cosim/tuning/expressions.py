@@ -1,4 +1,4 @@
-"""Arithmetic over names, such as `tilt.observer.alpha_1 ** 2 / 4`, as plans of tunings write it."""
+"""Arithmetic over names in tuning plans, such as `tilt.observer.alpha_1 ** 2 / 4`."""
 
 import ast
 import math
@@ -14,7 +14,7 @@ _OPERATIONS = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.Pow: math.pow,  # that of operator is complex for roots of less than 0, and has no end for 10**10**10
+    ast.Pow: math.pow,  # `operator.pow` has complex roots of negative numbers, and never ends for 10**10**10
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
@@ -30,14 +30,14 @@ _FUNCTIONS = {
 
 @dataclass(frozen=True)
 class Expression:
-    """An expression and the names in it; make it with `expression`."""
+    """An expression and the names in it; create it with `parse_expression`."""
 
     text: str
     names: frozenset[str]
     tree: ast.expr
 
     def value(self, known: Mapping[str, float]) -> float:
-        """Its value, in whatever unit comes of it; NaN where there is none, as of log(0)."""
+        """Return the value of the expression; NaN if it is undefined, as for log(0)."""
         try:
             return float(_value(self.tree, known))
         except (ArithmeticError, ValueError):
@@ -45,17 +45,21 @@ class Expression:
 
 
 def parse_expression(text: str, where: str) -> Expression:
-    """Read one: numbers, names, + - * / **, and a few functions.
+    """Parse an expression of numbers, names, + - * / ** and a few functions.
 
-    Names are those of variables and figures, with dots and brackets. Raises CommandError, with `where`
-    for the place of the text, for anything else.
+    Args:
+        text: The expression. Names are those of variables and figures, with dots and brackets.
+        where: The place of the text, for error messages.
+
+    Raises:
+        CommandError: The text is not such an expression.
     """
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         names = frozenset(_names(tree))
     except (SyntaxError, TypeError, ValueError, RecursionError, MemoryError):
         raise CommandError(
-            f"{where}: '{text}' is no expression; write one of numbers, names, + - * / ** and "
+            f"{where}: '{text}' is not an expression; use numbers, names, + - * / ** and "
             f"{join_names(_FUNCTIONS)}.",
             expression=text,
         ) from None
@@ -63,7 +67,12 @@ def parse_expression(text: str, where: str) -> Expression:
 
 
 def _names(tree: ast.expr) -> set[str]:
-    """The names in a tree; ValueError for what is no arithmetic, TypeError for too few or many arguments."""
+    """Return the names in a tree.
+
+    Raises:
+        ValueError: The tree is not arithmetic.
+        TypeError: A function has too few or too many arguments.
+    """
     if isinstance(tree, ast.Constant) and type(tree.value) in (int, float):
         return set()
     if (name := _name(tree)) is not None:
@@ -73,13 +82,13 @@ def _names(tree: ast.expr) -> set[str]:
     if isinstance(tree, ast.UnaryOp) and type(tree.op) in _OPERATIONS:
         return _names(tree.operand)
     if isinstance(tree, ast.Call) and not tree.keywords and (function := _function(tree)) is not None:
-        function(*(2.0 for _ in tree.args))  # TypeError where it takes more of them, or less
+        function(*(2.0 for _ in tree.args))  # raises TypeError if the number of arguments is wrong
         return set[str]().union(*map(_names, tree.args))
     raise ValueError
 
 
 def _name(tree: ast.expr) -> str | None:
-    """The name that a tree is: `a`, `a.b[1].c`; None for anything else."""
+    """Return the name that a tree represents: `a`, `a.b[1].c`; None for anything else."""
     if isinstance(tree, ast.Name):
         return tree.id
     if isinstance(tree, ast.Attribute):

@@ -1,4 +1,4 @@
-"""What a tuning leaves in its folder."""
+"""The output folder of a tuning."""
 
 import json
 from collections.abc import Mapping
@@ -24,9 +24,16 @@ class TuneFolder(Folder):
     record_file, is_record = RECORD, has_entries("plan", "best", "runs")
 
     def keep(self, result: TuneResult, record: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> None:
-        """Write what is there so far, but for the picture. Raises RunError.
+        """Write all files but the picture.
 
-        `scenario` is what makes a scenario file of the gains; None where only Python has the scenario.
+        Args:
+            result: The result so far.
+            record: The content of `tune.json`.
+            scenario: The content of a scenario file, to which the gains are added; None for a scenario that
+                exists only in Python.
+
+        Raises:
+            RunError: A file cannot be written.
         """
         with report_write_errors(self.path):
             best = {**(scenario or {}), "set": {**(scenario or {}).get("set", {}), **result.best.set}}
@@ -36,13 +43,13 @@ class TuneFolder(Folder):
             self.write(HISTORY, result.history.write_csv().encode())
 
     def draw_result(self, result: TuneResult) -> Path:
-        """Draw the picture. Raises RunError."""
+        """Draw the picture, and return its file. Raises RunError."""
         with report_write_errors(self.path):
             return self.draw(PICTURE, draw_picture(result))
 
 
 def _toml(content: Mapping[str, Any]) -> str:
-    """Plain data as TOML: keys first, then tables, whose names are quoted."""
+    """Return plain data as TOML: keys first, then tables with quoted names."""
     lines = [f"{key} = {_inline(value)}" for key, value in content.items() if not isinstance(value, Mapping)]
     for name, table in content.items():
         if isinstance(table, Mapping) and table:

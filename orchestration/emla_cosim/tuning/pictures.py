@@ -1,4 +1,4 @@
-"""The picture of a tuning: how the search went, and whether what it found holds on other seeds."""
+"""The picture of a tuning: the course of the search, and the result on other seeds."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def draw_picture(result: TuneData) -> "Figure":
-    """Left all that was tried, right start and best on both sets of seeds, by case."""
+    """Draw all tried sets on the left, and on the right start and best on both sets of seeds, by case."""
     figure, axes = new_figure(1, 2, 4.6, 3.0, sharex="none")
     _search(axes[0, 0], result)
     _cases(axes[0, 1], result)
@@ -60,7 +60,7 @@ def _cases(axes: "Axes", result: TuneData) -> None:
 
 
 def _use_log_scale(axes: "Axes", values: np.ndarray) -> None:
-    """By ratio, where all values are positive."""
+    """Use a logarithmic scale if all values are positive."""
     known = values[np.isfinite(values)]
     if known.size and (known > 0).all():
         axes.set_yscale("log")

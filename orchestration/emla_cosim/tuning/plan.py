@@ -1,4 +1,4 @@
-"""What a tuning is to do: a scenario, gains with their ranges, what is wanted of them, and where."""
+"""The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -21,18 +21,19 @@ from ..sweeps.targets import merge_options
 from ..system.model import System
 
 DEFAULTS = "usual"
-"""The case of a plan that names none: the scenario as it is."""
+"""The name of the only case in a plan without cases: the scenario unchanged."""
 
 _ONE_OF = ("name", "weight", "set", "require")
 
 
 @dataclass(frozen=True)
 class Case:
-    """Circumstances that gains have to do well in: other start values or options than the scenario's.
+    """A case in which gains are evaluated: start values or options that differ from the scenario.
 
-    `set` has them by name, as a sweep varies them, each with one value, "110%" among them. `weight` is
-    that of its objective; with 0 only its requirements count. `require` are the conditions here, None
-    for those of the plan.
+    Attributes:
+        set: Start values and options by name, each with one value as in a sweep, such as "110%".
+        weight: The weight of the objective of this case; with 0 only its conditions count.
+        require: The conditions of this case; None for those of the plan.
     """
 
     name: str
@@ -43,17 +44,22 @@ class Case:
 
 @dataclass(frozen=True)
 class TuningPlan:
-    """A tuning before anything is known of its FMUs.
+    """The plan of a tuning; its names are resolved later, with the FMUs.
 
-    `vary` has the gains and their ranges, as a sweep takes them, and names without a dot that are used
-    in `derive` alone; `derive` has further start values as expressions over all these. `objective` is an
-    expression over figures, to be made small; `require` are conditions as `emla run --require` takes
-    them. `metrics` are further figures that both may name. `seeds` are names or patterns of the start
-    values that begin random sequences; `training` of them are drawn for the search and `validation`
-    others to look at what came of it. `evaluations` is how many sets of gains are tried. `tolerance` is
-    by how much the objective may be worse on the seeds of the validation, as a part of it; `margin` by
-    how much better than its condition a figure has to be in the search, so that it holds on other seeds.
-    `where` is what sentences call the plan.
+    Attributes:
+        vary: The gains and their ranges as in a sweep. Names without a dot are used in `derive` only.
+        derive: Further start values as expressions over the names in `vary`.
+        objective: An expression over figures, to minimise.
+        require: Conditions as for `emla run --require`.
+        metrics: Further figures for `objective` and `require`.
+        seeds: Names or patterns of the start values that seed random sequences.
+        training: The number of seeds drawn for the search.
+        validation: The number of other seeds, which check the result.
+        evaluations: The number of sets of gains to try.
+        tolerance: By which part the objective may be larger on the seeds of the validation.
+        margin: By which part a figure must be better than its condition in the search, so that it also
+            meets the condition on other seeds.
+        where: The name of the plan in messages.
     """
 
     name: str
@@ -76,9 +82,10 @@ class TuningPlan:
     where: str = "the tuning"
 
     def updated(self, given: Mapping[str, Any]) -> "TuningPlan":
-        """With what is given beside it: tables are merged, None changes nothing.
+        """Return the plan with overrides: tables are merged, conditions are added, None changes nothing.
 
-        Conditions are added to those of the plan. Raises CommandError for values of another type.
+        Raises:
+            CommandError: A value has another type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "derive", "options"):
@@ -93,13 +100,13 @@ class TuningPlan:
         return changed
 
     def load_scenario(self) -> Scenario:
-        """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
+        """Return the scenario with the options of the plan. Raises CommandError."""
         if isinstance(self.scenario, Scenario):
             return self.scenario.with_options(self.options)
         return load(self.scenario, **self.options)
 
     def check(self) -> None:
-        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        """Raise CommandError for errors that are visible without the scenario."""
         for name, type_ in PLAIN.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
         for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):
@@ -114,15 +121,15 @@ class TuningPlan:
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
-            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
+            raise CommandError(f"tunings do not support the option {wrong[0]}; remove it from {self.where}.")
         if not self.vary:
             raise CommandError(
-                f"{self.where} varies nothing; say what does, such as "
+                f"{self.where} varies nothing; add a gain with its range, such as "
                 "--vary 'tilt.controller.beta[1]=200:4000'."
             )
         if not self.objective:
             raise CommandError(
-                f"{self.where} has no objective; say what is to be made small, such as "
+                f"{self.where} has no objective; add a figure to minimise, such as "
                 "--objective tilt.position_error_m."
             )
         self._check_cases()
@@ -130,14 +137,14 @@ class TuningPlan:
     def _check_cases(self) -> None:
         names = [case.name for case in self.cases]
         if twice := [name for name in names if names.count(name) > 1]:
-            raise CommandError(f"{self.where} has two cases '{twice[0]}'; give one another name.")
+            raise CommandError(f"{self.where} has two cases '{twice[0]}'; rename one.")
         for case in self.cases:
             if not 0 <= case.weight < float("inf"):
                 raise CommandError(
                     f"the weight of the case '{case.name}' is {case.weight}; it must be 0 or more."
                 )
         if not any(case.weight for case in self.cases):
-            raise CommandError(f"no case of {self.where} has a weight; give one a weight above 0.")
+            raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
 PLAIN: dict[str, Any] = {
@@ -153,28 +160,29 @@ PLAIN: dict[str, Any] = {
     "margin": float,
     "description": str,
 }
-"""Types of those fields that are plain data, by name."""
+"""Types of the fields that are plain data, by name."""
 
 _OWN = ("scenario", "vary", "cases", "metrics", *PLAIN)
 
 
 def convert_table(value: Any, label: str) -> dict[str, Any]:
-    """A table with texts as names; CommandError for anything else."""
+    """Return a table with texts as keys; raise CommandError for anything else."""
     if not isinstance(value, Mapping):
         raise CommandError(f"{label} is {value!r}; it must be a table.")
     return dict(value)
 
 
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
-    """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
+    """Return a plan, read by name or from a file (.toml with `vary`), or made of a scenario without gains.
 
-    Raises CommandError for a file that cannot be read, or that is no plan.
+    Raises:
+        CommandError: A file cannot be read, or is not a plan.
     """
     if isinstance(source, TuningPlan):
         return source
     if not isinstance(source, (str, Path)):
         if not isinstance(source, (Scenario, System)):
-            raise CommandError(f"a tuning is of a plan or a scenario, by name or file, not of {source!r}.")
+            raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
         return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
     if str(source) in TUNINGS:
         return parse_tuning_plan(TUNINGS[str(source)](), str(source), f"the tuning '{source}'", None)
@@ -192,7 +200,7 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
 
 
 def parse_tuning_plan(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
-    """The plan that a text holds; paths in it are relative to `folder`. Raises CommandError."""
+    """Parse a plan; paths in it are relative to `folder`. Raises CommandError."""
     content = tomllib.loads(text)
     if "scenario" not in content:
         raise CommandError(f'{label} has no scenario; write scenario = "tilt", or the path of one.')
@@ -219,13 +227,13 @@ def parse_tuning_plan(text: str, name: str, label: str, folder: Path | None) -> 
 
 
 def _cases(given: Any, label: str) -> list[Case]:
-    """The cases of a plan: tables in a list."""
+    """Return the cases of a plan, given as tables in a list."""
     found = list[Case]()
     for place, content in enumerate(convert_value(given, Sequence[Any], f"'cases' of {label}"), 1):
         of = f"case {place} of {label}"
         case = convert_table(content, of)
         if unknown := [key for key in case if key not in _ONE_OF]:
-            raise CommandError(f"{of} has the key '{unknown[0]}'; it may have {join_names(_ONE_OF)}.")
+            raise CommandError(f"{of} has the unknown key '{unknown[0]}'; use {join_names(_ONE_OF)}.")
         require = case.get("require")
         found.append(
             Case(
@@ -236,5 +244,5 @@ def _cases(given: Any, label: str) -> list[Case]:
             )
         )
     if not found:
-        raise CommandError(f"'cases' of {label} is empty; leave it out for the scenario as it is.")
+        raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
     return found

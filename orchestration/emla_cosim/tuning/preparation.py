@@ -1,4 +1,4 @@
-"""A plan made ready: gains, cases, seeds and conditions resolved in a system whose FMUs are there."""
+"""Prepare a tuning: resolve the gains, cases, seeds and conditions of a plan in a system with its FMUs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from .tracking import TRACKING_ERROR
 
 @dataclass(frozen=True)
 class TuningTask:
-    """All that a tuning needs to know; `cases` has the options of each case."""
+    """A prepared tuning; `cases` has the options of each case."""
 
     plan: TuningPlan
     space: Space
@@ -40,7 +40,11 @@ class TuningTask:
 
 
 def prepare_task(plan: TuningPlan, preparation: Preparation, described: SimulationDescription) -> TuningTask:
-    """Resolve a plan; CommandError for names that are not there, and whatever does not go together."""
+    """Resolve a plan in a system.
+
+    Raises:
+        CommandError: A name does not exist, or parts of the plan contradict each other.
+    """
     objective = parse_expression(plan.objective, f"'objective' of {plan.where}")
     required = [_conditions(plan, case, objective, described) for case in plan.cases]
     measures = _measures(plan, objective, required, described)
@@ -61,7 +65,7 @@ def prepare_task(plan: TuningPlan, preparation: Preparation, described: Simulati
 def _conditions(
     plan: TuningPlan, case: Case, objective: Expression, described: SimulationDescription
 ) -> list[Requirement]:
-    """What a case requires, and that every joint of the objective is held: its figures mean nothing else."""
+    """Return the conditions of a case, and that each joint of its objective is held."""
     found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
     named = {one.figure for one in found}
     of_objective = dict.fromkeys(f"{name.rpartition('.')[0]}.{HELD}" for name in sorted(objective.names))
@@ -75,7 +79,7 @@ def _measures(
     required: Sequence[Sequence[Requirement]],
     described: SimulationDescription,
 ) -> Measures:
-    """The figures that objective and conditions need; CommandError for one that is not there."""
+    """Return the figures that objective and conditions need; raise CommandError for an unknown one."""
     own = MetricRequest.of(plan.metrics, plan.where)
     conditions = [r for case in required for r in case]
     needed = dict.fromkeys([*sorted(objective.names), *(r.figure for r in conditions)])
@@ -91,13 +95,13 @@ def _measures(
         if (one.figure in measures.truths) != isinstance(one.value, bool):
             right = "true or false" if one.figure in measures.truths else "a number"
             raise CommandError(
-                f"the requirement '{one}' of {plan.where} does not fit: {one.figure} is {right}."
+                f"the requirement '{one}' of {plan.where} has the wrong type: {one.figure} is {right}."
             )
     return measures
 
 
 def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:
-    """The options of a case, each thing with its one value."""
+    """Return the options of a case, each with its one value."""
     where = f"the case '{case.name}' of {plan.where}"
     found = resolve_factors(case.set, preparation.system, preparation.interfaces, where)
     check_during_a_run(found, where)
@@ -105,13 +109,13 @@ def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str
     for factor in found:
         levels = factor.distribution.levels
         if levels is None or len(levels) != 1:
-            raise CommandError(f"'{factor.name}' of {where} has to be one value, such as 0.1 or \"110%\".")
+            raise CommandError(f"'{factor.name}' of {where} must be one value, such as 0.1 or \"110%\".")
         parts.append(factor.options(factor.value(levels[0])))
     return merge_options(parts)
 
 
 def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
-    """The start values that begin random sequences; None for a system without any."""
+    """Return the start values that seed random sequences; None for a system without any."""
     if not plan.seeds:
         return None
     given = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
@@ -125,7 +129,7 @@ def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
 
 
 def scenario_content(plan: TuningPlan) -> dict[str, Any] | None:
-    """What a scenario file says that runs the scenario of a plan; None where only Python has it."""
+    """Return the content of a file that runs the scenario of a plan; None if it exists only in Python."""
     read = _scenario_file(plan)
     if read is None:
         return None

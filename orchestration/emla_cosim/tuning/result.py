@@ -1,4 +1,4 @@
-"""What came out of a tuning."""
+"""The result of a tuning."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,45 +13,46 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TuneResult(TuneData):
-    """The gains that a tuning began with, the best it found, and everything it tried.
+    """The gains at the start of a tuning, the best ones found, and all that were tried.
 
-    `history` has a row for each set of gains that was tried: `evaluation` (its number), `generation`,
-    the gains by name, `objective`, `violation` (0 where all conditions hold), `lost` (runs) and `best`
-    (the least objective so far of those whose conditions hold). `seeds` are those of `training` and
-    `validation`. `complete` says whether nobody ended it early; `folder` is None where it left no files.
-    `notes` are sentences, without their stops, to read before the gains.
+    Attributes:
+        history: A row for each tried set of gains: `evaluation` (its number), `generation`, the gains by
+            name, `objective`, `violation` (0 if all conditions hold), `lost` (number of runs) and `best`
+            (the smallest objective so far for which all conditions hold).
+        seeds: The seeds of `training` and `validation`.
+        complete: Whether the tuning ended without an interrupt.
+        folder: The output folder; None if no files were written.
+        notes: Remarks on the gains, without full stops.
     """
 
     @property
     def set(self) -> dict[str, Any]:
-        """The start values that bring the best gains to a run."""
+        """The start values that set the best gains in a run."""
         return dict(self.best.set)
 
     def problem(self) -> str | None:
-        """A sentence that says why the best gains are not as wanted; None where they are."""
+        """Why the best gains miss the requirements; None if they meet them."""
         return describe_problem(self)
 
     def plot(self) -> "Figure":
-        """How the search went, and the gains of start and end on the seeds of training and validation."""
+        """Draw the course of the search, and the gains of start and end on both sets of seeds."""
         return draw_picture(self)
 
 
 def describe_problem(result: TuneResult) -> str | None:
-    """See `TuneResult.problem`."""
+    """Return the text of `TuneResult.problem`."""
     best = result.best
     if not best.training.holds:
-        return (
-            f"no gains were found that are as required; nearest: {'; '.join(_describe_score(best.training))}."
-        )
+        return f"no gains meet the requirements; the nearest: {'; '.join(_describe_score(best.training))}."
     if best.validation is None:
         return None
     if not best.validation.holds:
         why = "; ".join(_describe_score(best.validation))
-        return f"the best gains are not as required on the seeds of the validation: {why}."
+        return f"the best gains do not meet the requirements on the seeds of the validation: {why}."
     if result.tolerance is not None and not best.ratio <= 1.0 + result.tolerance:
         return (
-            f"the objective is {best.ratio:.3g} times as large on the seeds of the validation; "
-            f"{1.0 + result.tolerance:g} is allowed."
+            f"the objective is {best.ratio:.3g} times as large on the seeds of the validation; at most "
+            f"{1.0 + result.tolerance:g} times is allowed."
         )
     return None
 

@@ -1,4 +1,4 @@
-"""The one way to tune: gains that a search proposes, tried on a farm of workers, and on other seeds."""
+"""Run a tuning: a search proposes gains, workers evaluate them, and other seeds validate the result."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -55,21 +55,34 @@ def tune(
     progress: Progress | None = None,
     **options: Any,
 ) -> TuneResult:
-    """Look for the gains that make an objective small while conditions hold, and return what came out.
+    """Search for the gains that minimise an objective while conditions hold.
 
-    `source` is a plan (`TuningPlan`), its name or its file; or a scenario as `load` takes it, with `vary`
-    for the gains and their ranges, as `sweep` takes them ("200:4000" is searched by its logarithm).
-    `objective` is an expression over figures, `require` conditions as those of a run, `derive` further
-    start values as expressions over what varies, `metrics` figures beside the registered ones.
-    `evaluations` sets of gains are tried, each in all cases of the plan with `training` seeds; the best
-    and the first are then run with `validation` others. `seed` is that of whatever is drawn: the same
-    gives the same result, whatever the number of `workers`. `scheduler` and `workers` are as in `sweep`,
-    `options` those of `Options`, for all runs. Files go to the folder `output`, if one is given; without
-    `plots` no picture is among them. Files there that emla did not write are only replaced with `overwrite`.
+    The same seed gives the same result for any number of workers. Ctrl-C ends the search early; the result
+    has the best gains so far.
 
-    Ctrl-C ends it early, and the result has the best so far. Raises CommandError for whatever is wrong
-    with the plan, before anything is run; RunError where the cluster is gone, nothing can be run, or files
-    cannot be written.
+    Args:
+        source: A plan (`TuningPlan`), its name or file; or a scenario as for `load`.
+        vary: Gains and their ranges as for `sweep`. The search uses the logarithm for "200:4000".
+        objective: An expression over figures, to minimise.
+        require: Conditions as for a run.
+        derive: Further start values as expressions over the names in `vary`.
+        metrics: Figures in addition to the registered ones.
+        evaluations: Number of sets of gains to try, each in all cases of the plan with all training seeds.
+        training: Number of seeds for the search.
+        validation: Number of other seeds, with which the first and the best gains are run at the end.
+        seed: Seed of all random draws.
+        tolerance: By which part the objective may be larger on the seeds of the validation.
+        scheduler: See `sweep`.
+        workers: See `sweep`.
+        output: The output folder.
+        overwrite: Whether to replace files in it that emla did not write.
+        plots: Whether to write the picture.
+        progress: Receives messages and progress.
+        **options: Options of all runs; see `Options`.
+
+    Raises:
+        CommandError: The plan is wrong. Raised before the first run.
+        RunError: The cluster is lost, no run is possible, or files cannot be written.
     """
     options |= {"overwrite": True} if overwrite else {}
     given = {
@@ -92,30 +105,30 @@ def tune(
     )
     if folder is not None and plots:
         folder.check_files(folder.pictures)
-    told = progress or Progress()
+    reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         scenario = plan.load_scenario()
         for note in scenario.notes:
-            told.note(f"Note: {note}.")
-        preparation = Preparation.of(scenario, told)
+            reporter.note(f"Note: {note}.")
+        preparation = Preparation.of(scenario, reporter)
         with (
             record_tracking_error(),
-            _open_evaluation(plan, preparation, (scheduler, workers), told) as (task, evaluation),
+            _open_evaluation(plan, preparation, (scheduler, workers), reporter) as (task, evaluation),
         ):
-            return _Tuning(task, evaluation, folder, told, scenario.notes).run(plots)
+            return _Tuning(task, evaluation, folder, reporter, scenario.notes).run(plots)
 
 
 @contextmanager
 def _open_evaluation(
-    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], told: Progress
+    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], reporter: Progress
 ) -> Iterator[tuple[TuningTask, Evaluation]]:
-    """A farm that has what a tuning needs, and what is to be done on it."""
+    """Open workers with all that a tuning needs; yield its task and its evaluation."""
     for kind, known in REGISTRIES.items():
         check_portable(kind, known)
     conditions = [*plan.require, *preparation.options.require]
     free = replace(preparation, options=replace(preparation.options, require=[]))
     shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
         task = prepare_task(replace(plan, require=conditions), free, found.describe(0))
         yield (
             task,
@@ -125,22 +138,22 @@ def _open_evaluation(
 
 @dataclass
 class _Tuning:
-    """A tuning that goes on: the best so far, and everything that was tried."""
+    """A tuning in progress: the best gains so far, and all that were tried."""
 
     task: TuningTask
     evaluation: Evaluation
     folder: TuneFolder | None
-    told: Progress
+    reporter: Progress
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
 
     def run(self, plots: bool) -> TuneResult:
-        """All of it."""
+        """Run the whole tuning."""
         plan, space = self.task.plan, self.task.space
         training, validation = self._seeds()
         self.drawn = {"training": _known(training), "validation": _known(validation)}
-        self.told.begin("tuning", plan.evaluations, "gains")
+        self.reporter.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.scores([{}], training)
         if first is None:
             raise CommandError("interrupted before anything was tried.")
@@ -155,7 +168,7 @@ class _Tuning:
         return result
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
-        """Try what the search asks for, as long as there are evaluations left; whether nobody ended it."""
+        """Try what the search asks for while evaluations are left; return False after an interrupt."""
         plan, space = self.task.plan, self.task.space
         search = Search(space.places(), plan.seed)
         generation, left = 0, plan.evaluations - 1
@@ -176,7 +189,7 @@ class _Tuning:
         return True
 
     def _validate(self, seeds: Sequence[int | None]) -> bool:
-        """Run start and best with other seeds; whether nobody ended it."""
+        """Run start and best with other seeds; return False after an interrupt."""
         scores = self.evaluation.scores([{}, {"set": self.best.set}], seeds)
         if scores is None:
             return False
@@ -187,7 +200,7 @@ class _Tuning:
         return True
 
     def _seeds(self) -> tuple[list[int | None], list[int | None]]:
-        """Seeds of training and of validation, none in both."""
+        """Return the seeds of training and of validation; [None] and [] without random sequences."""
         plan = self.task.plan
         if self.task.seeds is None:
             return [None], []
@@ -209,10 +222,10 @@ class _Tuning:
                     "best": min(before, known),
                 }
             )
-        self.told.advance(len(tried))
+        self.reporter.advance(len(tried))
 
     def _save_progress(self, whole: bool, draw: bool = False) -> TuneResult:
-        """What came out so far, also in the folder."""
+        """Return the result so far, and write it to the folder."""
         plan = self.task.plan
         history = polars.DataFrame(self.rows, infer_schema_length=None)
         result = TuneResult(
@@ -242,13 +255,13 @@ def _known(seeds: Sequence[int | None]) -> list[int]:
 
 
 def _comparison_key(score: Score) -> tuple[bool, float]:
-    """The order of a score, with what has no number last."""
+    """Return the sort key of a score; a score without a number is last."""
     bad, value = score.order
     return bad, value if value == value else float("inf")
 
 
 def _record(task: TuningTask, result: TuneResult) -> dict[str, Any]:
-    """What tune.json says: all that decides what comes out, and what did."""
+    """Return the content of tune.json: everything that determines the result, and the result."""
     plan = task.plan
     asked = {
         **{name: getattr(plan, name) for name in PLAIN},

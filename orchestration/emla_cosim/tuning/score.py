@@ -1,4 +1,4 @@
-"""What a set of gains is worth: its objective where all conditions hold, else by how much they do not."""
+"""Score sets of gains: their objective if all conditions hold, else how far they are from it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,23 +16,26 @@ from .search import Order
 from .tracking import TRACKING_ERROR
 
 LOST = 20.0
-"""What a run counts that ended early or has no objective, more than any that missed its conditions."""
+"""Violation of a run that ended early or has no objective, larger than that of missed conditions."""
 
 _MOST = 10.0
-"""What a missed condition counts at most."""
+"""Largest violation of a missed condition."""
 
 _MISSED = 1.0
-"""What a condition counts that is missed and has no distance, such as a truth."""
+"""Violation of a missed condition without a distance, such as a truth value."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What came out of all runs of a set of gains.
+    """The score of a set of gains over all its runs.
 
-    `objective` is the mean over cases by their weights, each the mean over seeds; NaN where a run has
-    none. `violation` is 0 where all conditions hold in all runs, with the margin of the plan; `lost` is
-    how many runs ended early or have no objective, of `runs`. `by_case` has the objective of each case,
-    `worst` for each case the figure farthest from each condition.
+    Attributes:
+        objective: The mean over cases by their weights, each the mean over seeds; NaN if a run has none.
+        violation: 0 if all conditions hold in all runs, with the margin of the plan.
+        lost: The number of runs that ended early or have no objective.
+        runs: The number of all runs.
+        by_case: The objective of each case.
+        worst: For each case and condition, the figure that is farthest from it.
     """
 
     objective: float
@@ -44,16 +47,16 @@ class Score:
 
     @property
     def holds(self) -> bool:
-        """Whether all conditions do, without any margin."""
+        """Whether all conditions hold, without any margin."""
         return not self.lost and not self.list_unmet()
 
     @property
     def order(self) -> Order:
-        """What the search compares."""
+        """The key that the search compares."""
         return (True, self.violation) if self.violation else (False, self.objective)
 
     def list_unmet(self) -> list[str]:
-        """Conditions that do not hold, with their case and the worst figure."""
+        """Return the conditions that do not hold, with their case and the worst figure."""
         return [
             f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
             for case, conditions in self.worst.items()
@@ -63,7 +66,7 @@ class Score:
 
 
 def format_figure(figure: Any) -> str:
-    """A figure as a sentence has it."""
+    """Return a figure as text for messages."""
     if figure is None or figure != figure:
         return "missing"
     return str(figure).lower() if isinstance(figure, bool) else f"{figure:.6g}"
@@ -71,9 +74,10 @@ def format_figure(figure: Any) -> str:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is wanted: an objective, and for each case its conditions; runs last from `start` to `stop` in s.
+    """The objective, and the conditions for each case; runs last from `start` to `stop` in s.
 
-    `margin` is the part by which figures have to be better than their conditions.
+    Attributes:
+        margin: By which part figures must be better than their conditions.
     """
 
     objective: Expression
@@ -84,7 +88,11 @@ class Objective:
     margin: float = 0.0
 
     def score(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> Score:
-        """What gains are worth whose runs gave these, a list over seeds for each case."""
+        """Return the score of gains.
+
+        Args:
+            outcomes: The outcomes of their runs: for each case a list over seeds.
+        """
         objectives = dict[str, float]()
         worst = dict[str, Mapping[str, Any]]()
         violation, lost, runs = 0.0, 0, 0
@@ -103,7 +111,7 @@ class Objective:
         return Score(objective, violation, lost, runs, by_case, worst)
 
     def _objective(self, case: Case, outcome: VariantOutcome) -> float:
-        """The objective of one run; NaN for one that is lost, 0 where a case has no weight."""
+        """Return the objective of one run; NaN for a lost one, 0 for a case without weight."""
         if outcome.status != DONE:
             return math.nan
         if not case.weight:
@@ -113,14 +121,14 @@ class Objective:
         return value if math.isfinite(value) else math.nan
 
     def _violation(self, outcome: VariantOutcome, required: Sequence[Requirement], is_lost: bool) -> float:
-        """How far a run is from what is wanted, so that less is nearer also among those that are lost."""
+        """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             found += LOST + LOST * self._missing_part(outcome)
         return found + _distance(outcome) if found else 0.0
 
     def _missing_part(self, outcome: VariantOutcome) -> float:
-        """The part of the run that is not there."""
+        """Return the part of the run that is missing."""
         if outcome.status == DONE:
             return 0.0
         end = self.start if outcome.end_s is None else outcome.end_s
@@ -128,7 +136,7 @@ class Objective:
 
 
 def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
-    """By how much a figure is not as required, relative to what is."""
+    """Return by how much a figure violates its condition, relative to the limit."""
     if required.met_by(figure) and not margin:
         return 0.0
     if figure is None or figure != figure:
@@ -143,7 +151,7 @@ def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
 
 
 def _distance(outcome: VariantOutcome) -> float:
-    """How far joints are from their references."""
+    """Return how far the joints are from their references."""
     misses = [
         float(x)
         for name, x in outcome.figures.items()
@@ -153,7 +161,7 @@ def _distance(outcome: VariantOutcome) -> float:
 
 
 def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:
-    """The figure farthest from a condition, and whether it meets it; where all do, the one that just does."""
+    """Return the figure that violates a condition most, or is nearest to its limit, and whether it holds."""
     figures = [outcome.figures.get(required.figure) for outcome in outcomes]
     numbers = [x for x in figures if isinstance(x, (int, float)) and x == x]
     if failing := [x for x in figures if not required.met_by(x)]:

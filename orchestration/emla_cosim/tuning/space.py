@@ -1,4 +1,4 @@
-"""The gains that are looked for, as a unit cube: each axis one of them, in its distribution's quantiles."""
+"""The gains of a search as a unit cube: each axis is one gain, in the quantiles of its distribution."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,26 +19,26 @@ from .expressions import Expression, parse_expression
 from .plan import TuningPlan
 
 _FINE = 2001
-"""Points of an axis among which that of a given value is looked for."""
+"""Points of an axis that are compared to locate a value."""
 
 
 @dataclass(frozen=True)
 class GainAxis:
-    """One gain; `factor` says where it goes, None for one that only others derive from."""
+    """One gain; `factor` is None for a name that only expressions in `derive` use."""
 
     name: str
     distribution: Distribution
     factor: Factor | None = None
 
     def value(self, quantile: float) -> Value:
-        """The gain at a place from 0 to 1, in its unit."""
+        """Return the gain at a place from 0 to 1, in its unit."""
         (drawn,) = self.distribution.at(np.array([quantile]))
         found = drawn if self.factor is None else self.factor.value(drawn)
         assert found is not None
         return found
 
     def place(self, value: float | None) -> float:
-        """Where a gain is, as near as its range has it; in the middle for None."""
+        """Return the place nearest to a value of the gain; the middle for None."""
         if value is None:
             return 0.5
         places = np.linspace(0.0, 1.0, _FINE)
@@ -51,18 +51,18 @@ class GainAxis:
 
 @dataclass(frozen=True)
 class Space:
-    """All of them, what derives from them, and what they are in the scenario."""
+    """All gains, those that derive from them, and their values in the scenario."""
 
     axes: Sequence[GainAxis]
     derived: Sequence[tuple[Sequence[Factor], Expression]]
     start: Mapping[str, float | None]
 
     def values(self, point: Vector) -> dict[str, Value]:
-        """The gains at a point of the cube, by name."""
+        """Return the gains at a point of the cube, by name."""
         return {axis.name: axis.value(float(x)) for axis, x in zip(self.axes, point, strict=True)}
 
     def options(self, values: Mapping[str, Value]) -> dict[str, Any]:
-        """The options that bring gains to a run, and what derives from them."""
+        """Return the options that set the gains and those derived from them."""
         parts = [axis.factor.options(values[axis.name]) for axis in self.axes if axis.factor is not None]
         numbers = {name: float(x) for name, x in values.items() if isinstance(x, (int, float))}
         for targets, derived in self.derived:
@@ -70,12 +70,12 @@ class Space:
         return merge_options(parts)
 
     def places(self) -> list[float]:
-        """Where the scenario's own gains are."""
+        """Return the places of the scenario's own gains."""
         return [axis.place(self.start[axis.name]) for axis in self.axes]
 
 
 def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
-    """The space of a plan in a system. Raises CommandError for names that are not there or cannot vary."""
+    """Return the space of a plan in a system; raise CommandError for a wrong name or one that cannot vary."""
     free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
     known = {name: _range(given) for name, given in plan.vary.items() if name not in free}
     found = resolve_factors(known, system, interfaces, plan.where)
@@ -89,8 +89,8 @@ def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Inter
     used = {name for _, one in derived for name in one.names}
     if idle := [name for name in free if name not in used]:
         raise CommandError(
-            f"'{idle[0]}' of {plan.where} is no start value and no option, and nothing is derived from it; "
-            "write it as component.variable, or use it in 'derive'.",
+            f"'{idle[0]}' of {plan.where} is neither a start value nor an option nor used in 'derive'; "
+            "write component.variable, or use it in 'derive'.",
             name=idle[0],
         )
     start = {axis.name: _start(axis, system, interfaces) for axis in axes}
@@ -98,13 +98,13 @@ def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Inter
 
 
 def check_during_a_run(found: Sequence[Factor], where: str) -> None:
-    """Raise CommandError for one that a prepared simulation cannot vary."""
+    """Raise CommandError for a factor that a prepared simulation cannot vary."""
     for factor in found:
         for target in factor.targets:
             if needs_preparation(target):
                 raise CommandError(
-                    f"'{factor.name}' of {where} needs another preparation; start values and options of "
-                    "how a run is stepped do not.",
+                    f"'{factor.name}' of {where} needs a new preparation; vary start values or "
+                    "options of the stepping.",
                     name=factor.name,
                 )
 
@@ -114,12 +114,13 @@ def _check_start_values(found: Sequence[Factor], where: str) -> None:
     for factor in found:
         if wrong := [target for target in factor.targets if target.kind != START]:
             raise CommandError(
-                f"'{wrong[0].name}' of {where} is no start value; gains are start values.", name=wrong[0].name
+                f"'{wrong[0].name}' of {where} is not a start value; gains must be start values.",
+                name=wrong[0].name,
             )
 
 
 def _is_free(name: str, given: Any, system: System) -> bool:
-    """Whether a name stands for nothing but itself."""
+    """Return whether a name in `vary` is neither a target in the system nor an option."""
     is_component = any(c.name == name for c in system.components)
     return "." not in name and name not in list_options() and not is_component and not _has_targets(given)
 
@@ -129,7 +130,7 @@ def _has_targets(given: Any) -> bool:
 
 
 def _range(given: Any) -> Any:
-    """What a plan gives; LOW:HIGH of positive numbers by its logarithm, as gains are compared by ratios."""
+    """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
     if not isinstance(given, str):
         return given
     found = parse_distribution(given, "the range")
@@ -148,20 +149,20 @@ def _derive_gains(
         label = f"'{name}' of 'derive' in {plan.where}"
         one = parse_expression(text, label)
         if unknown := sorted(one.names - set(names)):
-            raise CommandError(
-                f"{label} uses '{unknown[0]}', which does not vary; there are {join_names(names)}."
-            )
+            raise CommandError(f"{label} uses '{unknown[0]}', which does not vary; use {join_names(names)}.")
         targets = resolve_factors({name: 0.0}, system, interfaces, plan.where)
         _check_start_values(targets, plan.where)
         if both := taken & {t.name for f in targets for t in f.targets}:
-            raise CommandError(f"{plan.where} gives {min(both)} twice: varied and derived.", name=min(both))
+            raise CommandError(
+                f"{plan.where} sets {min(both)} twice: in 'vary' and in 'derive'.", name=min(both)
+            )
         taken |= {t.name for f in targets for t in f.targets}
         found.append((targets, one))
     return found
 
 
 def _start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
-    """What a gain is in the scenario, if it is one number there."""
+    """Return the value of a gain in the scenario; None if it is not a single number."""
     if axis.factor is None or axis.factor.targets[0].kind != START:
         return None
     if axis.factor.targets[0].nominal is not None and len(axis.factor.targets) > 1:

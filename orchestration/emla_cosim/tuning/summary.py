@@ -1,4 +1,4 @@
-"""What a person sees of a tuning in the terminal: gains, what they are worth, and what does not hold."""
+"""Terminal output of a tuning: gains, their scores, and conditions that do not hold."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from .score import Score, format_figure
 
 
 def format_summary(result: TuneResult) -> list[RenderableType]:
-    """Gains before and after, the objective on both sets of seeds, and the conditions at their worst."""
+    """Return gains before and after, the objective on both sets of seeds, and the worst figures."""
     parts: list[RenderableType] = [_gains(result), _objective(result)]
     if any(result.best.training.worst.values()):
         parts.append(_conditions(result))
@@ -22,11 +22,11 @@ def format_summary(result: TuneResult) -> list[RenderableType]:
 
 
 def format_lines(result: TuneResult) -> Iterator[str]:
-    """How much was run, and how well it holds on other seeds."""
+    """Return the number of runs, and the result on other seeds."""
     yield (
         f"{format_count(result.history.height, 'set')} of gains tried, "
         f"{format_count(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
-        f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} as required"
+        f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} meet all conditions"
     )
     if result.best.validation is None:
         if result.complete:
@@ -36,7 +36,7 @@ def format_lines(result: TuneResult) -> Iterator[str]:
     worse = 100.0 * (result.best.ratio - 1.0)
     if math.isfinite(worse):
         word = "worse" if worse > 0 else "better"
-        yield f"On {seeds} seeds that it was not tuned on the objective is {abs(worse):.2g} % {word}."
+        yield f"On {seeds} other seeds the objective is {abs(worse):.2g} % {word}."
 
 
 def _gains(result: TuneResult) -> Table:
@@ -66,7 +66,7 @@ def _objective(result: TuneResult) -> Table:
 
 
 def _pair(gains: Tuned, case: str | None) -> tuple[str, str, str]:
-    """The objective in training and validation, and by how much they differ."""
+    """Return the objective in training and validation, and their difference, as text."""
     found = [_of(score, case) for score in (gains.training, gains.validation)]
     ratio = found[1] / found[0] if found[0] else math.nan
     return _number(found[0]), _number(found[1]), "" if ratio != ratio else f"{ratio:.2f}"
@@ -83,8 +83,8 @@ def _number(value: float) -> str:
 
 
 def _conditions(result: TuneResult) -> Table:
-    """Figures at their worst over seeds; those that are not as required stand out."""
-    table = Table(title="Conditions, figures at their worst", title_justify="left")
+    """Return the worst figures over seeds; those that violate a condition are marked."""
+    table = Table(title="Conditions, with the worst figures", title_justify="left")
     for head in ("", "", "start", "best", "validation"):
         table.add_column(head, justify="left" if not head else "right", overflow="fold")
     for case, conditions in result.best.training.worst.items():

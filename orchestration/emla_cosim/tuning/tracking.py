@@ -1,4 +1,4 @@
-"""How far a joint is from its reference, in a figure that even a joint has that is lost."""
+"""The tracking error: how far a joint is from its reference, also for a joint that is lost."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ TRACKING_ERROR = "miss"
 _KIND = "tuning"
 _SCALE = 1e-6
 _WORST = 12.0
-"""What a row counts that is no number, or farther away than anything."""
+"""Value of a row that is not a number or is farther away than anything."""
 
 
 class _TrackingErrorMetrics(Metrics):
@@ -36,20 +36,20 @@ class _TrackingErrorMetrics(Metrics):
             )
 
     def figures(self) -> Figures:
-        """The mean by joint."""
+        """Return the mean by joint."""
         return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
 
     def memory(self) -> Any:
-        """Sums by joint and the number of rows."""
+        """Return sums by joint and the number of rows."""
         return {"sums": self._sums, "rows": self._rows}
 
     def remember(self, memory: Any) -> None:
-        """Go on from there."""
+        """Continue from a checkpoint."""
         self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
 
 
 def tracking_error(outline: Outline) -> Metrics | None:
-    """The metrics of all joints of a run; None where it has none."""
+    """Return the metrics of all joints of a run; None if it has none."""
     column = {name: i + 1 for i, name in enumerate(outline.names)}
     found = {
         joint: (column[position], column[reference])
@@ -61,7 +61,7 @@ def tracking_error(outline: Outline) -> Metrics | None:
 
 @contextmanager
 def record_tracking_error() -> Iterator[None]:
-    """Runs have this figure meanwhile, here and on the workers of farms that begin meanwhile."""
+    """Record the tracking error meanwhile, here and on workers that start meanwhile."""
     METRICS[_KIND] = tracking_error
     try:
         yield

@@ -1,1 +1,1 @@
-"""One's own actuator, entered once: read as its data sheets print it, checked, and made parameters of."""
+"""A user's actuator: read from data-sheet values, checked, and converted to parameters."""

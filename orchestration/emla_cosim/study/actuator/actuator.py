@@ -1,4 +1,4 @@
-"""An actuator, as it is entered: from a file, or in Python."""
+"""An actuator, read from a file or created in Python."""
 
 import difflib
 import hashlib
@@ -25,7 +25,7 @@ _NOTHING: Mapping[str, Any] = {}
 
 
 def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
-    """Return the tables of an actuator's file and its SHA-256; CommandError if it is not TOML."""
+    """Return the tables of an actuator's file and its SHA-256; raise CommandError if it is not TOML."""
     label, content = f"the actuator '{path}'", read_file(path, "the actuator")
     try:
         return tomllib.loads(content.decode("utf-8-sig")), hashlib.sha256(content).hexdigest()
@@ -37,12 +37,14 @@ def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
 
 @dataclass(frozen=True)
 class Actuator(FileOrObject):
-    """One EMLA as its data sheets describe it; plant, observer and controller follow from it.
+    """An electromechanical linear actuator (EMLA) with the values of its data sheets.
 
-    Each table has quantities as a sheet prints them, such as `motor={"R": "2.3 Ohm line to line", ...}`;
-    which entries there are is in docs/actuator.md. `name` and `source` are for people, and `file` is where
-    it was read, with the hash of its content. Raises CommandError that says all that is wrong with the data,
-    a sentence each.
+    Parameters of plant, observer and controller follow from it. Each table has quantities as a data sheet
+    prints them, such as `motor={"R": "2.3 Ohm line to line", ...}`; docs/actuator.md lists the entries.
+    `name` and `source` are for people; `file` is the file that was read, and `sha256` its hash.
+
+    Raises:
+        CommandError: Entries are wrong; the message lists all faults.
     """
 
     motor: Mapping[str, Any]
@@ -69,7 +71,7 @@ class Actuator(FileOrObject):
 
     @classmethod
     def read(cls, path: str | Path) -> "Actuator":
-        """The actuator of a file (TOML); CommandError for whatever is wrong with it."""
+        """Read an actuator from a file (TOML). Raises CommandError."""
         path = Path(path)
         tables, sha256 = actuator_tables(path)
         return cls.of_tables(tables, f"the actuator '{path}'", path, sha256)
@@ -80,7 +82,14 @@ class Actuator(FileOrObject):
     ) -> "Actuator":
         """Return the actuator of the tables of a file.
 
-        Raises CommandError for whatever is wrong with it; messages call it `label`.
+        Args:
+            tables: The content of the file.
+            label: The name of the actuator in messages.
+            file: The path of the file.
+            sha256: The hash of the file.
+
+        Raises:
+            CommandError: Entries are wrong; the message lists all faults.
         """
         if problems := [*_wrong_tables(tables)]:
             raise _raise_problems(label, problems)
@@ -92,14 +101,14 @@ class Actuator(FileOrObject):
 
     @property
     def label(self) -> str:
-        """What sentences call it."""
+        """The name of the actuator in messages."""
         if self.file is not None:
             return f"the actuator '{self.file}'"
         return f"the actuator '{self.title}'" if self.title else "the actuator"
 
     @property
     def title(self) -> str:
-        """Its name on one line."""
+        """The name of the actuator, on one line."""
         return " ".join("".join(c if c.isprintable() else " " for c in self.name).split())
 
     @cached_property
@@ -109,40 +118,40 @@ class Actuator(FileOrObject):
 
     @property
     def values(self) -> dict[str, float]:
-        """What was entered in the model's units: SI, peak values, those of a phase."""
+        """The entered values in SI units, as peak values of a phase."""
         return {place: found.number for place, found in self.printed.items()}
 
     @cached_property
     def emla(self) -> EmlaParameters:
-        """The parameter set that plant, observer and controller share."""
+        """The parameters that plant, observer and controller share."""
         return derived.emla(self.values)
 
     @cached_property
     def plant(self) -> dict[str, Any]:
-        """What the plant has beside it, by attribute of the block."""
+        """The other parameters of the plant, by attribute of the block."""
         return derived.plant(self.values)
 
     @property
     def i_N(self) -> float:
-        """Current that it bears for ever (peak), A; 0 where nobody says."""
+        """Continuous stall current in A (peak); 0 if the data sheet does not state it."""
         return self.values.get("motor.i_N", 0.0)
 
     def braking(self, load: float) -> float:
-        """a_max in m/s2 with a load force in N."""
+        """Return a_max in m/s2 with a load force in N."""
         return derived.braking(self.values, load)
 
     @property
     def remarks(self) -> list[str]:
-        """What is possible, but may not be meant: sentences without their stops."""
+        """Warnings on values that are possible but probably not meant, without full stops."""
         return [*remarks(self.values)]
 
     @property
     def conversions(self) -> list[Conversion]:
-        """What was entered, and what it is in the model."""
+        """The entries, each with the parameter that follows from it."""
         return [*list_conversions(self.printed)]
 
     def record(self) -> dict[str, Any]:
-        """All of it as run.json has it."""
+        """Return the content for run.json."""
         return {
             "file": None if self.file is None else str(self.file),
             "sha256": self.sha256,
@@ -154,14 +163,14 @@ class Actuator(FileOrObject):
 
 
 def _entries(actuator: Actuator) -> Iterator[tuple[str, SheetEntry, Any]]:
-    """Place, entry and value of all that is given and known."""
+    """Yield place, entry and value of all known entries."""
     for table, entries in TABLES.items():
         given = getattr(actuator, table)
         yield from ((f"{table}.{e.key}", e, given[e.key]) for e in entries if e.key in given)
 
 
 def _problems(actuator: Actuator) -> Iterator[str]:
-    """Sentences on what is missing, unknown or not to be read."""
+    """Yield a message for each entry that is missing, unknown or invalid."""
     tables = {f.name: getattr(actuator, f.name) for f in fields(actuator) if f.name in TABLES}
     if wrong := [*_wrong_tables({**tables, "name": actuator.name, "source": actuator.source})]:
         yield from wrong
@@ -177,13 +186,13 @@ def _problems(actuator: Actuator) -> Iterator[str]:
             yield str(error).removesuffix(".")
             continue
         if place == "motor.poles" and found.number % 2.0:
-            yield f"motor.poles is {found.text}; poles come in pairs"
+            yield f"motor.poles is {found.text}; it must be even"
     if actuator.thermal and "i_N" not in actuator.motor:
-        yield "[thermal] needs motor.i_N, the current that ends at its permitted_rise"
+        yield "[thermal] needs motor.i_N, the current that causes its permitted_rise"
 
 
 def _missing(table: str, given: Mapping[str, Any], entries: tuple[SheetEntry, ...]) -> Iterator[str]:
-    """What a table that is there has to have."""
+    """Yield a message for each entry that a table lacks."""
     examples = {e.key: e.example for e in entries}
     for entry in entries:
         if entry.needed and entry.key not in given:
@@ -196,7 +205,7 @@ def _missing(table: str, given: Mapping[str, Any], entries: tuple[SheetEntry, ..
             shown = [f'{key} = "{examples[key]}"' for key in keys]
             yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(shown)}"
         if len(there) > 1 and (where, keys) in ONE_OF:
-            yield f"[{table}] has {join_names(there)}, which say the same; leave one"
+            yield f"[{table}] has {join_names(there)}, which mean the same; keep one"
     if table == "motor" and ("L" in given, "L_d" in given, "L_q" in given) not in _INDUCTANCES:
         yield "[motor] needs L, or both L_d and L_q"
 
@@ -207,15 +216,15 @@ _INDUCTANCES = ((True, False, False), (False, True, True))
 def _unknown(table: str, given: Mapping[str, Any], known: list[str]) -> Iterator[str]:
     for key in given:
         if key not in known:
-            yield f"[{table}] has the entry '{key}'; {_suggest_key(key, known)}"
+            yield f"[{table}] has the unknown entry '{key}'; {_suggest_key(key, known)}"
 
 
 def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
-    """What is no table of an actuator, or is not what it should be."""
+    """Yield a message for each key that is not a table or text of an actuator, or has the wrong type."""
     known = [*TABLES, *_TEXTS]
     for key, value in content.items():
         if key not in known:
-            yield f"it has the table '{key}'; {_suggest_key(key, known)}"
+            yield f"it has the unknown table '{key}'; {_suggest_key(key, known)}"
         elif key in _TEXTS and not isinstance(value, str):
             yield f"'{key}' is {value!r}; it must be a text"
         elif key in TABLES and not isinstance(value, Mapping):
@@ -224,7 +233,7 @@ def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
 
 def _suggest_key(key: Any, known: list[str]) -> str:
     near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-    return f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}"
+    return f"did you mean '{near[0]}'?" if near else f"use {join_names(known)}"
 
 
 def _raise_problems(label: str, problems: list[str]) -> CommandError:

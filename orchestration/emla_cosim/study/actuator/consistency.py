@@ -1,4 +1,4 @@
-"""What cannot be in an actuator's data, and what is worth a remark, each in a sentence."""
+"""Contradictions and improbable values in an actuator's data."""
 
 import math
 from collections.abc import Iterator
@@ -9,26 +9,29 @@ from .derived import Values
 from .entries import ROOT_2, ROOT_3, TURN
 
 WORTH_SAYING, IMPOSSIBLE = 0.1, 0.3
-"""Parts by which both constants may differ: sheets have a tolerance of 10 %, rms for peak is 41 %."""
+"""Relative differences of the constants for a warning and for an error.
+
+Data sheets allow 10 %; rms mistaken for peak makes 41 %.
+"""
 
 _MARGIN = 1.1
-"""What is printed of torques and currents, rounded and hot, fits so far."""
+"""Relative tolerance of printed torques and currents, which are rounded and refer to a hot motor."""
 
 
 def find_contradictions(v: Values) -> Iterator[str]:
-    """Sentences on what of the data contradicts itself."""
+    """Yield a message for each contradiction in the data."""
     if not _is_finite(v):
-        yield "what follows from the numbers is too large or too small to compute with; look at their units"
+        yield "the derived parameters are too large or too small to compute with; check the units"
         return
     if (off := _disagreement(v)) > IMPOSSIBLE:
-        yield f"{_two_fluxes(v, off)}; look whether each is rms or peak, and line to line or per phase"
+        yield f"{_two_fluxes(v, off)}; check for each whether it is rms or peak, line to line or per phase"
     per_current = derived.torque_per_current(v)
     for torque, current in (("tau_N", "i_N"), ("tau_max", "i_max")):
         t, i = v.get(f"motor.{torque}"), v.get(f"motor.{current}")
         if t is not None and i is not None and t > _MARGIN * per_current * i:
             yield (
                 f"motor.{torque} is {t:.4g} N m, but motor.{current} = {_rms(i)} gives "
-                f"{per_current * i:.4g} N m: that torque takes {_rms(t / per_current)}"
+                f"{per_current * i:.4g} N m; that torque needs {_rms(t / per_current)}"
             )
     for low, high in (("i_N", "i_max"), ("tau_N", "tau_max")):
         if v.get(f"motor.{low}", 0.0) > v.get(f"motor.{high}", float("inf")):
@@ -36,13 +39,13 @@ def find_contradictions(v: Values) -> Iterator[str]:
     yield from _too_fast(v)
     made = derived.plant(v)
     if "F_C" in made and made["F_S"] < made["F_C"]:
-        yield "friction.F_S is less than friction.F_C: friction that breaks away is never the smaller one"
+        yield "friction.F_S is less than friction.F_C; the breakaway force cannot be smaller"
 
 
 def remarks(v: Values) -> Iterator[str]:
-    """Sentences, without their stops, on what is possible, but may not be meant."""
+    """Yield warnings, without full stops, on values that are possible but probably not meant."""
     if WORTH_SAYING < (off := _disagreement(v)) <= IMPOSSIBLE:
-        yield f"{_two_fluxes(v, off)}; that of kT is taken"
+        yield f"{_two_fluxes(v, off)}; the one of kT is used"
     bounds = dict(derived.torques(v))
     motor = min((t for place, t in bounds.items() if place.startswith("motor.")), default=0.0)
     if (limited := bounds.get("inverter.i_max", motor)) < motor:
@@ -50,7 +53,7 @@ def remarks(v: Values) -> Iterator[str]:
 
 
 def _too_fast(v: Values) -> Iterator[str]:
-    """Back-EMF above what the inverter has, at the largest speed, without a weakened field."""
+    """Yield a message if the back-EMF at the largest speed exceeds the inverter's voltage."""
     made = derived.emla(v)
     speed = made.alpha_RL * made.v_max
     emf = made.N_p * made.Phi_PM * speed
@@ -66,7 +69,7 @@ def _too_fast(v: Values) -> Iterator[str]:
 
 
 def _disagreement(v: Values) -> float:
-    """Relative difference of the fluxes that torque and voltage constant stand for; 0 with one of them."""
+    """Return the relative difference of the two fluxes; 0 with only one constant."""
     first, *others = derived.fluxes(v).values()
     return abs(others[0] - first) / min(first, others[0]) if others else 0.0
 
@@ -80,7 +83,7 @@ def _two_fluxes(v: Values, off: float) -> str:
 
 
 def _is_finite(v: Values) -> bool:
-    """Whether all that is computed of the entries is finite, and what is divided by is not zero."""
+    """Return whether all that is computed of the entries is finite, and no divisor is zero."""
     try:
         made = derived.emla(v)
         found = [*asdict(made).values(), made.alpha_RL, made.A_eq, made.B_eq, made.D_eq, made.i_max]
@@ -95,7 +98,7 @@ _SMALLEST = 1e-30
 
 
 def _at_most(number: float) -> str:
-    """A number with four digits, rounded so that it is not more."""
+    """Return a number with four digits, rounded down."""
     unit = 10.0 ** (math.floor(math.log10(number)) - 3)
     return f"{math.floor(number / unit) * unit:.4g}"
 

@@ -1,4 +1,4 @@
-"""From the data sheet to the model: what was entered, and what became of it."""
+"""Conversions from data-sheet entries to model parameters."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _PLANT = {place: place for place in _SAME} | {
     "thermal.tau_th": "motor.tau_th",
     "thermal.permitted_rise": "motor.permitted_rise",
 }
-"""Entries of which each is one variable of the plant."""
+"""Entries that each become one parameter of the plant."""
 
 _INERTIA = ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.J_BS", "screw.M_BS")
 _FRICTION = ("motor.B_m", "screw.B_BS")
@@ -47,12 +47,13 @@ _SHORT = (
         "known A_eq",
     ),
 )
-"""What a sheet may mean otherwise, or what everything else hangs on."""
+"""Parameters that are printed before a run: their data-sheet values are ambiguous, or much follows from them.
+"""
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """What was entered, as "table.key text", and the variable that it is in the model."""
+    """Entries, as "table.key text", and the parameter that follows from them."""
 
     entered: tuple[str, ...]
     becomes: str
@@ -61,7 +62,7 @@ class Conversion:
 
     @property
     def is_short(self) -> bool:
-        """Whether it belongs to what is shown before a run."""
+        """Whether it is printed before a run."""
         return self.becomes in _SHORT
 
     def __str__(self) -> str:
@@ -69,7 +70,7 @@ class Conversion:
 
 
 def list_conversions(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]:
-    """All that the entries become."""
+    """Yield all parameters that follow from the entries."""
     units = {f"{table}.{e.key}": e.unit for table, entries in TABLES.items() for e in entries}
     for place, found in entered.items():
         if place in _PLANT and (place != "coupling.J_c" or "screw.J_BS" not in entered):
@@ -79,7 +80,7 @@ def list_conversions(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]:
 
 
 def _convert_combined(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]:
-    """What several entries become together."""
+    """Yield parameters that follow from several entries."""
     v = {place: found.number for place, found in entered.items()}
     made = derived.emla(v)
 

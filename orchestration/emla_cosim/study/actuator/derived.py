@@ -1,7 +1,7 @@
-"""What follows from an actuator's entries: the parameter sets of plant, observer and controller.
+"""Parameters of plant, observer and controller that follow from an actuator's entries.
 
-Functions of `Values`: what was entered, by "table.key", in SI units, currents and voltages as peak values of
-a phase. Entries that nobody needs may be missing.
+Functions take `Values`: entries by "table.key", in SI units, currents and voltages as peak values of a
+phase. Optional entries may be missing.
 """
 
 import math
@@ -32,19 +32,19 @@ _PLANT = {
     "thermal.tau_th": "tau_th",
     "thermal.permitted_rise": "permitted_rise",
 }
-"""Entries that are parameters of the plant as they are, by its attributes."""
+"""Entries that are parameters of the plant, by its attributes."""
 
 SHARE_TO_BRAKE = 0.25
-"""Part of what a motor can brake beside its load that `a_max` takes: the rest is for what disturbs it."""
+"""Share of the spare braking torque that `a_max` uses; the rest is for disturbances."""
 
 
 def pole_pairs(v: Values) -> int:
-    """N_p."""
+    """Return N_p."""
     return round(v["motor.N_p"] if "motor.N_p" in v else v["motor.poles"] / 2.0)
 
 
 def fluxes(v: Values) -> dict[str, float]:
-    """Phi_PM in Wb by each given constant: 1.5 N_p Phi_PM i_q is torque, N_p Phi_PM omega_m back-EMF."""
+    """Return Phi_PM in Wb by constant: 1.5 N_p Phi_PM i_q is torque, N_p Phi_PM omega_m is back-EMF."""
     found = {}
     if "motor.kT" in v:
         found["kT"] = v["motor.kT"] / (1.5 * pole_pairs(v))
@@ -54,24 +54,24 @@ def fluxes(v: Values) -> dict[str, float]:
 
 
 def flux(v: Values) -> float:
-    """Phi_PM in Wb: of the torque constant where there is one, as torque is what moves the load."""
+    """Return Phi_PM in Wb, from the torque constant if there is one, since torque moves the load."""
     return next(iter(fluxes(v).values()))
 
 
 def torque_per_current(v: Values) -> float:
-    """1.5 N_p Phi_PM, in N m per A of i_q."""
+    """Return 1.5 N_p Phi_PM, in N m per A of i_q."""
     return 1.5 * pole_pairs(v) * flux(v)
 
 
 def voltage(v: Values) -> float:
-    """u_max in V: what a linear modulation makes of the DC link, or the peak voltage of a supply's phase."""
+    """Return u_max in V: the limit of linear modulation of the DC link, or a supply phase's peak voltage."""
     if "inverter.U_DC" in v:
         return v["inverter.U_DC"] / ROOT_3
     return v["inverter.U_supply"] if "inverter.U_supply" in v else v["inverter.u_max"]
 
 
 def torques(v: Values) -> Iterator[tuple[str, float]]:
-    """What bounds the motor's torque, and to how much in N m."""
+    """Yield what limits the motor's torque, with the limit in N m."""
     per_current = torque_per_current(v)
     if "motor.tau_max" in v:
         yield "motor.tau_max", v["motor.tau_max"]
@@ -81,19 +81,19 @@ def torques(v: Values) -> Iterator[tuple[str, float]]:
 
 
 def speeds(v: Values) -> Iterator[tuple[str, float]]:
-    """What bounds the screw's speed, and to how much in m/s."""
+    """Yield what limits the screw's speed, with the limit in m/s."""
     yield "motor.n_max", v["motor.n_max"] * ratio(v) * v["screw.lead"] / TURN
     if "screw.v_max" in v:
         yield "screw.v_max", v["screw.v_max"]
 
 
 def ratio(v: Values) -> float:
-    """rho: turns of the screw per turn of the motor."""
+    """Return rho: turns of the screw per turn of the motor."""
     return 1.0 / v.get("gearbox.ratio", 1.0)
 
 
 def emla(v: Values) -> EmlaParameters:
-    """The parameter set of plant, observer and controller."""
+    """Return the parameters that plant, observer and controller share."""
     rho, q_LB, L = ratio(v), v.get("screw.q_LB", 0.0), v.get("motor.L", math.nan)
     return EmlaParameters(
         R_s=v["motor.R"],
@@ -119,7 +119,7 @@ def emla(v: Values) -> EmlaParameters:
 
 
 def resolution(v: Values) -> float:
-    """Position step in m."""
+    """Return the position step in m."""
     if "sensor.resolution" in v:
         return v["sensor.resolution"]
     steps = 2.0 ** v["sensor.bits"] if "sensor.bits" in v else v["sensor.steps"]
@@ -127,12 +127,12 @@ def resolution(v: Values) -> float:
 
 
 def plant(v: Values) -> dict[str, Any]:
-    """What the plant has beside the parameter set, by attribute: sensors, inverter, friction, stops, heat."""
+    """Return the other parameters of the plant by attribute: sensors, inverter, friction, stops, heat."""
     found: dict[str, Any] = {"resolution": resolution(v)}
     found |= {attribute: v[place] for place, attribute in _PLANT.items() if place in v}
     if "friction.F_C" in v:
         alpha = emla(v).alpha_RL
-        # 10 and 0.1 rad/s of the motor, as in `emla_fmu.drive`
+        # at 10 and 0.1 rad/s of the motor, as in `emla_fmu.drive`
         usual = {"F_S": v["friction.F_C"], "v_S": 10.0 / alpha, "v_0": 0.1 / alpha}
         found = usual | found
     if "friction.directional" in v:
@@ -143,14 +143,14 @@ def plant(v: Values) -> dict[str, Any]:
 
 
 def holding_torque(v: Values, load: float) -> float:
-    """Motor torque in N m that a load force in N takes at rest: |D_eq F_L|."""
+    """Return the motor torque in N m that holds a load force in N at rest: |D_eq F_L|."""
     return abs(emla(v).D_eq * load)
 
 
 def braking(v: Values, load: float) -> float:
-    """a_max in m/s2: as entered, or the share of what is left of the peak torque beside the load.
+    """Return a_max in m/s2: as entered, or from a share of the peak torque that the load leaves.
 
-    Where the load leaves less than a tenth of it, that tenth counts.
+    At least a tenth of the peak torque counts as left.
     """
     if "control.a_max" in v:
         return v["control.a_max"]

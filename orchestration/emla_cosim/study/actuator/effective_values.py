@@ -1,4 +1,4 @@
-"""Start values of a built-in system as they will be, with those that are given beside the scenario."""
+"""Effective start values of a built-in system, with the overrides of the options."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from ...system.model import System, Value
 
 
 def get_number(system: System, options: Options, component: str, variable: str) -> float | None:
-    """The start value of a variable in the unit of its model; None where it is not known before the run."""
+    """Return a start value in the unit of its model; None if it is unknown before the run."""
     found = next((c for c in system.components if c.name == component), None)
     if found is None or not is_own(component, options):
         return None
@@ -18,10 +18,12 @@ def get_number(system: System, options: Options, component: str, variable: str) 
 
 
 def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
-    """Return a start value as a number in the unit of its model; None where nobody knows it before the run.
+    """Return a start value as a number in the unit of its model; None if it is unknown before the run.
 
-    `value` is what the system has: a number, a text with a unit, or None. `overrides` are values by name or
-    pattern: a name wins over patterns, a later pattern over earlier ones.
+    Args:
+        name: The full name of the variable.
+        value: The value in the system: a number, a text with a unit, or None.
+        overrides: Values by name or pattern. Names win over patterns, later patterns over earlier ones.
     """
     for pattern, given in overrides.items():
         if matches_pattern(name, pattern):
@@ -31,15 +33,15 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
         try:
             read = parse_quantity(value, name)
         except CommandError:
-            return None  # of an enumeration, or told later
+            return None  # a name of an enumeration, or a unit known only with the FMU
         return read.in_unit(None if read.unit is None else read.unit.si, name)
     return None if value is None else float(value)
 
 
 def is_own(component: str, options: Options) -> bool:
-    """Whether a component gives what its values say: no other FMU is in its place, and no data may be.
+    """Return whether a component's outputs follow from its start values: no FMU and no data replaces it.
 
-    Data without names of signals drive those that their columns are called after.
+    Data without names of signals drive the signals that their columns name.
     """
     from_data = any(
         not source.signals or any(name.startswith(f"{component}.") for name in source.signals)

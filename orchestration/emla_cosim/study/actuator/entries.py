@@ -1,4 +1,4 @@
-"""What the file of an actuator can say: every entry with its unit, and what a sheet may mean by it."""
+"""The entries of an actuator's file, each with its unit and its conventions."""
 
 import math
 from dataclasses import dataclass
@@ -9,12 +9,16 @@ TURN = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class SheetEntry:
-    """One entry of a table, which becomes a number in the unit that the model has.
+    """One entry of a table, converted to a number in the unit of the model.
 
-    `unit` is an SI unit, empty for a plain number, and `example` how a sheet prints such a quantity. Where a
-    sheet may mean an rms value, `rms` is what makes a peak value of it; `between` makes a value of a phase of
-    one from line to line. Both are None where there is no such choice. `positive` excludes zero, `whole` is
-    for counts. `kind` float takes a number, bool true or false.
+    Attributes:
+        unit: An SI unit; empty for a plain number.
+        example: A value as data sheets print it.
+        rms: Factor from the rms to the peak value; None if the quantity has no such choice.
+        between: Factor from a line-to-line value to that of a phase; None if there is no such choice.
+        positive: Whether zero is excluded.
+        whole: Whether it must be an integer.
+        kind: float for a number, bool for true or false.
     """
 
     key: str
@@ -39,7 +43,7 @@ def _current(key: str, about: str) -> SheetEntry:
 TABLES: dict[str, tuple[SheetEntry, ...]] = {
     "motor": (
         SheetEntry("N_p", "", "4", "pole pairs", whole=True),
-        SheetEntry("poles", "", "8", "poles, in the place of N_p", whole=True),
+        SheetEntry("poles", "", "8", "poles, instead of N_p", whole=True),
         SheetEntry("kT", "N.m/A", "1.66 N m/A rms", "torque constant", rms=1.0 / ROOT_2),
         SheetEntry(
             "K_E",
@@ -55,9 +59,9 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("L_q", "H", "7 mH per phase", "inductance of the q-axis, with L_d", between=0.5),
         SheetEntry("J_m", "kg.m2", "9.6 kg cm^2", "rotor inertia", needed=True),
         SheetEntry("B_m", "N.m.s/rad", "0.05 N m/krpm", "viscous friction of the rotor", positive=False),
-        _current("i_N", "current that it bears for ever (at standstill)"),
+        _current("i_N", "continuous stall current"),
         _current("i_max", "peak current"),
-        SheetEntry("tau_N", "N.m", "8.4 N m", "torque that it gives for ever (at standstill)"),
+        SheetEntry("tau_N", "N.m", "8.4 N m", "continuous stall torque"),
         SheetEntry("tau_max", "N.m", "25 N m", "peak torque"),
         SheetEntry("n_max", "rad/s", "3500 rpm", "largest speed", needed=True),
     ),
@@ -75,69 +79,84 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("q_LB", "m", "0 mm", "position of the lower end", signed=True),
         SheetEntry("J_BS", "kg.m2", "3 kg cm^2", "inertia of the screw that turns", positive=False),
         SheetEntry("B_BS", "N.s/m", "100 N s/m", "viscous friction", positive=False),
-        SheetEntry("v_max", "m/s", "200 mm/s", "largest speed, where it is less than the motor's"),
+        SheetEntry("v_max", "m/s", "200 mm/s", "largest speed, if less than the motor's"),
     ),
     "inverter": (
         SheetEntry("U_DC", "V", "560 V", "voltage of the DC link"),
         SheetEntry(
             "U_supply", "V", "400 V rms line to line", "supply of the inverter", ROOT_2, between=1.0 / ROOT_3
         ),
-        SheetEntry("u_max", "V", "326 V peak", "longest voltage vector: peak voltage of a phase", rms=ROOT_2),
+        SheetEntry(
+            "u_max",
+            "V",
+            "326 V peak",
+            "length of the largest voltage vector: peak voltage of a phase",
+            rms=ROOT_2,
+        ),
         _current("i_max", "largest current"),
         SheetEntry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),
-        SheetEntry("dead_time", "s", "0.4 us", "dead time that nothing makes up for", positive=False),
+        SheetEntry("dead_time", "s", "0.4 us", "dead time that is not compensated", positive=False),
         SheetEntry("f_PWM", "Hz", "8 kHz", "switching frequency"),
-        _current("i_0", "phase current within which dead time takes less"),
+        _current("i_0", "phase current below which dead time has less effect"),
     ),
     "sensor": (
         SheetEntry("bits", "", "20", "bits per motor turn", whole=True, most=64.0),
         SheetEntry("steps", "", "4096", "steps per motor turn", whole=True),
         SheetEntry("resolution", "m", "1 um", "step of a sensor at the screw"),
         SheetEntry("sigma", "m", "10 nm", "standard deviation of the position noise", positive=False),
-        SheetEntry("sigma_i", "A", "20 mA peak", "that of the noise of i_q and i_d", ROOT_2, positive=False),
+        SheetEntry(
+            "sigma_i",
+            "A",
+            "20 mA peak",
+            "standard deviation of the noise of i_q and i_d",
+            ROOT_2,
+            positive=False,
+        ),
         SheetEntry("resolution_i", "A", "10 mA peak", "current step", ROOT_2, positive=False),
     ),
     "friction": (
         SheetEntry("F_C", "N", "200 N", "Coulomb friction at the screw", positive=False, needed=True),
-        SheetEntry("F_S", "N", "300 N", "friction that breaks away; without: F_C", positive=False),
-        SheetEntry("v_S", "m/s", "5 mm/s", "speed halfway from F_S to F_C"),
-        SheetEntry("v_0", "m/s", "0.05 mm/s", "speed within which friction is like a damper"),
+        SheetEntry("F_S", "N", "300 N", "breakaway friction; default: F_C", positive=False),
+        SheetEntry("v_S", "m/s", "5 mm/s", "speed at which friction is halfway from F_S to F_C"),
+        SheetEntry("v_0", "m/s", "0.05 mm/s", "speed below which friction acts like a damper"),
         SheetEntry(
-            "directional", "", "true", "whether losses of gearbox and screw go against the motion", kind=bool
+            "directional", "", "true", "whether losses of gearbox and screw oppose the motion", kind=bool
         ),
-        SheetEntry("eta_back", "", "0.7", "efficiency where the load drives", signed=True, most=1.0),
+        SheetEntry("eta_back", "", "0.7", "efficiency when the load drives", signed=True, most=1.0),
     ),
     "stop": (
-        SheetEntry("stiffness", "N/m2", "2e8 N/m^2", "force of an end stop per squared depth", needed=True),
-        SheetEntry("damping", "s/m", "5 s/m", "its growth with the speed of approach", positive=False),
+        SheetEntry(
+            "stiffness", "N/m2", "2e8 N/m^2", "force of an end stop per squared penetration", needed=True
+        ),
+        SheetEntry(
+            "damping", "s/m", "5 s/m", "increase of this force with the speed of approach", positive=False
+        ),
     ),
     "thermal": (
         SheetEntry("tau_th", "s", "20 min", "thermal time constant of the winding", needed=True),
-        SheetEntry("permitted_rise", "K", "100 K", "temperature rise that i_N ends at", needed=True),
+        SheetEntry("permitted_rise", "K", "100 K", "final temperature rise at i_N", needed=True),
     ),
     "control": (
-        SheetEntry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; without: by rule"),
-        SheetEntry("k_1", "", "0.05", "position loop in 1 / T_s; without: as the joint's own", most=0.5),
-        SheetEntry("k_2", "", "0.09", "speed loop in 1 / T_s; without: as the joint's own", most=0.5),
-        SheetEntry(
-            "observer", "", "0.3", "observer's poles in 1 / T_s; without: as the joint's own", most=1.0
-        ),
+        SheetEntry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; default: by rule"),
+        SheetEntry("k_1", "", "0.05", "position bandwidth times T_s; default: that of the joint", most=0.5),
+        SheetEntry("k_2", "", "0.09", "speed bandwidth times T_s; default: that of the joint", most=0.5),
+        SheetEntry("observer", "", "0.3", "observer poles times T_s; default: those of the joint", most=1.0),
     ),
 }
 """Entries of every table."""
 
 NEEDED = ("motor", "screw", "inverter", "sensor")
-"""Tables that no actuator can do without."""
+"""Required tables."""
 
 ONE_OF: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("motor", ("N_p", "poles")),
     ("inverter", ("U_DC", "U_supply", "u_max")),
     ("sensor", ("bits", "steps", "resolution")),
 )
-"""Entries of which a table has exactly one."""
+"""Entries of which a table needs exactly one."""
 
 ANY_OF: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("motor", ("kT", "K_E")),
     ("motor", ("i_max", "tau_max")),
 )
-"""Entries of which a table has one or both."""
+"""Entries of which a table needs one or both."""

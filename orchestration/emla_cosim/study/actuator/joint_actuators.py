@@ -1,4 +1,4 @@
-"""A joint's own actuator, or another one: what its plant, observer and controller are made of."""
+"""Parameters of a joint's plant, observer and controller with another actuator."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass, replace
@@ -13,36 +13,42 @@ from ...base.errors import CommandError, join_names
 from .actuator import Actuator
 
 Actuators = Mapping[str, Actuator]
-"""Actuators by joint, in the place of the joint's own."""
+"""Actuators by joint, which replace the joint's own."""
 
 NONE: Actuators = {}
 
 
 def check_joints(actuators: Actuators, joints: Iterable[str]) -> None:
-    """Raise CommandError for an actuator of a joint that is not there."""
+    """Raise CommandError if a joint with an actuator does not exist."""
     known = list(joints)
     for name in actuators:
         if name not in known:
             raise CommandError(
-                f"there is no joint '{name}' for an actuator; there is {join_names(known)}.", name=name
+                f"there is no joint '{name}' for an actuator; use {join_names(known)}.", name=name
             )
 
 
 def default_plant_values(actuator: Actuator) -> dict[str, Any]:
-    """Return what a plant has beside the parameter set: the encoder's step, and all that was entered."""
+    """Return the plant's other parameters: the encoder step, and all that was entered."""
     return dict(actuator.plant)
 
 
 def realistic_plant_values(actuator: Actuator) -> dict[str, Any]:
-    """Return the realistic drive: what was entered, and the rest by the rule for all drives."""
+    """Return the parameters of a realistic drive: entries, and the rest by the rule for all drives."""
     return asdict(drive(actuator.emla, actuator.i_N)) | actuator.plant
 
 
 def controller_gains(gains: Any, own: Actuator | None, load: float, sample_time: float) -> Any:
-    """Gains of a joint's controller as they are with this actuator and a load force in N.
+    """Return the gains of a joint's controller for an actuator.
 
-    a_max is what the motor can brake; loops are as fast as before, in parts of 1 / `sample_time` (s), unless
-    the actuator says otherwise.
+    a_max is what the motor can brake. Unless the actuator sets their rates, position and speed loop keep
+    theirs.
+
+    Args:
+        gains: Gains of the controller.
+        own: The actuator; None leaves the gains unchanged.
+        load: Load force in N.
+        sample_time: Sample time in s; the actuator's entries are parts of 1 / `sample_time`.
     """
     if own is None or not is_dataclass(gains) or isinstance(gains, type):
         return gains
@@ -62,7 +68,7 @@ _LOOPS = ("k_1", "k_2")
 
 
 def observer_gains(gains: ObserverGains, own: Actuator | None, sample_time: float) -> ObserverGains:
-    """Gains of a joint's observer as they are with this actuator."""
+    """Return the gains of a joint's observer for an actuator."""
     if own is None or "control.observer" not in own.values:
         return gains
     return with_poles(gains, own.values["control.observer"] / sample_time)

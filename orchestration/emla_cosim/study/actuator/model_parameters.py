@@ -1,4 +1,4 @@
-"""What observer and controller assume of a plant, and which of it a changed plant leaves behind."""
+"""Model parameters of observer and controller, and which of them do not match a changed plant."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,15 +20,16 @@ _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 _GEAR = ("gearbox.rho", "screw.lead")
 
 _MOST_NAMED = 6
-"""Of so many parameters a note has the names."""
+"""Number of parameters that a warning names."""
 
 
 @dataclass(frozen=True)
 class _AssumedValue:
-    """A value that components of a joint assume.
+    """A model parameter of a joint's components.
 
-    `of` are the plant's parameters that it follows from. `value` computes it of these, as attributes called
-    by their last names.
+    Attributes:
+        of: The plant's parameters from which it follows.
+        value: Computes it from an object with these parameters under the last part of their names.
     """
 
     name: str
@@ -38,7 +39,7 @@ class _AssumedValue:
 
 
 def _same(name: str, whose: tuple[str, ...], of: str) -> _AssumedValue:
-    """Return a belief that is the plant's parameter itself."""
+    """Return a model parameter that equals a parameter of the plant."""
     attribute = of.rpartition(".")[2]
     return _AssumedValue(name, whose, (of,), lambda plant: getattr(plant, attribute))
 
@@ -65,7 +66,7 @@ _ASSUMED_VALUES = (
 
 @dataclass(frozen=True)
 class _StaleValue:
-    """A belief that a changed plant leaves behind: its full name, what changed, and the value that fits."""
+    """A model parameter that does not match a changed plant: name, changes, and matching value."""
 
     name: str
     changed: tuple[str, ...]
@@ -73,7 +74,7 @@ class _StaleValue:
 
 
 def describe_stale_parameters(system: System, options: Options) -> Iterator[str]:
-    """Yield a sentence, without its stop, for each joint whose plant changes while its models do not."""
+    """Yield a warning, without full stop, for each joint whose plant changes while its models do not."""
     if options.follow_models:
         return
     for joint, found in _by_joint(system, options).items():
@@ -92,13 +93,13 @@ def _shorten_names(names: Sequence[str]) -> str:
 
 
 def follow_plant_changes(system: System, options: Options) -> Mapping[str, Value]:
-    """Return the values, by full name, that make the models of all joints fit their changed plants."""
+    """Return the values, by full name, that make the models of all joints match their changed plants."""
     stale = (one for found in _by_joint(system, options).values() for one in found)
     return {one.name: one.fitting for one in stale if math.isfinite(one.fitting)}
 
 
 def _by_joint(system: System, options: Options) -> dict[str, list[_StaleValue]]:
-    """Return what is stale, by joint; joints without anything stale are left out."""
+    """Return the mismatched model parameters by joint; joints without any are left out."""
     components = {c.name: c.parameters for c in system.components if c.name not in options.replace}
     joints = dict.fromkeys(name.partition(".")[0] for name in components)
     found = {joint: list(_find_stale(joint, components, options)) for joint in joints} if options.set else {}
@@ -126,7 +127,7 @@ def _find_stale(
 
 @dataclass(frozen=True)
 class _Parameter:
-    """A parameter of a plant: its full name, and its value before and with what the options set."""
+    """A parameter of a plant: its full name, and its values before and after the overrides."""
 
     name: str
     before: float
@@ -140,9 +141,9 @@ class _Parameter:
 def _parameter(
     joint: str, parameter: str, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> _Parameter:
-    """Return a plant's parameter for a joint; of two that share the plant, the one that is changed.
+    """Return a plant's parameter for a joint; if two joints share the plant, the changed one.
 
-    One that no component has counts as 0.
+    A parameter that no component has is 0.
     """
     places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
     if joint in JOINTS:
@@ -164,12 +165,12 @@ def _number(name: str, value: Value, overrides: Mapping[str, Value]) -> float:
 
 
 def _is_same(one: float, other: float) -> bool:
-    """Return whether two numbers differ by rounding at most, such as that of a unit."""
+    """Return whether two numbers differ by rounding at most, such as that of a unit conversion."""
     return math.isclose(one, other, rel_tol=1e-12)
 
 
 def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
-    """Return what a plant makes of a belief; NaN where it makes nothing, such as for a lead of 0."""
+    """Return the value of a model parameter for a plant; NaN if it is undefined, as for a lead of 0."""
     try:
         return belief.value(SimpleNamespace(**{p.rpartition(".")[2]: x for p, x in plant.items()}))
     except (ZeroDivisionError, OverflowError):

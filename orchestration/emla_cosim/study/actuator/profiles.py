@@ -1,4 +1,4 @@
-"""What a joint's reference and load come to within a run, and not before or after it."""
+"""Extremes of a joint's reference and load between start and stop time of a run."""
 
 import math
 from collections.abc import Iterable
@@ -14,16 +14,17 @@ from ...system.model import System
 from .effective_values import get_number, is_own
 
 _EVENLY = 200
-"""Moments, evenly spaced, at which a profile is looked at beside those where something begins or ends."""
+"""Number of evenly spaced moments at which a profile is sampled, beside the ends of its parts."""
 
 _MOST_PEAKS = 1000
-"""Of more peaks of a ripple the highest is taken to meet the highest load."""
+"""Above this number of ripple peaks, the highest peak is assumed to coincide with the highest load."""
 
 
 def largest_load(joint: str, system: System, options: Options) -> float | None:
-    """Return the largest |F_L| in N that the load profile of a joint reaches in a run.
+    """Return the largest |F_L| in N of a joint's load profile in a run.
 
-    None where the joint has no profile of its own, or no load.
+    Returns:
+        None if the joint has no profile or no load.
     """
     p = _parameters(Disturbance, f"{joint}.disturbance", system, options)
     if p is None:
@@ -46,9 +47,10 @@ def _largest(p: SimpleNamespace, moments: Iterable[float]) -> float:
 
 
 def reference_reach(joint: str, system: System, options: Options) -> tuple[float, float, float] | None:
-    """Return how far in and out the reference of a joint goes in a run, in m, and its peak speed in m/s.
+    """Return the range in m and the peak speed in m/s of a joint's reference in a run.
 
-    None where the joint has no reference of its own.
+    Returns:
+        Lowest and highest position, and peak speed; None if the joint has no reference of its own.
     """
     p = _parameters(Reference, f"{joint}.reference", system, options)
     if p is None:
@@ -62,7 +64,7 @@ def reference_reach(joint: str, system: System, options: Options) -> tuple[float
 
 
 def _repeat_moves(moves: Iterable[tuple[float, ...]], period: float, options: Options) -> Iterable[float]:
-    """Return the moments of moves; of those that repeat, in every period of a run, up to a thousand."""
+    """Return the moments of moves; repeated moves count in every period of a run, at most a thousand."""
     once = [t for move in moves for t in move if t < 0.5 * NEVER]
     first, last = run_span(options)
     if period <= 0.0 or not math.isfinite(last):
@@ -73,12 +75,12 @@ def _repeat_moves(moves: Iterable[tuple[float, ...]], period: float, options: Op
 
 
 def run_span(options: Options) -> tuple[float, float]:
-    """Return start and stop time of a run in s; infinity where nobody says when it stops."""
+    """Return start and stop time of a run in s; infinity if no stop time is known."""
     return options.start_time or 0.0, math.inf if options.stop_time is None else options.stop_time
 
 
 def _moments(ends: Iterable[float], options: Options) -> list[float]:
-    """Return moments within a run: its start and stop, those of `ends` that it has, and some between."""
+    """Return moments in a run: start, stop, those of `ends`, and some between them."""
     first, last = run_span(options)
     inside = [t for t in ends if first < t < last and t < 0.5 * NEVER]
     if not math.isfinite(last):

@@ -1,4 +1,4 @@
-"""What is worth saying of a built-in system before it is run: of its actuators, and of values set in it."""
+"""Warnings on a built-in system before its run: on its actuators, and on overrides."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,11 +11,15 @@ from .model_parameters import describe_stale_parameters
 from .travel import describe_heavy_load, describe_impossible
 
 _BY_RULE = ("compensated", "robust", "rule")
-"""Sets of gains that are parts of the sample rate; all others were found, or printed, for a certain joint."""
+"""Sets of gains that scale with the sample rate; all others were tuned or printed for one joint."""
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
-    """Sentences without their stops; CommandError where an actuator cannot do what its joint is to do."""
+    """Return warnings without full stops.
+
+    Raises:
+        CommandError: An actuator cannot do what its joint requires.
+    """
     own = {joint: one for joint, one in options.actuator.items() if isinstance(one, Actuator)}
     problems = [p for joint, one in own.items() for p in describe_impossible(joint, one, system, options)]
     if problems:
@@ -27,13 +31,13 @@ def remarks(system: System, options: Options) -> Sequence[str]:
 
 
 def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
-    """That gains do not belong to the actuators that they are used with."""
+    """Yield a warning if the gains were made for another actuator."""
     if not own:
         return
     found = choose_controller(options.controller, options.gains)
     name = found.gain_set
     if found.gains.has_controller_gains and name not in _BY_RULE:
         yield (
-            f"the gains '{name}' belong to the joint's usual actuator, and of them only a_max follows from "
-            "another one; by rule are rsba's compensated and robust, and foc's rule"
+            f"the gains '{name}' were made for the joint's own actuator; only a_max is adapted. Gains that "
+            "adapt to any actuator: rsba's compensated and robust, and foc's rule"
         )

@@ -1,4 +1,4 @@
-"""Quantities as data sheets print them: with a unit, and rms or peak, line to line or per phase."""
+"""Quantities as data sheets print them: with a unit, rms or peak, line to line or per phase."""
 
 import math
 import re
@@ -22,7 +22,7 @@ _SAID = (
     ),
     (PHASE, re.compile(r"\b(?:per )?phase\b", re.IGNORECASE)),
 )
-"""What is said beside a unit, and how; in this order, as "phase to phase" has a phase in it."""
+"""Conventions beside a unit, in the order of search: "phase to phase" contains "phase"."""
 
 _SPELLINGS = (
     (re.compile(r"\(\s*\)|,"), " "),
@@ -34,19 +34,19 @@ _SPELLINGS = (
     (re.compile(r"\bkRPM\b"), "krpm"),
     (re.compile(r"\b1000 ?rpm\b"), "krpm"),
 )
-"""What sheets write, and how units are read. Per minute is a speed of turns on every sheet."""
+"""Spellings of units in data sheets. 1/min is a speed of turns."""
 
 
 @dataclass(frozen=True)
 class SheetValue:
-    """What was entered, and the number that the model has: in SI units, peak values, those of a phase."""
+    """An entry, and its number in the model: in SI units, peak values, those of a phase."""
 
     text: str
     number: float
 
 
 def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
-    """An entry as it stands in a file; CommandError, with `label` for it, where it cannot mean one thing."""
+    """Read an entry of a file; raise CommandError, with `label`, if it is invalid or ambiguous."""
     if entry.kind is bool:
         if not isinstance(value, bool):
             raise CommandError(f"{label} is {value!r}; it must be true or false.")
@@ -56,7 +56,7 @@ def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
     if isinstance(value, str):
         text, number = " ".join(value.split()), _number(value, entry, label)
     elif entry.unit:
-        raise CommandError(f'{label} is {value!r} without a unit; write one, as in "{entry.example}".')
+        raise CommandError(f'{label} is {value!r} without a unit; add one, as in "{entry.example}".')
     else:
         number = as_float(value)
         text = f"{number:.9g}"
@@ -72,7 +72,7 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
     if not entry.unit:
         return found.in_unit(parse_unit_name("%", label), label) / 100.0 if found.unit else found.number
     if found.unit is None:
-        raise CommandError(f"{label} is '{text}' without a unit; write one, as in \"{entry.example}\".")
+        raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
     unit = parse_unit_name(entry.unit, label)
     number = found.in_unit(unit, label) * factor
     if unit.exponents is None or found.unit.exponents is None or unit.exponents == found.unit.exponents:
@@ -80,13 +80,12 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
     if entry.per_turn and found.unit.exponents[-1] == -1:
         return number * TURN
     raise CommandError(
-        f"{label} is '{text}', which does not say whether turns or radians are meant; "
-        f'write it as "{entry.example}".'
+        f"{label} is '{text}'; state whether it is in turns or radians: write it as \"{entry.example}\"."
     )
 
 
 def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
-    """The text without what it says beside the unit, and the factor that this makes."""
+    """Return the text without its conventions, and the factor that follows from them."""
     said = set[str]()
     for what, pattern in _SAID:
         text, count = pattern.subn(" ", text)
@@ -96,26 +95,22 @@ def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
     for choice, (usual, other) in ((entry.rms, (RMS, PEAK)), (entry.between, (BETWEEN, PHASE))):
         mine = said & {usual, other}
         if choice is None and mine:
-            raise CommandError(
-                f'{label} says {sorted(mine)[0]}, which means nothing there; write it as "{entry.example}".'
-            )
+            raise CommandError(f'{label} must not be {sorted(mine)[0]}; write it as "{entry.example}".')
         if choice is not None and len(mine) != 1:
-            raise CommandError(
-                f'{label} does not say whether it is {usual} or {other}; write it as "{entry.example}".'
-            )
+            raise CommandError(f'{label} is ambiguous, {usual} or {other}; write it as "{entry.example}".')
         if choice is not None and usual in mine:
             factor *= choice
     return text, factor
 
 
-def _check_range(number: float, entry: SheetEntry, told: str) -> None:
+def _check_range(number: float, entry: SheetEntry, fault: str) -> None:
     if not math.isfinite(number):
-        raise CommandError(f"{told}; it must be a finite number.")
+        raise CommandError(f"{fault}; it must be a finite number.")
     if entry.positive and not entry.signed and number <= 0.0:
-        raise CommandError(f"{told}; it must be more than 0.")
+        raise CommandError(f"{fault}; it must be more than 0.")
     if not entry.signed and number < 0.0:
-        raise CommandError(f"{told}; it must not be less than 0.")
+        raise CommandError(f"{fault}; it must not be less than 0.")
     if number > entry.most:
-        raise CommandError(f"{told}; it must be {entry.most:g} at most.")
+        raise CommandError(f"{fault}; it must be at most {entry.most:g}.")
     if entry.whole and number != round(number):
-        raise CommandError(f"{told}; it must be a whole number.")
+        raise CommandError(f"{fault}; it must be a whole number.")

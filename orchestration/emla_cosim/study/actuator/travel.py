@@ -1,4 +1,4 @@
-"""Whether an actuator can do what its joint is to do: stroke, speed, load."""
+"""Check stroke, speed and load of an actuator against what its joint requires."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ _LED = "machine.trajectory"
 
 
 def describe_impossible(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
-    """Sentences, without their stops, on a start, a reference or a speed beyond what it can."""
+    """Yield a message, without full stop, if start, reference or speed exceed the limits."""
     low, high, fastest = own.emla.q_LB, own.emla.q_UB, own.emla.v_max
     stroke = f"the stroke of its actuator, {1e3 * low:.4g} to {1e3 * high:.4g} mm"
     start = get_number(system, options, f"{joint}.plant", "start.x_L")
@@ -41,25 +41,25 @@ def describe_impossible(joint: str, own: Actuator, system: System, options: Opti
 def _motion(
     joint: str, system: System, options: Options
 ) -> tuple[float, float, float, tuple[str, str]] | None:
-    """Return how far in and out a reference goes in a run in m, its peak speed, and what changes both."""
+    """Return range in m and peak speed in m/s of a reference in a run, and how to change both."""
     if (found := reference_reach(joint, system, options)) is not None:
         ways = f"set {joint}.reference.waypoint[*]", f"make {joint}.reference.move.duration[*]"
         return *found, ways
     if any(c.name == _LED for c in system.components) and is_own(_LED, options):
-        ways = "give another --trajectory", "give a --trajectory that takes"
+        ways = "use another --trajectory", "use a --trajectory that takes"
         return *load_motion(options.trajectory).travel(joint, *run_span(options)), ways
     return None
 
 
 def describe_heavy_load(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
-    """Yield a sentence, without its stop, on a load in the run that the motor cannot hold, or not always."""
+    """Yield a warning, without full stop, on a load that the motor cannot hold at all or not continuously."""
     load = largest_load(joint, system, options)
     if load is None:
         return
     needed, most = holding_torque(own.values, load), own.emla.tau_max
     lasting = own.i_N * most / own.emla.i_max
-    told = f"{joint}: a load of {load:.4g} N takes {needed:.4g} N m of the motor at rest"
+    message = f"{joint}: a load of {load:.4g} N needs {needed:.4g} N m of the motor at rest"
     if needed > most:
-        yield f"{told}, more than its peak torque of {most:.4g} N m: it cannot be held"
+        yield f"{message}, more than its peak torque of {most:.4g} N m; the motor cannot hold it"
     elif 0.0 < lasting < needed:
-        yield f"{told}, more than the {lasting:.4g} N m that i_N gives for ever"
+        yield f"{message}, more than its continuous torque of {lasting:.4g} N m"

@@ -1,1 +1,1 @@
-"""Joint files: one TOML file has all of a joint, and one schema reads it."""
+"""Joint files: a TOML file has all data of a joint, and one schema reads it."""

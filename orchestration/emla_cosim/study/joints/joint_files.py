@@ -1,4 +1,4 @@
-"""The joints whose files come with the study, by name."""
+"""The joint files that come with the study, by name."""
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,13 +19,13 @@ def list_joint_names() -> list[str]:
 
 
 def read_joint_text(name: str) -> str:
-    """Return the text of a joint file; CommandError for a name without one."""
+    """Return the text of a joint file; raise CommandError for an unknown name."""
     check_choice("joint", name, list_joint_names())
     return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def has_tuning(name: str) -> bool:
-    """Return whether a joint file has the table `[tuning]`; a file that is not TOML has none."""
+    """Return whether a joint file has the table `[tuning]`; False for a file that is not TOML."""
     try:
         return "tuning" in tomllib.loads(read_joint_text(name))
     except ValueError:
@@ -34,12 +34,12 @@ def has_tuning(name: str) -> bool:
 
 @cache
 def load_joint(name: str) -> JointFile:
-    """Return a joint by name; CommandError for a name without a file, and for an error in the file."""
+    """Return a joint by name; raise CommandError for an unknown name or an error in the file."""
     return read_joint(read_joint_text(name), f"the joint '{name}'", name, Path())
 
 
 class Joints(Mapping[str, JointFile]):
-    """Joints by name, each read when it is first used."""
+    """Joints by name; each is read at its first use."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)

@@ -1,4 +1,4 @@
-"""What a joint file says, and how it is read."""
+"""The schema of joint files."""
 
 import math
 import tomllib
@@ -24,14 +24,14 @@ from ..controllers import CONTROLLERS
 from .toml_tables import EntryFormat, TomlTable, read_block, read_call
 
 KIND = "joint"
-"""What `kind` is in a joint file."""
+"""The value of `kind` in a joint file."""
 
 OBSERVER_RULES: Mapping[str, Callable[..., ObserverGains]] = {
     "published": observer_gains.published,
     "robust": observer_gains.robust,
     "compensated": observer_gains.compensated,
 }
-"""Rules that make the gains of an observer."""
+"""Rules that compute the gains of an observer."""
 
 _LENGTH = EntryFormat("position", "m", "0.25")
 _SPEED = EntryFormat("peak speed", "m/s", "0.06", positive=True)
@@ -40,7 +40,7 @@ _SPEED = EntryFormat("peak speed", "m/s", "0.06", positive=True)
 class Cells(NamedTuple):
     """Position error in m, speed error in m/s, torque effort in N m and convergence time in s.
 
-    As normalised averages they are ratios. The names are those of `JointFigures`.
+    In normalised averages they are ratios. The names are those of `JointFigures`.
     """
 
     position_error_m: float
@@ -51,14 +51,14 @@ class Cells(NamedTuple):
 
 @dataclass(frozen=True)
 class StartPosition:
-    """Where a joint starts."""
+    """The start position of a joint."""
 
     x_L: Annotated[float, EntryFormat("initial screw position", "m", "0.24")]
 
 
 @dataclass(frozen=True)
 class Move:
-    """The motion of a joint: one quintic move, by its peak speed or its duration."""
+    """The motion of a joint: one quintic move, defined by its peak speed or its duration."""
 
     q_S: Annotated[float, EntryFormat("start of the reference", "m", "0.244")]
     q_E: Annotated[float, EntryFormat("end of the reference", "m", "0.270")]
@@ -67,7 +67,7 @@ class Move:
 
     @property
     def peak(self) -> float:
-        """Return the peak speed in m/s."""
+        """The peak speed in m/s."""
         if self.v_peak is not None:
             return self.v_peak
         return 15.0 * abs(self.q_E - self.q_S) / (8.0 * (self.duration or 1.0))
@@ -79,7 +79,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Cycle:
-    """A motion that repeats: moves with one peak speed from way-point to way-point, and equal dwells."""
+    """A periodic motion: moves with one peak speed between way-points, and equal dwells."""
 
     way_points: Annotated[tuple[float, ...], EntryFormat("way-points of a cycle", "m", "[0.05, 0.30, 0.05]")]
     v_peak: Annotated[float, EntryFormat("peak speed of every move", "m/s", "0.026", positive=True)]
@@ -87,7 +87,7 @@ class Cycle:
 
     @property
     def durations(self) -> list[float]:
-        """Return the durations of the moves in s."""
+        """The durations of the moves in s."""
         return [quintic_duration(b - a, self.v_peak) for a, b in pairwise(self.way_points)]
 
     def parameters(self) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class Load:
 
     @property
     def largest(self) -> float:
-        """Return the load force in N of the largest magnitude."""
+        """The load force in N of the largest magnitude."""
         level = max(self.level, key=abs)
         return level + math.copysign(0.5 * (self.ripple or 0.0), level)
 
@@ -137,7 +137,7 @@ class Load:
 
 @dataclass(frozen=True)
 class JointExperiment:
-    """What the joint does and meets in an experiment of the paper."""
+    """Motion and load of a joint in an experiment of the paper."""
 
     reference: Cycle
     load: Load
@@ -145,7 +145,7 @@ class JointExperiment:
 
 @dataclass(frozen=True)
 class ObserverSet:
-    """Gains of an observer; `estimate` is its initial position in m if that is not the screw's."""
+    """Gains of an observer; `estimate` is its initial position in m, if not that of the screw."""
 
     gains: ObserverGains
     estimate: float | None = None
@@ -153,7 +153,7 @@ class ObserverSet:
 
 @dataclass(frozen=True)
 class GainSet:
-    """A set of gains of a controller, and the observer that belongs to it.
+    """A set of gains of a controller, with its observer.
 
     `on_machine` are the gains of a joint that moves a whole machine.
     """
@@ -165,18 +165,23 @@ class GainSet:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What `emla tune` needs beside: the convergence time to beat, and values for the case with noise."""
+    """Data for `emla tune`: the convergence time to beat, and values for the case with noise."""
 
     convergence_time: Annotated[float | None, EntryFormat("convergence time to beat", "s", "0.085")] = None
 
 
 @dataclass(frozen=True)
 class JointFile:
-    """All of a joint: its actuator, its task, and the gains of its controllers.
+    """All data of a joint: its actuator, motion and load, and the gains of its controllers.
 
-    `run` has the options of its scenario. `disturbance` and `plant` are parameters by attribute of their
-    blocks. `realistic` is the actuator with the entries of `[drive]`; `is_realistic` says whether the joint
-    runs with it. `experiments` are by scenario, `printed` are figures of the paper by scenario, controller.
+    Attributes:
+        run: The options of its scenario.
+        disturbance: Parameters by attribute of the block.
+        plant: Parameters by attribute of the block.
+        realistic: The actuator with the entries of `[drive]`.
+        is_realistic: Whether the joint runs with it.
+        experiments: Motion and load by scenario.
+        printed: Figures of the paper by scenario and controller.
     """
 
     name: str
@@ -202,11 +207,11 @@ class JointFile:
 
     @property
     def emla(self) -> EmlaParameters:
-        """Return the parameter set of the joint's actuator."""
+        """The parameters of the joint's actuator."""
         return self.actuator.emla
 
     def gain_set(self, controller: str, name: str) -> GainSet:
-        """Return a set of gains; CommandError if the file has none of this name for the controller."""
+        """Return a set of gains; raise CommandError if the file lacks it for the controller."""
         sets = self.gains.get(controller, {})
         if name not in sets:
             others = f", or choose {join_names(sets)} with --gains" if sets else ""
@@ -220,13 +225,13 @@ class JointFile:
         return sets[name]
 
     def experiment(self, scenario: str) -> JointExperiment:
-        """Return the motion and the load of a scenario; CommandError if the file has none."""
+        """Return motion and load of a scenario; raise CommandError if the file lacks them."""
         if scenario not in self.experiments:
             raise CommandError(f"{self.label} lacks the table [experiment.{scenario}].")
         return self.experiments[scenario]
 
     def printed_in(self, scenario: str) -> Mapping[str, Cells]:
-        """Return what the paper prints of a scenario, by controller; CommandError if the file has nothing."""
+        """Return the paper's figures for a scenario, by controller; raise CommandError if there are none."""
         if scenario not in self.printed:
             raise CommandError(f"{self.label} lacks the table [paper.{scenario}], the figures of the paper.")
         return self.printed[scenario]
@@ -238,12 +243,11 @@ class JointFile:
 
         Args:
             gains: Gains of the observer by joint, or the name of a set of the file.
-            controller: What messages call the controller.
-            gain_set: What messages call the set.
+            controller: The name of the controller in messages.
+            gain_set: The name of the set in messages.
 
         Raises:
-            CommandError: If there are none for this joint.
-
+            CommandError: There are none for this joint.
         """
         if isinstance(gains, str):
             if gains in self.observers:
@@ -256,7 +260,7 @@ class JointFile:
         else:
             missing = "add them to the observer of its ec.Gains"
         raise CommandError(
-            f"{self.label} has no gains of the observer for '{gain_set}' of the controller '{controller}'; "
+            f"{self.label} lacks observer gains for '{gain_set}' of the controller '{controller}'; "
             f"{missing}.",
             joint=self.name,
             controller=controller,
@@ -283,10 +287,10 @@ _TOP = {
     "experiment": "",
     "paper": "",
 }
-"""Entries of a joint file; for a required table, what it says."""
+"""Entries of a joint file, with the content of required tables."""
 
 KEYS = frozenset(_TOP) - {"description", "actuator", "gains"}
-"""Entries that a scenario file cannot have."""
+"""Entries that a scenario file does not support."""
 
 
 @dataclass(frozen=True)
@@ -302,8 +306,7 @@ def read_joint(text: str, label: str, name: str, folder: Path) -> JointFile:
     """Read a joint file; paths in it are relative to `folder`.
 
     Raises:
-        CommandError: If the text is not TOML, or for the first entry that is unknown, missing or wrong.
-
+        CommandError: The text is not TOML, or an entry is unknown, missing or wrong.
     """
     try:
         content = tomllib.loads(text)
@@ -316,7 +319,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
     """Return the joint of a joint file's content; see `read_joint`."""
     if not name.isidentifier():
         raise CommandError(
-            f"{label} cannot name a joint: '{name}' is no name; use letters, digits and _ in the file name."
+            f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the file name."
         )
     top = TomlTable(content, "", label)
     top.check_keys(_TOP)
@@ -354,7 +357,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
 
 
 _PLAIN = ("kind", "description", "sample_time", "seed", "actuator")
-"""Entries that are no tables, or can be something else."""
+"""Entries that are not tables, or not always."""
 
 
 def _fmi_names(block: Any, attributes: Iterable[str]) -> set[str]:
@@ -366,13 +369,13 @@ _SEED = "write it as seed, before the first table"
 _DISTURBANCE_ELSEWHERE = {
     **dict.fromkeys(
         _fmi_names(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
-        "the load is in [load]",
+        "write the load in [load]",
     ),
     "d_2.seed": _SEED,
 }
 _PLANT_ELSEWHERE = {
     **dict.fromkeys(
-        _fmi_names(EmlaPlant, DriveParameters.__dataclass_fields__), "it belongs to [actuator] or [drive]"
+        _fmi_names(EmlaPlant, DriveParameters.__dataclass_fields__), "write it in [actuator] or [drive]"
     ),
     **dict.fromkeys(
         _fmi_names(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
@@ -386,7 +389,7 @@ _PLANT_ELSEWHERE = {
 
 
 def _actuator(top: TomlTable, folder: Path) -> tuple[Actuator, Mapping[str, Any]]:
-    """Return the actuator, inline or of the file that the entry names, and its tables."""
+    """Return the actuator, inline or from the file that the entry names, and its tables."""
     entered = top.content.get("actuator")
     if entered is None:
         raise CommandError(f"{top.file} lacks the table [actuator], {_TOP['actuator']}.", table="actuator")
@@ -398,7 +401,7 @@ def _actuator(top: TomlTable, folder: Path) -> tuple[Actuator, Mapping[str, Any]
         raise CommandError(f"{label} is {entered!r}; it must be a table, or the path of a file.")
     if "control" in entered:
         raise CommandError(
-            f"{label} has the table 'control'; leave it out: [gains] of a joint file has all gains.",
+            f"{label} has the table 'control'; remove it, since [gains] of a joint file has all gains.",
             key="control",
         )
     return Actuator.of_tables(entered, label), entered
@@ -409,7 +412,7 @@ _OF_THE_DRIVE = ("inverter", "sensor", "friction", "stop", "thermal")
 
 
 def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: TomlTable) -> tuple[Actuator, bool]:
-    """Return the actuator with the entries of `[drive]`, and whether the joint always runs with it."""
+    """Return the actuator with the entries of `[drive]`, and whether the joint always uses it."""
     drive.check_keys([*_OF_THE_DRIVE, "always"])
     always = drive.content.get("always", False)
     if not isinstance(always, bool):
@@ -422,7 +425,7 @@ def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: TomlTable)
 
 
 def _run(table: TomlTable, joint: str) -> dict[str, Any]:
-    """Return the options of the joint's scenario; components in it are named without the joint."""
+    """Return the options of the joint's scenario; names of components lack the joint."""
     for key, example in (("stop_time", "10.0"), ("step_size", "1e-4")):
         if key not in table.content:
             raise CommandError(f"{table.label} lacks {key}, in s; write {key} = {example}.", key=key)
@@ -450,13 +453,13 @@ def _experiment(table: TomlTable) -> JointExperiment:
     cycle = read_call(Cycle, reference)
     if not 2 <= len(cycle.way_points) <= MOVES + 1 or any(a == b for a, b in pairwise(cycle.way_points)):
         raise CommandError(
-            f"{reference.label_of('way_points')} must be 2 to {MOVES + 1} positions, each other than the one "
-            "before."
+            f"{reference.label_of('way_points')} must be 2 to {MOVES + 1} positions, each different from "
+            "the one before."
         )
     if sum(cycle.durations) > cycle.period:
         raise CommandError(
-            f"{reference.label_of('period')} is {cycle.period:g} s; the moves take "
-            f"{sum(cycle.durations):g} s in all."
+            f"{reference.label_of('period')} is {cycle.period:g} s, but the moves take "
+            f"{sum(cycle.durations):g} s in total."
         )
     return JointExperiment(cycle, _load(table.inner("load", "the load force")))
 
@@ -468,8 +471,8 @@ def _load(table: TomlTable) -> Load:
         raise CommandError(f"{table.label_of('level')} has {count} values; it must have 1 to {LEVELS}.")
     if len(load.start or ()) != count - 1:
         raise CommandError(
-            f"{table.label} has {count} levels and {len(load.start or ())} times in start; every level "
-            "but the first needs one."
+            f"{table.label} has {count} levels and {len(load.start or ())} times in start; each level "
+            "except the first needs one."
         )
     return load
 
@@ -488,7 +491,7 @@ def _by_rule(
     rules: Mapping[str, Callable[..., Any]],
     ignored: Iterable[str],
 ) -> Any:
-    """Return gains: all their values, or what the rule that the table names makes of its arguments."""
+    """Return gains: from all their values, or by the rule that the table names."""
     rule = table.content.get("rule")
     if rule is None:
         return read_call(gains, table, ignored)
@@ -523,7 +526,7 @@ def _gain_set(table: TomlTable, controller: str, observers: Mapping[str, Observe
     observer = table.content.get("observer")
     if observer is None:
         shown = f'"{next(iter(observers), "robust")}"'
-        raise CommandError(f"{table.label} lacks observer, the set of its gains; write observer = {shown}.")
+        raise CommandError(f"{table.label} lacks observer, a set of gains; write observer = {shown}.")
     if isinstance(observer, str):
         if observer not in observers:
             known = f"it must be {join_names(observers)}" if observers else f"add [observer.{observer}]"

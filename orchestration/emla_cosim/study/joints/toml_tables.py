@@ -18,7 +18,7 @@ from ...base.values import as_float
 
 @dataclass(frozen=True)
 class EntryFormat:
-    """What an entry means: its unit, empty for a plain number, and how one writes it."""
+    """The format of an entry: its meaning, its unit (empty for a plain number), and an example."""
 
     about: str
     unit: str = ""
@@ -28,7 +28,7 @@ class EntryFormat:
 
 @dataclass(frozen=True)
 class TomlTable:
-    """A table of a joint file: its content, its name, and what messages call the file."""
+    """A table of a joint file: its content, its name, and the name of the file in messages."""
 
     content: Mapping[str, Any]
     name: str
@@ -36,11 +36,11 @@ class TomlTable:
 
     @property
     def label(self) -> str:
-        """What messages call the table."""
+        """The name of the table in messages."""
         return f"[{self.name}] of {self.file}" if self.name else self.file
 
     def label_of(self, key: str) -> str:
-        """Return what messages call one of its entries."""
+        """Return the name of an entry in messages."""
         return f"'{key}' in {self.label}"
 
     def inner(self, key: str, about: str = "") -> "TomlTable":
@@ -48,11 +48,10 @@ class TomlTable:
 
         Args:
             key: Name of the inner table.
-            about: What the table says, if it is required.
+            about: The content of the table, if it is required.
 
         Raises:
-            CommandError: If the table is required and missing, or is no table.
-
+            CommandError: The table is required and missing, or is not a table.
         """
         name = f"{self.name}.{key}" if self.name else key
         if key not in self.content and about:
@@ -63,30 +62,27 @@ class TomlTable:
         return TomlTable(content, name, self.file)
 
     def check_keys(self, known: Iterable[str], what: str = "entry") -> None:
-        """Raise CommandError for an entry that is none of these."""
+        """Raise CommandError for an unknown entry."""
         known = list(known)
         for key in self.content:
             if key not in known:
                 near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                meant = (
-                    f"did you mean '{near[0]}'?" if near else f"it can have {join_names(known or ['none'])}."
-                )
-                raise CommandError(f"{self.label} has the {what} '{key}'; {meant}", key=key)
+                meant = f"did you mean '{near[0]}'?" if near else f"use {join_names(known or ['none'])}."
+                raise CommandError(f"{self.label} has the unknown {what} '{key}'; {meant}", key=key)
 
 
 def read_call(target: Callable[..., Any], table: TomlTable, ignored: Iterable[str] = ()) -> Any:
     """Call a class or a function with the entries of a table as its arguments.
 
     Args:
-        target: What to call. Its type hints say what the entries must be: numbers, true or false, texts,
-            tuples of numbers, or None for what can be missing. `Annotated` with an `EntryFormat` adds the
+        target: The class or function. Its type hints give the types of entries: numbers, true or false,
+            texts, tuples of numbers, or None for optional ones. `Annotated` with an `EntryFormat` adds the
             unit.
         table: The entries, by argument name.
-        ignored: Entries that are no arguments.
+        ignored: Entries that are not arguments.
 
     Raises:
-        CommandError: For an entry that is unknown, missing or of the wrong type, or beyond computing.
-
+        CommandError: An entry is unknown, missing or of the wrong type, or values are out of range.
     """
     hints = get_type_hints(target, include_extras=True)
     arguments = inspect.signature(target).parameters
@@ -105,7 +101,7 @@ def read_call(target: Callable[..., Any], table: TomlTable, ignored: Iterable[st
     try:
         return target(**values)
     except ArithmeticError as error:
-        raise CommandError(f"{table.label} has values that cannot be computed with: {error}.") from error
+        raise CommandError(f"{table.label} has values that cannot be used: {error}.") from error
 
 
 def _kind(hint: Any) -> tuple[Any, EntryFormat]:
@@ -171,17 +167,16 @@ def read_block(block: type[Block], table: TomlTable, reserved: Mapping[str, str]
     Args:
         block: The block.
         table: The entries. TOML nests names with dots: `d_2.omega` is `omega` in `[disturbance.d_2]`.
-        reserved: Parameters that another table has, with the name of that table.
+        reserved: Parameters that another table sets, each with what to do instead.
 
     Raises:
-        CommandError: For a parameter that is unknown, reserved, or of the wrong shape or type.
-
+        CommandError: A parameter is unknown, reserved, or of the wrong shape or type.
     """
     known = {str(x.name): x for x in block.layout().parameters if x.name not in reserved}
     flat = TomlTable(dict(_flatten(table.content)), table.name, table.file)
     for name in flat.content:
         if name in reserved:
-            raise CommandError(f"{flat.label} has the entry '{name}'; {reserved[name]}.", key=name)
+            raise CommandError(f"{flat.label} must not have the entry '{name}'; {reserved[name]}.", key=name)
     flat.check_keys(known)
     return {
         known[name].attribute: _parameter(value, known[name], flat.label_of(name))

@@ -1,1 +1,1 @@
-"""The manipulator drawn: at instants along its path, and moving."""
+"""Drawings of the manipulator: at instants along its path, and in motion."""

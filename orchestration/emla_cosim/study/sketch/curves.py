@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 _PARTS = 300
-"""Of longer curves the lowest and the highest value of so many parts are drawn; a panel is that wide."""
+"""Number of parts into which longer curves are divided; each is drawn by its lowest and highest value."""
 
 _TRANSIENT = 0.3
 """Time in s of the initial transient, whose forces and errors would dwarf all others."""
@@ -23,14 +23,14 @@ _TRANSIENT = 0.3
 
 @dataclass(frozen=True)
 class Curves:
-    """Values of the joints over `time` in s; both have a column for each."""
+    """Values of the joints over `time` in s, with a column for each joint."""
 
     label: str
     time: Vector
     values: Vector
 
     def draw(self, axes: "Axes", **look: Any) -> "list[Line2D]":
-        """A line for each joint, in their order; what is small is not hidden by what is large."""
+        """Draw a line for each joint, in their order; small values are drawn above large ones."""
         spans = np.ptp(self.values, axis=0)
         return [
             axes.plot(time, values, color=JOINT_COLORS[joint], linewidth=1.1, zorder=zorder, **look)[0]
@@ -41,7 +41,7 @@ class Curves:
 
 
 def build_curves(found: Movement) -> list[Curves]:
-    """What a movement has values for, once the initial transient is over."""
+    """Return the curves of a movement after the initial transient."""
     late = found.time >= found.time[0] + _TRANSIENT
     part = late if late.sum() > 1 else np.full_like(late, True)
     wanted = []
@@ -53,7 +53,7 @@ def build_curves(found: Movement) -> list[Curves]:
 
 
 def label_panels(axes: "list[Axes]", shown: list[Curves]) -> None:
-    """Labels of the panels, one above the other, and who is who above the first."""
+    """Label the panels, which are one above the other, with a legend above the first."""
     for panel, curve in zip(axes, shown, strict=True):
         panel.set_ylabel(curve.label, fontsize=9)
         tidy_axes(panel)
@@ -67,7 +67,7 @@ def label_panels(axes: "list[Axes]", shown: list[Curves]) -> None:
 
 
 def _thin_rows(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Of many rows two for each part: where each column is lowest and highest, and the last row."""
+    """Return two rows for each part, where each column is lowest and highest, and the last row."""
     if len(time) <= 2 * _PARTS:
         return np.repeat(time[:, None], values.shape[1], axis=1), values
     rows = [np.full((1, values.shape[1]), len(time) - 1)]

@@ -1,4 +1,4 @@
-"""The manipulator moving, with its forces and errors beside it."""
+"""The manipulator in motion, with its forces and errors."""
 
 from collections.abc import Collection, Sequence
 
@@ -14,31 +14,31 @@ from .scene import draw_machine, draw_scene, draw_wanted, draw_way, machine_and_
 from .shapes import build_shapes
 
 PERIOD, _MOST = 0.08, 150
-"""How long a frame is seen, in s, and how many there are at the most: longer runs are shown faster."""
+"""Duration of a frame in s, and largest number of frames: longer runs are shown faster."""
 
 _ROWS = 20_000
-"""Of longer results only every n-th row is read."""
+"""Largest number of rows that are read; of longer results, only every n-th row."""
 
 
 class ManipulatorAnimation(Animation):
-    """The machine on the left; load forces and position errors, as they come, on the right."""
+    """The machine on the left; load forces and position errors on the right, as time passes."""
 
-    takes = "a manipulator, machine.manipulator or machine.plant, with strokes made and wanted"
+    takes = "a manipulator, machine.manipulator or machine.plant, with actual and reference strokes"
 
     def signals(self, names: Collection[str]) -> Sequence[str] | None:
-        """Strokes made and wanted, and forces."""
+        """Return the signals of actual and reference strokes, and of forces."""
         return animated_signals(names)
 
     def film(self, result: Result) -> Film:
-        """The film of a run; RunError where its manipulator is none of ours."""
+        """Return the film of a run; raise RunError if its manipulator is not one of ours."""
         found = read_movement(result, result.read(["time", *recorded_signals(result)], _ROWS))
         if found is None:
-            raise RunError("there is nothing to animate: the manipulator has no posture that can be drawn.")
+            raise RunError("there is nothing to animate: no posture of the manipulator can be drawn.")
         return MachineFilm(found)
 
 
 class MachineFilm(Film):
-    """A background that is drawn once, and what moves upon it; `parts` are those of the machine by name."""
+    """A background that is drawn once, and moving parts; `parts` are those of the machine by name."""
 
     period = PERIOD
 
@@ -72,7 +72,7 @@ class MachineFilm(Film):
         return len(self._rows)
 
     def __getitem__(self, index: int) -> Pixels:
-        """Draw what moves where it is in this frame."""
+        """Draw the moving parts in this frame."""
         self._move(int(self._rows[index]))
         self._canvas.restore_region(self._background)
         for artist in self._moving:
@@ -92,7 +92,7 @@ class MachineFilm(Film):
 
 
 def _rows(found: Movement) -> Indices:
-    """The rows that frames show, at equal distances in time."""
+    """Return the rows of the frames, at equal distances in time."""
     first, last = found.time[0], found.time[-1]
     count = int(np.clip((last - first) / PERIOD, 2, _MOST))
     return np.searchsorted(found.time, np.linspace(first, last, count))

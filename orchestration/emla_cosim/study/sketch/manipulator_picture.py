@@ -1,4 +1,4 @@
-"""The manipulator at instants along its path, with its workspace, and the way of its tip."""
+"""The manipulator at instants along its path, with its workspace and the path of its tip."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INSTANTS = 5
-"""So many postures are drawn, the first and the last among them."""
+"""Number of postures that are drawn, including the first and the last."""
 
 _INSET = (0.04, 0.62, 0.46, 0.33)
-"""Where the path is shown large: left, bottom, width and height in parts of the machine's axes."""
+"""Where the enlarged path is drawn: left, bottom, width and height as parts of the machine's axes."""
 
 _SMALLEST = 1e-2
-"""A path that is smaller, in m, is not shown larger."""
+"""Size in m below which a path is not enlarged."""
 
 
 class ManipulatorPicture(Drawing):
     """The machine in its workspace on the left; the tip's path, forces and errors on the right."""
 
     def signals(self, result: Result) -> Iterable[str]:
-        """Strokes made and wanted, forces, and payload."""
+        """Return the signals of actual and reference strokes, forces, and payload."""
         return recorded_signals(result)
 
     def drawn(self, result: Result, data: Mapping[str, Vector]) -> "Figure | None":
-        """The picture of a run with a manipulator whose strokes were kept."""
+        """Draw a run with a manipulator; None if its strokes were not recorded."""
         found = read_movement(result, data)
         return None if found is None else _draw_picture(found)
 
@@ -54,7 +54,7 @@ def _draw_picture(found: Movement) -> "Figure":
 
 
 def select_instants(found: Movement) -> list[int]:
-    """The rows at which the machine is drawn, at equal distances along the path of its tip."""
+    """Return the rows at which the machine is drawn, at equal distances along the path of its tip."""
     way = np.concatenate([[0.0], np.hypot(*np.diff(found.path, axis=0).T).cumsum()])
     return [int(row) for row in np.searchsorted(way, np.linspace(0.0, way[-1], INSTANTS))]
 
@@ -73,7 +73,7 @@ def _draw_postures(axes: "Axes", found: Movement) -> None:
 
 
 def _draw_path(axes: "Axes", found: Movement) -> None:
-    """The way of the tip, large, and when it was where."""
+    """Draw the enlarged path of the tip, with times."""
     from matplotlib.ticker import MultipleLocator
 
     draw_way(axes, found)
@@ -102,7 +102,7 @@ def _draw_path(axes: "Axes", found: Movement) -> None:
 
 
 def _select_separate(path: Vector, rows: Sequence[int]) -> list[int]:
-    """Those of the rows, the last one first, whose places leave room for a label each."""
+    """Return the rows, the last one first, whose places have room for a label."""
     room = 0.12 * np.ptp(path, axis=0).max()
     found = list[int]()
     for row in reversed(rows):
@@ -112,6 +112,6 @@ def _select_separate(path: Vector, rows: Sequence[int]) -> list[int]:
 
 
 def _grid(size: float) -> float:
-    """The side of squares, a round number, of which some five are as long as `size`."""
+    """Return a round number of which about five are as long as `size`."""
     power = 10.0 ** math.floor(math.log10(size / 5.0))
     return next(power * n for n in (1, 2, 5, 10) if power * n >= 0.99 * size / 5.0)

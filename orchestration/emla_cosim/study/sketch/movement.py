@@ -1,4 +1,4 @@
-"""What a run tells of its manipulator: geometry, strokes, forces and payload, over time."""
+"""The movement of a manipulator in a run: geometry, strokes, forces and payload over time."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
@@ -18,15 +18,16 @@ MACHINES = ("machine.manipulator", "machine.plant")
 """Components that may have the geometry."""
 
 MADE, WANTED, FORCE = "x_L", "x_d", "F_L"
-"""The roles of the signals that tell of a movement."""
+"""The roles of the signals of a movement."""
 
 
 @dataclass(frozen=True)
 class Movement:
     """A manipulator over `time` in s.
 
-    `strokes` in m, `wanted` strokes in m and `forces` in N have a column for each joint; `payload` is in kg.
-    What the run did not keep is None; strokes that were not kept are those wanted, which are None then.
+    `strokes` in m, `wanted` (reference) strokes in m and `forces` in N have a column for each joint;
+    `payload`
+    is in kg. Values that were not recorded are None. If only the reference was recorded, it is in `strokes`.
     """
 
     p: HdrmParameters
@@ -38,35 +39,35 @@ class Movement:
 
     @cached_property
     def path(self) -> Vector:
-        """Where the tip was, in m from O1."""
+        """The position of the tip, in m from O1."""
         return _path(self.p, self.strokes)
 
     @cached_property
     def wanted_path(self) -> Vector | None:
-        """Where the tip should have been, in m from O1."""
+        """The reference position of the tip, in m from O1."""
         return None if self.wanted is None else _path(self.p, self.wanted)
 
     @property
     def errors(self) -> Vector | None:
-        """Strokes less those wanted, in m."""
+        """Strokes minus reference strokes, in m."""
         return None if self.wanted is None else self.strokes - self.wanted
 
     def until(self, row: int) -> "Movement":
-        """The rows before this one."""
+        """Return the rows before this one."""
         wanted = None if self.wanted is None else self.wanted[:row]
         forces = None if self.forces is None else self.forces[:row]
         return Movement(self.p, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
 
 
 def animated_signals(names: Collection[str]) -> list[str] | None:
-    """The strokes made and wanted and the forces among these signals; None where there is no manipulator."""
+    """Return the strokes, reference strokes and forces among the signals; None without a manipulator."""
     found = [_signals(role, names) for role in (MADE, WANTED, FORCE)]
     there = any(name.startswith(f"{machine}.") for name in names for machine in MACHINES)
     return [name for signals in found for name in signals] if there and all(found) else None
 
 
 def recorded_signals(result: Result) -> list[str]:
-    """The signals that a run kept of its manipulator; none where it has no manipulator."""
+    """Return the recorded signals of the manipulator; an empty list without a manipulator."""
     if _machine(result) is None:
         return []
     found = [name for role in (MADE, WANTED, FORCE) for name in _signals(role, result.names)]
@@ -75,7 +76,7 @@ def recorded_signals(result: Result) -> list[str]:
 
 
 def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
-    """The movement of a run, as far as the manipulator's triangles close; None where nothing tells of it.
+    """Return the movement of a run, as far as the manipulator's triangles close; None if it is unknown.
 
     `data` has the columns of `recorded_signals`, and `time`.
     """
@@ -92,7 +93,7 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
 
 
 def _signals(role: str, names: Collection[str]) -> list[str]:
-    """The signal of every joint in this role; nothing where one lacks it."""
+    """Return the signals of all joints in this role; an empty list if a joint lacks it."""
     found = [name for joint in JOINTS if (name := find_variable(joint, role, names)) is not None]
     return found if len(found) == len(JOINTS) else []
 
@@ -103,12 +104,12 @@ def _columns(role: str, data: Mapping[str, Vector]) -> Vector | None:
 
 
 def _machine(result: Result) -> str | None:
-    """The component that has the geometry."""
+    """Return the component that has the geometry."""
     return next((name for name in MACHINES if name in result.record["components"]), None)
 
 
 def _geometry(result: Result) -> HdrmParameters | None:
-    """The parameters of the run; None where they are not those of our blocks, or make no machine."""
+    """Return the parameters of the run; None if they are not those of our blocks, or invalid."""
     values = {}
     for name in (field.name for field in fields(HdrmParameters)):
         declared = getattr(HdrmManipulator, name)
@@ -123,7 +124,7 @@ def _geometry(result: Result) -> HdrmParameters | None:
 
 
 def _payload_driver(result: Result) -> str | None:
-    """The signal that drives the payload, where it was kept."""
+    """Return the signal that drives the payload, if it was recorded."""
     target = f"{_machine(result)}.payload.m"
     ends = (text.partition(" -> ") for text in result.record["connections"])
     source = next((source for source, _, end in ends if f"{end} ".startswith(f"{target} ")), None)
@@ -131,7 +132,7 @@ def _payload_driver(result: Result) -> str | None:
 
 
 def _payload(result: Result, data: Mapping[str, Vector]) -> Vector:
-    """The payload in kg at every row."""
+    """Return the payload in kg at every row."""
     driver = _payload_driver(result)
     if driver is not None:
         return data[driver]
@@ -140,5 +141,5 @@ def _payload(result: Result, data: Mapping[str, Vector]) -> Vector:
 
 
 def _path(p: HdrmParameters, strokes: Vector) -> Vector:
-    """The tip at these strokes; NaN where a triangle does not close."""
+    """Return the tip at these strokes; NaN if a triangle does not close."""
     return np.array([tip(p, q) for q in strokes.tolist()])

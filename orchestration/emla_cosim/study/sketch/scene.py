@@ -1,4 +1,4 @@
-"""The manipulator on axes: its colours, its workspace, and the ground under it."""
+"""The manipulator on axes, with its colours, its workspace, and the ground."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ _MARGIN = 0.15
 
 
 def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple[Figure, Axes, list[Axes]]":
-    """A figure of this size in inches: axes for the machine on the left, so many panels on the right."""
+    """Return a figure of this size in inches, with axes for the machine and for panels on its right."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, dpi=dpi, layout="constrained")
@@ -36,7 +36,7 @@ def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple
 
 
 def draw_scene(axes: "Axes", p: HdrmParameters) -> None:
-    """The workspace, the ground, and nothing else on these axes; one metre is as long up as along."""
+    """Draw workspace and ground on axes with equal scales."""
     reached = outline_workspace(p)
     axes.fill(*reached.T, color=BLUE, alpha=0.06, linewidth=0)
     axes.plot(*reached.T, color=BLUE, alpha=0.45, linewidth=0.8)
@@ -56,7 +56,7 @@ def draw_scene(axes: "Axes", p: HdrmParameters) -> None:
 
 
 def draw_machine(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: float) -> dict[str, "Polygon"]:
-    """The machine in a posture: its parts by name, those behind first."""
+    """Draw the machine in a posture, and return its parts by name, the rear ones first."""
     from matplotlib.patches import Polygon
 
     found = {}
@@ -67,25 +67,25 @@ def draw_machine(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: f
 
 
 def draw_ghost(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: float) -> None:
-    """Where the machine was at another time: what moves of it, faintly."""
+    """Draw the moving parts of the machine faintly, as they were at another time."""
     for name, line in build_shapes(p, q, payload).items():
         if name.endswith(("boom", "tube", "housing", "payload")):
             axes.fill(*line.T, alpha=0.3, **_look(name))
 
 
 def draw_wanted(axes: "Axes", found: Movement) -> None:
-    """Where the tip should have been."""
+    """Draw the reference path of the tip."""
     if found.wanted_path is not None:
         axes.plot(*found.wanted_path.T, color=DARK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=6)
 
 
 def draw_way(axes: "Axes", found: Movement) -> "Line2D":
-    """Where the tip was."""
+    """Draw the path of the tip."""
     return axes.plot(*found.path.T, color=RED, linewidth=1.8, zorder=5, solid_capstyle="round")[0]
 
 
 def _look(name: str) -> Mapping[str, Any]:
-    """How a part of the machine is drawn."""
+    """Return the style of a part of the machine."""
     joint, _, kind = name.partition("_")
     color = JOINT_COLORS.get(joint, GREY)
     looks = {

@@ -1,4 +1,4 @@
-"""The manipulator in one posture, as shapes in the plane: what is drawn of it, in m from O1."""
+"""Shapes of the manipulator in one posture, in the plane, in m from O1."""
 
 import math
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ _ROUND = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
 """Angles of a rounded end."""
 
 _PIN, _BOX = 0.05, 0.38
-"""Radius of a pin, and side of the box that stands for the study's payload, m."""
+"""Radius of a pin, and side of the box that represents the study's payload, m."""
 
 _LIFT_BOOM, _OUTER_BOOM, _INNER_BOOM = (0.22, 0.16), (0.20, 0.17), (0.11, 0.11)
 """Widths of the booms at their beginnings and ends, m."""
 
 _HOUSING, _TUBE, _INSIDE = 0.12, 0.06, 0.5
-"""Widths of an actuator's housing and of its tube, m; and the part of it that one inside a boom has."""
+"""Widths of an actuator's housing and tube in m, and the factor for an actuator inside a boom."""
 
 
 def build_shapes(p: Any, q: Sequence[float], payload: float = PAYLOAD) -> dict[str, Vector]:
-    """Closed lines by name, those behind first, of the manipulator at the strokes q in m.
+    """Return closed lines by name, the rear ones first, of the manipulator at the strokes q in m.
 
-    `p` is as in `hdrm_fmu.kinematics`; `payload` in kg decides how large its box is.
+    `p` is as in `hdrm_fmu.kinematics`; `payload` in kg sets the size of its box.
     """
     lines = {name: np.array(line) for name, line in outline(p, [float(x) for x in q]).items()}
     (O_1, O_2), (_, tip) = lines["lift_boom"], lines["inner_boom"]
@@ -63,34 +63,34 @@ def _directions(angles: Vector) -> Vector:
 
 
 def _bar(start: Vector, end: Vector, width: float, end_width: float) -> Vector:
-    """A bar between two points, round at both ends."""
+    """Return a bar between two points, round at both ends."""
     angle = math.atan2(*(end - start)[::-1])
     there = end + 0.5 * end_width * _directions(angle + _ROUND)
     return np.concatenate([there, start + 0.5 * width * _directions(angle + math.pi + _ROUND)])
 
 
 def _bracket(start: Vector, end: Vector, pin: Vector) -> Vector:
-    """What holds a pin beside a boom: from the boom's axis, around the pin."""
+    """Return the bracket of a pin beside a boom: from the boom's axis, around the pin."""
     axis = (end - start) / np.linalg.norm(end - start)
     foot = start + axis * ((pin - start) @ axis)
     return _around(np.array([foot - 0.22 * axis, foot + 0.22 * axis]), _disc(pin, 1.7 * _PIN))
 
 
 def _base(O_1: Vector, A_1: Vector) -> Vector:
-    """What carries the lift's turning point and fixed pin, down to its foot."""
+    """Return the base from the lift's pivot and fixed pin down to the ground."""
     (left, foot), (right, _) = np.minimum(O_1, A_1) - 0.3, np.maximum(O_1, A_1) + 0.3
     return _around(_disc(O_1, 0.16), _disc(A_1, 0.13), np.array([[left, foot], [right, foot]]))
 
 
 def _box(at: Vector, along: Vector, payload: float) -> Vector:
-    """A square at the tip, turned as the boom is, whose volume grows with the mass."""
+    """Return a square at the tip, aligned with the boom, whose volume is proportional to the mass."""
     side = _BOX * math.cbrt(max(payload, 0.0) / PAYLOAD)
     corners = math.atan2(*along[::-1]) + math.pi * np.array([0.25, 0.75, 1.25, 1.75])
     return at + math.sqrt(0.5) * side * _directions(corners)
 
 
 def _around(*points: Vector) -> Vector:
-    """The convex line around points."""
+    """Return the convex line around points."""
     from scipy.spatial import ConvexHull
 
     found = np.concatenate(points)

@@ -1,4 +1,4 @@
-"""Where the tip can be: the set of the paper's workspace, as a polygon."""
+"""The reachable positions of the tip, as a polygon: the paper's workspace."""
 
 from typing import Any
 
@@ -9,15 +9,16 @@ from hdrm_fmu.kinematics import joint_angles, tip
 from ...base.arrays import Vector
 
 _SIDE, _ARC = 80, 60
-"""Pieces of each side of the box of tilt and telescope strokes, and of an arc that the lift makes."""
+"""Number of pieces of each side of the box of tilt and telescope strokes, and of an arc of the lift."""
 
 
 def outline_workspace(p: Any) -> Vector:
-    """The closed line around all points that the tip reaches within the box of strokes.
+    """Return the closed line around all points that the tip reaches within the box of strokes.
 
-    The lift turns everything about O1. What tilt and telescope reach at its lower end is therefore swept
-    along arcs about O1: at each radius from the first angle reached to the last one, turned further. A hole
-    that no turning closes is not left out, and O1 itself, where the base is, must be out of reach.
+    The lift turns everything about O1. Points that tilt and telescope reach at its lower end are therefore
+    swept along arcs about O1: at each radius from the first angle reached to the last one, plus the turn of
+    the
+    lift. A hole that no turning closes is filled. O1 itself, where the base is, must be out of reach.
     """
     turn = joint_angles(p, p.q_UB)[0] - joint_angles(p, p.q_LB)[0]
     radius, first, last = _slices(_outer_line(p))
@@ -30,7 +31,7 @@ def outline_workspace(p: Any) -> Vector:
 
 
 def _outer_line(p: Any) -> Vector:
-    """Where the tip is, along the sides of the box of tilt and telescope strokes, lift at its lower end."""
+    """Return the tip along the sides of the box of tilt and telescope strokes, with the lift retracted."""
     corners = [(p.q_LB[1], p.q_LB[2]), (p.q_UB[1], p.q_LB[2]), (p.q_UB[1], p.q_UB[2]), (p.q_LB[1], p.q_UB[2])]
     sides = zip(corners, corners[1:] + corners[:1], strict=True)
     strokes = np.concatenate([np.linspace(a, b, _SIDE, endpoint=False) for a, b in sides])
@@ -38,7 +39,7 @@ def _outer_line(p: Any) -> Vector:
 
 
 def _slices(line: Vector) -> tuple[Vector, Vector, Vector]:
-    """Radii at which a closed line has points, with the first and the last angle about O1 at each."""
+    """Return radii of a closed line's points, with the first and the last angle about O1 at each."""
     radius = np.hypot(line[:, 0], line[:, 1])
     angle = np.unwrap(np.arctan2(line[:, 1], line[:, 0]))
     level = np.unique(radius)[:, None]
