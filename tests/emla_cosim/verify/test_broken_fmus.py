@@ -133,7 +133,7 @@ def test_one_fault_is_told_by_no_other_check(
 def test_a_size_that_no_state_has_is_told(broken: Broken, asked_one: dict[str, Examined]) -> None:
     size = {"StateSize": 2**60, "StateEmpty": 0}[broken.name]
     sentence = asked_one[broken.name]["state.serialized"].sentence
-    assert f"says {size} bytes, which is no size of a state" in sentence
+    assert f"returned {size} bytes, which is not a plausible size" in sentence
 
 
 def test_there_are_many_ways_to_be_wrong() -> None:
