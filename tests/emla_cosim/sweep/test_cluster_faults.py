@@ -231,10 +231,10 @@ def test_what_workers_do_not_have_is_told(
     module = types.ModuleType("only_here")
     exec("def metric(result):\n    return 1.0", module.__dict__)
     monkeypatch.setitem(sys.modules, "only_here", module)
-    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
         sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
     with monkeypatch.context() as patched:
         patched.setitem(METRICS, "mine", module.metric)
-        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
             sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete
