@@ -224,7 +224,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
     }
     same_numbers = [{R_S: "90%,110%"}, {"k": {"of": [R_S], "distribution": "values", "values": [0.9, 1.1]}}]
     for named, changed in [*others.items(), *[("values", {"vary": vary}) for vary in same_numbers]]:
-        with pytest.raises(CommandError, match=f"cannot be resumed, as it has other .*{named}"):
+        with pytest.raises(CommandError, match=f"cannot be resumed: it has different .*{named}"):
             sweep("lift", **{**plan, **changed}, resume=True)
     assert sweep("lift", **plan, resume=True).variants.equals(first.variants)
     assert (out / "variants.parquet").read_bytes() == before
@@ -270,7 +270,7 @@ def test_what_is_somebody_elses_stays(what: str, cluster: Client, fmu_folder: Pa
         (out / "worst.txt").symlink_to("/dev/null")
     before = sorted(out.rglob("*"))
     with pytest.raises(
-        CommandError, match=r"is no sweep's; move it|the file of the sweep .* cannot be written"
+        CommandError, match=r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
     ):
         sweep("lift", ONE, output=out, scheduler=cluster, fmus=fmu_folder, **RUN)
     assert sorted(out.rglob("*")) == before
