@@ -203,7 +203,7 @@ def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) ->
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"vary": {}}, "varies nothing; add a factor"),
+        ({"vary": {}}, "varies nothing; say what does"),
         ({"objective": ""}, "has no objective; say what is to be made small"),
         ({"objective": "depth +"}, "'depth +' is no expression; write one of numbers"),
         ({"objective": "__import__('os')"}, "is no expression"),

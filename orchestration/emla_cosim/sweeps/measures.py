@@ -202,7 +202,7 @@ def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
 
 
 def reason_not_held(result: Result) -> str | None:
-    """Return why a run is not held, one sentence for each false verdict; None if none is false."""
+    """Return why a run is not held, one message for each false verdict; None if none is false."""
     found = list[str]()
     for kind in result.metrics.values():
         for of, figures in kind.items():
