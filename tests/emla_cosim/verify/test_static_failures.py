@@ -181,7 +181,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "output beyond": (
         "structure.outputs",
-        "Outputs lists variable 4294967295; there are 20",
+        "Outputs lists variable 4294967295; there are only 20",
         appended("ModelStructure/Outputs", '<Unknown index="4294967295"/>'),
     ),
     "unknown that is known": (
