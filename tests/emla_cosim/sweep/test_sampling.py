@@ -195,8 +195,8 @@ def test_a_hundred_thousand_runs_take_little_time(method: str) -> None:
             0,
             "'sobol' can vary at most 21201 factors, as Sobol's sequence has no more dimensions;",
         ),
-        ("saltelli", UNITS * 3534, 4, 0, "'saltelli' can vary 10600 things at most"),
-        ("sobol", UNITS, 2**30 + 1, 0, "the sampling 'sobol' has 1073741824 runs at most"),
+        ("saltelli", UNITS * 3534, 4, 0, "'saltelli' can vary at most 10600 factors"),
+        ("sobol", UNITS, 2**30 + 1, 0, "the sampling 'sobol' has at most 1073741824 runs"),
     ],
 )
 def test_what_is_wrong_is_one_sentence(method: str, factors: Any, runs: Any, seed: Any, hint: str) -> None:
