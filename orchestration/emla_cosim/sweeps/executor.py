@@ -100,7 +100,7 @@ class ClusterExecutor:
                 return self._submit(describe, group).result()
             except KilledWorker as error:
                 raise RunError(
-                    "the process that prepares the scenario ended: an FMU crashed it, or memory ran out."
+                    "the process that prepares the scenario ended: an FMU crashed it or memory ran out."
                 ) from error
             except (CosimError, *_GONE, *_UNFIT):
                 raise

@@ -286,7 +286,10 @@ BAD: list[tuple[Any, str]] = [
         "has no values between its low and high;",
     ),
     (table("normal", mean=0, deviation=1, high=-50), "has no values between its low and high;"),
-    (table("log-normal", median=1, deviation=0.1, low=100, high=200), "has no values between its low and high;"),
+    (
+        table("log-normal", median=1, deviation=0.1, low=100, high=200),
+        "has no values between its low and high;",
+    ),
     (
         table("integers", low=0, high=2**53 + 1),
         "supports integers up to 2^53, 9007199254740992; 9007199254740993 is",
