@@ -264,7 +264,7 @@ def test_a_sweep_tells_of_loads_and_strokes_of_its_variants(fmu_folder: Path) ->
     assert ec.sweep("prototype", {level: "1 kN:2 kN:2"}, **given).notes == []
     start = f"{PLANT}.start.x_L"
     (note, *_) = ec.sweep("prototype", {start: "46 mm:900 mm:2"}, **given).notes
-    assert note.startswith("some variants cannot do what they are to do: prototype starts at 900 mm")
+    assert note.startswith("some variants cannot run: prototype starts at 900 mm")
 
 
 @pytest.mark.usefixtures("on_one_cluster")

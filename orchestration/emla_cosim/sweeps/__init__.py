@@ -1,1 +1,1 @@
-"""Many variants of one scenario: planned, run side by side on Dask, and looked at."""
+"""Sweeps: plan many variants of one scenario, run them on Dask, and evaluate them."""

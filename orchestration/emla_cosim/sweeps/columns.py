@@ -1,4 +1,4 @@
-"""Columns of the table of a sweep as arrays: figures, factors, and how variants ended."""
+"""Read columns of a sweep's table as arrays: figures, factors, outcomes."""
 
 import difflib
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from ..recorders.metrics import HELD, Shown, is_verdict
 from .data import DONE, STATUS, VARIANT, SweepData
 
 LARGEST = 1e150
-"""Numbers beyond this count as none: their squares are none."""
+"""Numbers beyond this count as missing: their squares overflow."""
 
 NOT_HELD = "not held"
-"""What became of a variant that ran to its end, but of which a verdict `held` is not true."""
+"""Outcome of a variant that is done but has a verdict `held` that is not true."""
 
 
 @dataclass(frozen=True, eq=False)
 class FactorColumn:
-    """What varies: `values` for each variant are numbers, or positions in `levels` where there are some."""
+    """A factor: `values` for each variant are numbers, or positions in `levels` if there are levels."""
 
     name: str
     values: Vector
@@ -28,12 +28,12 @@ class FactorColumn:
 
     @property
     def varies(self) -> bool:
-        """Whether it has two values or more."""
+        """Whether it has at least two values."""
         return _varies(self.values)
 
 
 def read_factor(result: SweepData, name: str) -> FactorColumn:
-    """A factor by its name; what is no number has levels, in the order in which they come."""
+    """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
     column = result.variants[name]
     if column.dtype.is_numeric():
         return FactorColumn(name, _numbers(column), None)
@@ -54,10 +54,12 @@ def check_figure(result: SweepData, figure: str) -> None:
 
 
 def figure_values(result: SweepData, figure: str) -> Vector:
-    """A figure for each row of the table, truths as 0 and 1.
+    """Return a figure for each row of the table, Booleans as 0 and 1.
 
-    NaN where it is missing, no finite number up to `LARGEST`, or of a variant that is not done. Raises
-    CommandError for a figure that the sweep does not have.
+    It is NaN if missing, not finite, beyond `LARGEST`, or of a variant that is not done.
+
+    Raises:
+        CommandError: The sweep does not have the figure.
     """
     check_figure(result, figure)
     values = _numbers(result.variants[figure])
@@ -66,30 +68,30 @@ def figure_values(result: SweepData, figure: str) -> Vector:
 
 
 def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
-    """The same for the variants 0 to `count` - 1; NaN for one that has no row."""
+    """Return a figure for the variants 0 to `count` - 1; NaN for one without a row. See `figure_values`."""
     values = np.full(count, np.nan)
     values[variant_numbers(result)] = figure_values(result, figure)
     return values
 
 
 def variant_numbers(result: SweepData) -> Indices:
-    """The number of the variant of each row."""
+    """Return the variant number of each row."""
     return result.variants[VARIANT].to_numpy().astype(np.intp)
 
 
 def is_truth(result: SweepData, figure: str) -> bool:
-    """Whether a figure is true or false."""
+    """Return whether a figure is Boolean."""
     return result.variants[figure].dtype == polars.Boolean
 
 
 def find_varying_figures(result: SweepData) -> list[str]:
-    """Figures that are not the same for all variants that are done: numbers first, then truths."""
+    """Return the figures that differ between variants that are done: numbers first, then Booleans."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: is_truth(result, figure))
 
 
 def nothing_varies_error(result: SweepData, what: str) -> CommandError:
-    """That there is no such figure or factor to draw."""
+    """Return the error for a sweep without such a figure or factor to draw."""
     return CommandError(
         f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
         "to draw."
@@ -97,38 +99,38 @@ def nothing_varies_error(result: SweepData, what: str) -> CommandError:
 
 
 def main_figure(result: SweepData) -> str | None:
-    """The figure that is looked at where nobody names one: the first that varies, or the first."""
+    """Return the default figure: the first that varies, or else the first."""
     return next(iter([*find_varying_figures(result), *result.figures]), None)
 
 
 def is_done(result: SweepData) -> np.ndarray:
-    """Whether each variant is done, as truths."""
+    """Return for each row whether the variant is done."""
     return _statuses(result) == DONE
 
 
 def find_verdicts(result: SweepData) -> list[str]:
-    """Return the figures that are verdicts: truths called `held`, such as `lift.held`."""
+    """Return the figures that are verdicts: Booleans named `held`, such as `lift.held`."""
     return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
 
 
 def good_outcome(result: SweepData) -> str:
-    """Return what people call variants without fault: held, or only done where no figure is a verdict."""
+    """Return the name of the good outcome: held, or done if the sweep has no verdict."""
     return HELD if find_verdicts(result) else DONE
 
 
 def read_outcomes(result: SweepData) -> np.ndarray:
-    """Return what became of each variant: its status, or `NOT_HELD`.
+    """Return the outcome of each variant: its status, or `NOT_HELD`.
 
-    A variant that is done is not held where one of its verdicts is false or missing.
+    A variant that is done is not held if one of its verdicts is false or missing.
     """
-    told = _statuses(result)
+    outcomes = _statuses(result)
     for figure in find_verdicts(result):
-        told[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
-    return told
+        outcomes[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
+    return outcomes
 
 
 def display_of(result: SweepData, figure: str) -> Shown:
-    """How a person sees a figure; its label begins with what it is of."""
+    """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
     known = result.shown.get(figure)
     if known is None:
         return Shown(figure, figure)
@@ -138,10 +140,9 @@ def display_of(result: SweepData, figure: str) -> Shown:
 
 
 def influence(one: FactorColumn, values: Vector) -> float:
-    """The absolute rank correlation of a factor with values, from 0 to 1; NaN are left out.
+    """Return the absolute rank correlation of a factor with values, from 0 to 1, without NaN.
 
-    For levels it is the root of the part of the ranks' variance that they explain, less what as many levels
-    explain by chance.
+    For levels it is the root of the share of the ranks' variance that they explain, corrected for chance.
     """
     kept = ~(np.isnan(one.values) | np.isnan(values))
     x, y = one.values[kept], values[kept]
@@ -173,7 +174,7 @@ def _varies(values: Vector) -> bool:
 
 
 def _numbers(column: polars.Series) -> Vector:
-    values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # of its own
+    values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # a copy
     values[~(np.abs(values) <= LARGEST)] = np.nan
     return values
 

@@ -1,4 +1,4 @@
-"""What came out of a sweep, as data."""
+"""The data of a sweep's result."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,16 +10,16 @@ from ..recorders.metrics import Shown
 from .targets import Target
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
-"""How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
-process."""
+"""Statuses of a variant: completed; diverged in a step; refused before the first step; failed in a figure or
+requirement; its process died."""
 
 VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
-"""Columns of the table beside those of what varies and of figures."""
+"""Columns of the table besides factors and figures."""
 
 
 @dataclass(frozen=True)
 class SweepData:
-    """What came out of a sweep; `SweepResult` explains the fields."""
+    """The data of a sweep's result. `SweepResult` explains the fields."""
 
     name: str
     sampling: str

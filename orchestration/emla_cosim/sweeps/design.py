@@ -1,4 +1,4 @@
-"""A plan laid out: every variant with its values, on systems that are made ready for it."""
+"""Turn a plan into variants with values, grouped by the prepared system that runs them."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -25,12 +25,12 @@ from .worker import Variant
 from .worker_payload import Preparation
 
 _BYTES_PER_VALUE = 64
-"""Of memory, for a value as an object and in a table."""
+"""Memory of a value as an object and in a table."""
 
 
 @dataclass(frozen=True)
 class VariantGroup:
-    """Variants that one prepared simulation can run, and what varies in it."""
+    """Variants that one prepared simulation can run, and their factors."""
 
     preparation: Preparation
     factors: Sequence[Factor]
@@ -51,30 +51,30 @@ class Design:
 
     @property
     def count(self) -> int:
-        """How many variants there are."""
+        """The number of variants."""
         return len(self.group_of)
 
     @property
     def factors(self) -> Sequence[Factor]:
-        """What varies."""
+        """The factors."""
         return self.groups[0].factors
 
     def values(self, number: int) -> list[Value | None]:
-        """What a variant has in the table, for each factor."""
+        """Return the values of a variant in the table, one for each factor."""
         own = self.groups[self.group_of[number]].factors
         return [factor.value(column[number]) for factor, column in zip(own, self.drawn, strict=True)]
 
     def options(self, number: int) -> dict[str, Any]:
-        """All options of a variant that are its own."""
+        """Return the options that are specific to a variant."""
         own = self.groups[self.group_of[number]].factors
         return merge_options(f.options(value) for f, value in zip(own, self.values(number), strict=True))
 
     def variant(self, number: int) -> Variant:
-        """A variant as it is run: with those options that a prepared simulation takes."""
+        """Return a variant with the options that a prepared simulation accepts."""
         return Variant(number, changed_in_run(self.options(number)))
 
     def work(self, finished: set[int]) -> list[WorkPackage]:
-        """All variants that are not finished, by group."""
+        """Return the variants that are not finished, by group."""
         left: list[list[int]] = [[] for _ in self.groups]
         for number, group in enumerate(self.group_of):
             if number not in finished:
@@ -82,18 +82,18 @@ class Design:
         return [WorkPackage(group, numbers) for group, numbers in enumerate(left) if numbers]
 
     def table(self) -> polars.DataFrame:
-        """Number and values of every variant."""
+        """Return a table with the number and values of every variant."""
         rows = [self.values(number) for number in range(self.count)]
         columns = [_column(f.name, [row[i] for row in rows]) for i, f in enumerate(self.factors)]
         return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
 
     @cached_property
     def identities(self) -> list[dict[str, Any]]:
-        """What each group is made of, as plain data."""
+        """The definition of each group, as plain data."""
         return [group.preparation.identity for group in self.groups]
 
     def identity(self, metrics: object) -> dict[str, Any]:
-        """What must be the same for a sweep to be resumed, by the names that sentences have for it."""
+        """Return what must be unchanged to resume a sweep, by its name in messages."""
         drawn = [
             (factor.name, [asdict(target) for target in factor.targets], [str(v) for v in column])
             for factor, column in zip(self.factors, self.drawn, strict=True)
@@ -107,15 +107,17 @@ class Design:
         }
 
     def provenance(self, metrics: object) -> list[str]:
-        """For each variant a hash of all that decides what comes out of it."""
+        """Return for each variant a hash of everything that determines its result."""
         parts = [hash_plain_data((identity, metrics)) for identity in self.identities]
         return [hash_plain_data((parts[self.group_of[n]], self.options(n))) for n in range(self.count)]
 
 
 def design_variants(plan: Plan, progress: Progress) -> Design:
-    """Lay out a plan: build FMUs, resolve names, draw values.
+    """Turn a plan into variants: build FMUs, resolve names, draw values.
 
-    Raises CommandError for whatever is wrong with it, RunError where FMUs cannot be built.
+    Raises:
+        CommandError: The plan is invalid.
+        RunError: An FMU cannot be built.
     """
     plan.check()
     first = Preparation.of(_scenario(plan, {}), progress)
@@ -144,23 +146,23 @@ def _group(
     usual: Sequence[Factor],
     progress: Progress,
 ) -> VariantGroup:
-    """The system with these options, and what varies in it: the same as usual, under other circumstances."""
+    """Prepare the system with these options. Its factors must be the same as without them (`usual`)."""
     preparation = made or Preparation.of(_scenario(plan, options), progress)
     found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
     if [f.name for f in found] != [f.name for f in usual]:
         raise CommandError(
-            f"{plan.where} varies other start values with {_format_options(options)} than without."
+            f"{plan.where} varies different start values with {_format_options(options)} than without."
         )
     shared = [(f, u) for f, u in zip(found, usual, strict=True) if len(f.targets) > 1]
     if any(f.targets != u.targets for f, u in shared):
         raise CommandError(
-            f"{plan.where} multiplies other values with {_format_options(options)} than without."
+            f"{plan.where} multiplies different values with {_format_options(options)} than without."
         )
     return VariantGroup(preparation, found)
 
 
 def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
-    """The scenario of a plan with these options over those of the plan."""
+    """Load the scenario of a plan. These options override those of the plan."""
     given = merge_options([plan.options, options])
     if isinstance(plan.scenario, Scenario):
         return plan.scenario.with_options(given)
@@ -168,7 +170,7 @@ def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
 
 
 def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:
-    """How many variants there will be; CommandError, which names the factor where one is at fault."""
+    """Return the number of variants. Raise CommandError, with the factor's name, if it cannot be sampled."""
     try:
         return count_variants(method, [f.distribution for f in found], plan.runs)
     except CommandError as error:
@@ -182,8 +184,8 @@ def _check_memory(plan: Plan, variants: int, columns: int) -> None:
     needed, there = variants * (columns + 8) * _BYTES_PER_VALUE, psutil.virtual_memory().available
     if needed > 0.5 * there:
         raise CommandError(
-            f"{plan.where} has {variants:,} variants, for which {there / 2**30:.3g} GiB of memory do not "
-            "suffice; take fewer levels or runs.",
+            f"{plan.where} has {variants:,} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
+            "fewer levels or runs.",
             variants=variants,
         )
 
@@ -193,7 +195,7 @@ def _format_options(options: Mapping[str, Any]) -> str:
 
 
 def _column(name: str, values: Sequence[Value | None]) -> polars.Series:
-    """Values as a column of their type; of several types, as text."""
+    """Return values as a column of their type; values of several types as text."""
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {int, float}:
         kind: Any = polars.Int64 if kinds == {int} else polars.Float64

@@ -1,4 +1,4 @@
-"""Distributions as plans and the command line write them."""
+"""Parse distributions of plans and of the command line."""
 
 import difflib
 import re
@@ -17,10 +17,10 @@ __all__ = ["DISTRIBUTIONS", "FORMS", "Distribution", "parse", "parse_distributio
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
     kind.name: kind for kind in (Uniform, LogUniform, Normal, LogNormal, Triangular, ValueList, Integers)
 }
-"""Kinds of distributions by the names that plans call them."""
+"""Kinds of distributions by their names in plans."""
 
 FORMS = "LOW:HIGH, LOW:HIGH:N, A,B,C, ±10%, 80%:120% and NAME(...) such as normal(0.14, 0.01)"
-"""The short forms, as sentences list them; values may have units, such as 1 mm:5 mm:5."""
+"""The short forms, for messages. Values may have units, such as 1 mm:5 mm:5."""
 
 _NUMBER = re.compile(
     r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
@@ -31,11 +31,15 @@ _WORDS: dict[str, Value] = {"true": True, "false": False}
 
 
 def parse_distribution(value: Any, where: str) -> Distribution:
-    """What a plan gives for one thing that varies.
+    """Read the distribution of a factor from a plan.
 
-    That is a table with `distribution`, its name, and the fields of that kind; a list of values; a text in a
-    short form (see `parse`); a single number, true or false; or a distribution, taken as it is. Raises
-    CommandError, with `where` for the thing that varies, for anything else.
+    Args:
+        value: A table with `distribution` (the name) and its fields, a list of values, a text in a short
+            form (see `parse`), a number, a Boolean, or a distribution.
+        where: Name of the factor in messages.
+
+    Raises:
+        CommandError: The value is anything else.
     """
     if isinstance(value, Distribution):
         return value
@@ -48,13 +52,18 @@ def parse_distribution(value: Any, where: str) -> Distribution:
 
 
 def parse(text: str, where: str) -> Distribution:
-    """A distribution in a short form of the command line.
+    """Parse a distribution in a short form of the command line.
 
-    LOW:HIGH is uniform, LOW:HIGH:N has N levels in a grid; A,B,C are values: numbers, true, false or texts,
-    and also one alone; NAME(...) has the fields of that kind in their order or as name=value. Percentages,
-    such as 80%:120%, 80%:120%:N, 90%,110% or ±10% (also +-10%: uniform, 90 % to 110 %), are of the nominal
-    value. Texts with commas, colons or parentheses have to stand in a list. Raises CommandError, with `where`
-    for what varies, for any other.
+    - LOW:HIGH is uniform. LOW:HIGH:N has N levels in a grid.
+    - A,B,C, or a single A, are values: numbers, true, false or texts.
+    - NAME(...) has the fields of that kind in their order or as name=value.
+    - Percentages are of the nominal value: 80%:120%, 80%:120%:N, 90%,110%, or ±10% (also +-10%), which is
+      uniform from 90 % to 110 %.
+
+    Texts with commas, colons or parentheses must be in a list.
+
+    Raises:
+        CommandError: The text has no such form. `where` names the factor.
     """
     try:
         return _parse(text.strip())
@@ -64,7 +73,7 @@ def parse(text: str, where: str) -> Distribution:
 
 def _read(value: Any) -> Distribution:
     if hasattr(value, "tolist"):
-        value = value.tolist()  # of NumPy
+        value = value.tolist()  # NumPy
     if isinstance(value, Mapping):
         return _parse_table(value)
     if isinstance(value, (bool, int, float)):
@@ -97,7 +106,7 @@ def _kind(name: Any) -> type[Distribution]:
 
 
 def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
-    """A distribution with these fields, which still may be wrong in any way."""
+    """Create a distribution from unchecked fields."""
     known = [*list_positional_fields(kind), "relative"]
     for key in given:
         if key not in known:
@@ -134,7 +143,7 @@ def _parse(text: str) -> Distribution:
 
 
 def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribution:
-    """NAME(...) by its arguments: those without a name first."""
+    """Parse the arguments of NAME(...): first those without a name."""
     named = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
     plain = [_value(a) for a in arguments if "=" not in a]
     if any("=" in a for a in arguments[: len(plain)]):
@@ -155,7 +164,7 @@ def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribut
 
 
 def _parse_tolerance(text: str) -> Distribution:
-    """±10%."""
+    """Parse ±10%."""
     number = _value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
     if not text.endswith("%") or isinstance(number, (bool, str)):
         _refuse(text)
@@ -165,7 +174,7 @@ def _parse_tolerance(text: str) -> Distribution:
 
 
 def _parse_range(text: str) -> Distribution:
-    """LOW:HIGH and LOW:HIGH:N."""
+    """Parse LOW:HIGH and LOW:HIGH:N."""
     low, high, *points = _parts(text, text, ":")
     if len(points) > 1:
         _refuse(text)
@@ -182,7 +191,7 @@ def _parse_range(text: str) -> Distribution:
 
 
 def _parts(text: str, inner: str, separator: str) -> list[str]:
-    """The texts between separators, none of them empty."""
+    """Split at separators. No part may be empty."""
     parts = [part.strip() for part in inner.split(separator)]
     if not all(parts):
         _refuse(text)
@@ -198,7 +207,7 @@ def _value(text: str) -> Value:
 
 
 def _percent(text: str) -> float | None:
-    """A percentage as a factor; None for a text that is none."""
+    """Return a percentage as a factor; None if the text is not a percentage."""
     value = _value(text.removesuffix("%").strip())
     if not text.endswith("%") or isinstance(value, (bool, str)):
         return None
@@ -206,4 +215,4 @@ def _percent(text: str) -> float | None:
 
 
 def _refuse(text: str) -> NoReturn:
-    raise CommandError(f"'{text}' is no distribution; write one of {FORMS}.", text=text)
+    raise CommandError(f"'{text}' is not a distribution; write one of {FORMS}.", text=text)

@@ -1,4 +1,4 @@
-"""Variants given out to Dask's workers in chunks, until every one of them has come back."""
+"""Run variants on Dask's workers in chunks."""
 
 import contextlib
 import gc
@@ -23,42 +23,42 @@ from .worker import Chunk, SimulationDescription, SweepPlugin, Variant, VariantO
 from .worker_payload import WorkerPayload
 
 Scheduler = str | Client | None
-"""Who gives out work: the address of a scheduler, somebody's client of one, or None for our own."""
+"""Address of a scheduler, a client of one, or None for a cluster on this machine."""
 
 _CHUNK_S = 1.0
-"""How long a chunk takes, in s: more than a hundred times what giving it out does."""
+"""Target duration of a chunk in s: more than 100 times that of submitting it."""
 
 _CHUNK_S_PER_THREAD = 0.02
-"""The same for each thread of the cluster: whoever collects the chunks has to keep up."""
+"""The same for each thread of the cluster, so that this process can keep up with collecting chunks."""
 
 _SHARE = 3
-"""Of what is left a thread gets at most this part at a time, so that all end at about the same time."""
+"""A chunk has at most 1 / _SHARE of a thread's part of the rest, so that all threads end together."""
 
 _SHORTEST_S = 0.1
-"""How long a chunk takes at least, in s, also near the end."""
+"""Least duration of a chunk in s, also near the end."""
 
 _MOST_BYTES = 64 * 2**20
-"""Size of the signals of a chunk, at most."""
+"""Largest size of the signals of a chunk in bytes."""
 
 _TRIES = 2
-"""So many workers may a variant take with it."""
+"""Number of workers that a variant may crash."""
 
 _TIMEOUT = 60.0
 """Seconds to wait for a cluster, or for its workers to come back."""
 
 _GONE = (CommClosedError, OSError, CancelledError, TimeoutError)
-"""What is raised where no scheduler answers."""
+"""Exceptions if no scheduler answers."""
 
 _UNFIT = (ImportError, AttributeError, RuntimeError)
-"""What is raised where workers have not what this needs."""
+"""Exceptions if workers lack a package or version."""
 
-_LOOK = 0.2
-"""Seconds between two looks at whether somebody wants it to end."""
+_POLL = 0.2
+"""Seconds between two checks for an interruption."""
 
 
 @dataclass(frozen=True)
 class WorkPackage:
-    """Variants that one prepared simulation can run, by number; suspect if they took a worker with them."""
+    """Variants that one prepared simulation can run, by number; suspect if their chunk crashed a worker."""
 
     group: int
     variants: Sequence[int]
@@ -66,26 +66,26 @@ class WorkPackage:
 
 
 class ClusterExecutor:
-    """A Dask cluster that has what a sweep needs."""
+    """A Dask cluster with the payload of a sweep."""
 
-    def __init__(self, client: Client, shipment: WorkerPayload, address: str) -> None:
-        self._client, self._key, self._address = client, shipment.key, address
+    def __init__(self, client: Client, payload: WorkerPayload, address: str) -> None:
+        self._client, self._key, self._address = client, payload.key, address
         self._calls = itertools.count()
         self._known, self._looked, self._seen = 0, -math.inf, time.monotonic()
         with self._report_lost_cluster():
             client.wait_for_workers(1, timeout=_TIMEOUT)
             try:
-                client.register_plugin(SweepPlugin(shipment))
+                client.register_plugin(SweepPlugin(payload))
             except BaseException as error:
-                self.close()  # or it would go to every worker that is yet to come
-                if type(error) is Exception:  # what Dask makes of a worker that cannot even read it
+                self.close()  # else Dask would send the plugin to every new worker
+                if type(error) is Exception:  # Dask raises this if a worker cannot unpickle the plugin
                     raise RuntimeError(_first_line(error)) from error
                 raise
 
     def _threads(self) -> int:
-        """How many variants can run at once now. Raises RunError where there are no workers any more."""
+        """Return how many variants can run at once. Raise RunError if all workers are lost."""
         now = time.monotonic()
-        if now - self._looked >= _LOOK:
+        if now - self._looked >= _POLL:
             self._known, self._looked = _threads_of(self._client), now
             if self._known:
                 self._seen = now
@@ -94,19 +94,18 @@ class ClusterExecutor:
         return self._known
 
     def describe(self, group: int) -> SimulationDescription:
-        """What the simulation of a preparation gives. Raises CosimError where it cannot be prepared."""
+        """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
         with self._report_lost_cluster():
             try:
                 return self._submit(describe, group).result()
             except KilledWorker as error:
                 raise RunError(
-                    "the process ended that was to prepare the scenario: an FMU ends it, or memory does not "
-                    "suffice."
+                    "the process that prepares the scenario ended: an FMU crashed it or memory ran out."
                 ) from error
             except (CosimError, *_GONE, *_UNFIT):
                 raise
-            except Exception as error:  # of somebody's metrics
-                raise RunError(f"the scenario cannot be begun on a worker: {error!r}.") from error
+            except Exception as error:  # from a user's metrics
+                raise RunError(f"the scenario cannot be started on a worker: {error!r}.") from error
 
     def run(
         self,
@@ -117,10 +116,21 @@ class ClusterExecutor:
         keep: Callable[[Chunk], None],
         interrupted: Callable[[], bool],
     ) -> bool:
-        """Run all of it, hand each chunk to `keep`, and say whether it was all; `variant` has them by number.
+        """Run variants on the cluster.
 
-        It is less where `interrupted` says so. `bytes_each` is the size of the signals of a variant.
-        Raises RunError where the cluster is gone.
+        Args:
+            work: Variants by group.
+            variant: Returns a variant by number.
+            measures: What to record of each variant.
+            bytes_each: Size of the signals of a variant in bytes.
+            keep: Called with each finished chunk.
+            interrupted: Returns whether to stop early.
+
+        Returns:
+            Whether all variants ran.
+
+        Raises:
+            RunError: The cluster is lost.
         """
         chunks = _ChunkQueue(work, max(_MOST_BYTES // max(bytes_each, 1), 1))
         flying: dict[Future, WorkPackage] = {}
@@ -136,11 +146,11 @@ class ClusterExecutor:
 
         def come_back() -> list[Chunk]:
             try:
-                future = done.get(timeout=_LOOK)
+                future = done.get(timeout=_POLL)
             except Empty:
                 return []
             chunk = flying.pop(future)
-            give_out()  # before anything is read and written: a worker waits
+            give_out()  # before reading and writing: a worker waits
             return list(chunks.take_answer(chunk, future))
 
         try:
@@ -156,7 +166,7 @@ class ClusterExecutor:
                 self._client.cancel(list(flying), force=True)
 
     def close(self) -> None:
-        """Let the workers forget what they were sent."""
+        """Remove the payload from the workers."""
         with contextlib.suppress(Exception):
             self._client.unregister_worker_plugin(self._key)
 
@@ -166,7 +176,7 @@ class ClusterExecutor:
 
     @contextlib.contextmanager
     def _report_lost_cluster(self) -> Iterator[None]:
-        """Turn whatever a cluster raises that does not answer into one sentence."""
+        """Turn the exceptions of a lost or unsuitable cluster into RunError."""
         try:
             yield
         except CosimError:
@@ -178,13 +188,13 @@ class ClusterExecutor:
         except _UNFIT as error:
             reason = _first_line(error.__cause__ or error)
             raise RunError(
-                f"the workers of {self._address} cannot run this: {reason}; the same versions have to be "
-                "installed there."
+                f"the workers of {self._address} cannot run this: {reason}; install the same versions of all "
+                "packages there."
             ) from error
 
 
 class _ChunkQueue:
-    """What is still to be given out, and what became of that which was."""
+    """Variants to submit, and what is known about those submitted."""
 
     def __init__(self, work: Sequence[WorkPackage], most: int) -> None:
         self._waiting = deque(work)
@@ -199,10 +209,10 @@ class _ChunkQueue:
         return bool(self._waiting or self._again)
 
     def ahead(self, threads: int) -> int:
-        """How many chunks may be given out at once: two for each thread, so that none waits for the next one.
+        """Return how many chunks may be submitted: two for each thread, so that no thread waits.
 
-        It is one near the end, and while it is being found out which variant took a worker with it: another
-        one that waits there would be blamed too. It is none while all workers are on their way back.
+        It is one for each thread near the end, and while the variant that crashes a worker is searched:
+        another chunk that waits there would be blamed too. It is 0 while there are no workers.
         """
         if self._again or self._suspects or not threads:
             return threads
@@ -210,7 +220,7 @@ class _ChunkQueue:
         return 2 * threads if whole else threads
 
     def next(self, threads: int) -> WorkPackage:
-        """Variants to run next: those first whose chunk was lost."""
+        """Return the variants to run next, those of lost chunks first."""
         if self._again:
             self._suspects += 1
             return self._again.popleft()
@@ -222,14 +232,14 @@ class _ChunkQueue:
         return WorkPackage(first.group, first.variants[:count])
 
     def _count(self, group: int, threads: int) -> int:
-        """How many variants make a chunk; one while nobody knows how long it takes."""
+        """Return the number of variants of a chunk; 1 while their duration is unknown."""
         if group not in self._seconds:
             return 1
         fair = max(self._fair(threads), int(_SHORTEST_S / self._each(group)))
         return max(min(self._chunk_length(group, threads), fair, self._most), 1)
 
     def _is_whole(self, group: int, threads: int) -> bool:
-        """Whether a chunk is as long as it should be, and not shorter because little is left."""
+        """Return whether a chunk has its full length, and is not shorter because few variants are left."""
         return group in self._seconds and self._chunk_length(group, threads) <= self._fair(threads)
 
     def _chunk_length(self, group: int, threads: int) -> int:
@@ -242,9 +252,9 @@ class _ChunkQueue:
         return max(self._seconds[group], 1e-6)
 
     def take_answer(self, chunk: WorkPackage, future: Future) -> Iterator[Chunk]:
-        """What a chunk gave; one that took its worker with it is tried again in two halves.
+        """Yield the results of a chunk. Retry one that crashed its worker in two halves.
 
-        A variant that did so alone is tried once more, and then that is what came out of it.
+        Retry a single variant once. If it crashes again, that is its outcome.
         """
         self._suspects -= chunk.suspect
         try:
@@ -258,33 +268,40 @@ class _ChunkQueue:
         yield done
 
     def _requeue(self, chunk: WorkPackage, deaths: int) -> Iterator[Chunk]:
-        """`deaths` are more than one where the scheduler tries again by itself, as it does by default."""
+        """Retry a chunk after `deaths` crashes. By default, Dask's scheduler itself retries several times."""
         if (count := len(chunk.variants)) > 1:
             for half in (chunk.variants[: count // 2], chunk.variants[count // 2 :]):
                 self._again.append(WorkPackage(chunk.group, half, suspect=True))
             return
         number = chunk.variants[0]
-        self._deaths[number] += deaths if chunk.suspect else 1  # which may have been its neighbour's fault
+        self._deaths[number] += deaths if chunk.suspect else 1  # another chunk may have caused the crash
         if self._deaths[number] < _TRIES:
             self._again.append(replace(chunk, suspect=True))
             return
         times = self._deaths[number]
-        sentence = f"its process ended {times} times: an FMU ends it, or memory does not suffice."
+        sentence = f"its process ended {times} times: an FMU crashed it, or it ran out of memory."
         yield Chunk([VariantOutcome(number, DIED, sentence)], 0.0)
 
 
 @contextlib.contextmanager
 def open_executor(
-    shipment: WorkerPayload, scheduler: Scheduler, workers: int | None, told: Callable[[str], None]
+    payload: WorkerPayload, scheduler: Scheduler, workers: int | None, report: Callable[[str], None]
 ) -> Iterator[ClusterExecutor]:
-    """A cluster with these contents: of this scheduler, or one of this machine with so many workers.
+    """Open a cluster: that of a scheduler, or one on this machine.
 
-    `told` hears where its dashboard is. Raises RunError for one that does not answer.
+    Args:
+        payload: What the workers need.
+        scheduler: Address or client of a scheduler; None for a cluster on this machine.
+        workers: Number of workers on this machine. Default: one for each core.
+        report: Called with the address of the dashboard.
+
+    Raises:
+        RunError: The scheduler does not answer.
     """
     with contextlib.ExitStack() as held:
         if isinstance(scheduler, Client):
             if scheduler.status != "running" or scheduler.scheduler is None:
-                raise RunError(f"the client given as scheduler is {scheduler.status}; it must be running.")
+                raise RunError(f"the client in `scheduler` is {scheduler.status}; it must be running.")
             client, address, dashboard = scheduler, str(cast(Any, scheduler.scheduler).addr), ""
         else:
             if scheduler is None:
@@ -292,8 +309,8 @@ def open_executor(
             else:
                 address, security, dashboard = scheduler, None, ""
             client = held.enter_context(_client(address, security))
-        told(f"Dask's dashboard: {dashboard or client.dashboard_link}")
-        found = ClusterExecutor(client, shipment, address)
+        report(f"Dask's dashboard: {dashboard or client.dashboard_link}")
+        found = ClusterExecutor(client, payload, address)
         try:
             yield found
         finally:
@@ -307,9 +324,9 @@ def _threads_of(client: Client) -> int:
 def _client(address: str, security: Any) -> Client:
     try:
         return Client(address, security=security, timeout=_TIMEOUT / 4, set_as_default=False)
-    except Exception as error:  # of any kind, for an address that is none
+    except Exception as error:  # an invalid address may raise anything
         reason = _first_line(error)
-    gc.collect()  # a client half made waits forever where it is collected while another one is made
+    gc.collect()  # now: a half-made client hangs if it is collected while another one is created
     raise RunError(f"no scheduler answers at '{address}': {reason}.")
 
 

@@ -1,4 +1,4 @@
-"""What varies, with names instead of patterns, and what that means for a run."""
+"""Resolve the names and patterns of a plan into factors and their targets."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -24,10 +24,10 @@ from .with_units import convert_units
 
 @dataclass(frozen=True)
 class Factor:
-    """One thing that varies: its name, where its value goes, and how it is distributed.
+    """A factor: its name, its targets, and its distribution.
 
-    What the table of variants has of it is in `unit`: the value itself, or, where several targets have
-    values of their own, what multiplies these.
+    The table of variants has its value in `unit`. If several targets have different nominal values, it has
+    the multiplier.
     """
 
     name: str
@@ -36,22 +36,22 @@ class Factor:
     unit: str = ""
 
     def value(self, drawn: Value | None) -> Value | None:
-        """The value that the table of variants has, of one that was drawn; None for none."""
+        """Return the value in the table of variants for a drawn one; None for the nominal value."""
         alone = self.targets[0].nominal if len(self.targets) == 1 else None
         return drawn if drawn is None or alone is None else alone * float(drawn)
 
     def options(self, value: Value | None) -> dict[str, Any]:
-        """The options that give a run a value of the table; None gives none."""
+        """Return the options that set a value of the table in a run; none for None."""
         return assign_value(self.targets, value)
 
 
 def resolve_factors(
     vary: Mapping[str, Any], system: System, interfaces: Mapping[str, Interface], where: str
 ) -> list[Factor]:
-    """What varies in this system; a pattern makes a factor of each start value that fits.
+    """Return the factors of a plan for this system. A pattern gives a factor for each matching start value.
 
-    Raises CommandError for names that are not there, are driven or would be columns twice, and for
-    values that are no distribution.
+    Raises:
+        CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
     """
     found = list[Factor]()
     for name, given in vary.items():
@@ -64,14 +64,14 @@ def resolve_factors(
 def find_start_values(
     pattern: str, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, float | None]:
-    """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
+    """Return the names of settable numbers that match a pattern, with start values (None if unknown)."""
     varying = _FactorResolver(pattern, f"'{pattern}'", system, interfaces)
     names = varying._matching(pattern, ValueList((0,)))
     return {name: find_start_number(name, system, interfaces) for name in names}
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
-    """Raise CommandError where two factors have a name or a target in common, or a name is taken."""
+    """Raise CommandError if two factors share a name or target, or a name is reserved."""
     names, targets = set[str](), dict[str, str]()
     for factor in found:
         if factor.name in RESERVED:
@@ -79,7 +79,7 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
                 f"'{factor.name}' of {where} needs another name: every table of variants has this column."
             )
         if factor.name in names:
-            raise CommandError(f"{where} has two factors '{factor.name}'; give one another name.")
+            raise CommandError(f"{where} has two factors '{factor.name}'; rename one of them.")
         names.add(factor.name)
         for target in factor.targets:
             if target.name in targets:
@@ -89,7 +89,7 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
 
 
 def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
-    """The start value that a variable has in the scenario, in its unit there; None where it is no number."""
+    """Return the start value of a variable in the scenario, in its unit there; None if it is not a number."""
     component, variable = system.split(name)
     value = component.parameters.get(variable)
     try:
@@ -104,7 +104,7 @@ def find_start_number(name: str, system: System, interfaces: Mapping[str, Interf
 
 @dataclass(frozen=True)
 class _FactorResolver:
-    """What a plan calls `name`, in a system; sentences call it `label`."""
+    """Resolves one entry of a plan, `name`, in a system. Messages call it `label`."""
 
     name: str
     label: str
@@ -112,7 +112,7 @@ class _FactorResolver:
     interfaces: Mapping[str, Interface]
 
     def factors(self, given: Any) -> list[Factor]:
-        """A factor for each thing that the name means; a single one where `of` names them."""
+        """Return a factor for each match of the name, or a single one for all names in `of`."""
         of = None
         if isinstance(given, Mapping) and "of" in given:
             of = convert_value(given["of"], Sequence[str], f"'of' in {self.label}")
@@ -127,18 +127,18 @@ class _FactorResolver:
         return [self._factor(self.name, names, self._distribution(given, names))]
 
     def _in_si(self, text: str) -> float:
-        """Return a quantity as a number in SI units, which has the order that it has in any other."""
+        """Return a quantity as a number in SI units, which keeps the order of values."""
         found = parse_quantity(text, f"{self.label}: {text}")
         return found.in_unit(None if found.unit is None else found.unit.si, self.label)
 
     def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
-        """Return the distribution in the unit that all of these names have."""
+        """Return the distribution in the common unit of these names."""
 
         def convert(text: str) -> Any:
             units = {self._unit(self._kind(name), name) for name in names}
             label = f"{self.label}: {text}"
             if len(units) > 1:
-                raise CommandError(f"{label} is for variables of different units; vary each by itself.")
+                raise CommandError(f"{label} is for variables with different units; vary each separately.")
             (unit,) = units
             if unit is None:
                 raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
@@ -163,7 +163,7 @@ class _FactorResolver:
         relative = distributed.relative
         targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
         if len(targets) > 1 and any(t.kind != START for t in targets):
-            raise CommandError(f"{self.label} varies several things at once; that is for start values.")
+            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
         units = {self._unit(target.kind, target.name) for target in targets}
         own = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
         return Factor(name, targets, distributed, "" if own is None else str(own))
@@ -174,10 +174,10 @@ class _FactorResolver:
         return FMU if any(c.name == name for c in self.system.components) else START
 
     def _names(self, name: str, distributed: Distribution) -> list[str]:
-        """The option, component or start value that a name means, or start values that a pattern does."""
+        """Return the option, component or start value of a name, or the start values of a pattern."""
         kind = self._kind(name)
         if kind == OPTION and not list_options()[name].can_vary:
-            raise CommandError(f"{self.label}: the option {name} is the same for all variants.")
+            raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
         if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
             return found
         if kind == START:
@@ -185,7 +185,7 @@ class _FactorResolver:
         return [name]
 
     def _matching(self, pattern: str, distributed: Distribution) -> list[str]:
-        """Real start values that fit, and Integer ones if all values are whole."""
+        """Return the matching Real start values, and Integer ones if all values are whole."""
         whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
         types = ("Real", "Integer") if whole else ("Real",)
         driven = {x.ends[1] for x in self.system.connections}
@@ -201,14 +201,12 @@ class _FactorResolver:
         return found
 
     def _check_start_value(self, name: str) -> None:
-        """Raise CommandError for a name that is no start value, or of one that is driven or computed."""
+        """Raise CommandError if a name is not a start value, or is driven or computed."""
         if "." not in name:
             everything = [*list_options(), *(c.name for c in self.system.components)]
             near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
             meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
-            raise CommandError(
-                f"{self.label} is no option, no component and no start value; {meant}", name=name
-            )
+            raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
         component, variable = self.system.split(name)
         interface, own = self.interfaces[component.name], component.alias(variable).variable
         find_variable(component.name, interface.variables, own)
@@ -219,7 +217,7 @@ class _FactorResolver:
         refuse_driven(replace(component, parameters={own: 0.0}), self.system)
 
     def _nominal(self, name: str) -> float:
-        """The start value that the scenario has; CommandError where there is no number to multiply."""
+        """Return the start value in the scenario. Raise CommandError if it is not a number to multiply."""
         number = find_start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
         if number is None:
             raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
@@ -228,7 +226,7 @@ class _FactorResolver:
         return number
 
     def _unit(self, kind: str, name: str) -> SiUnit | None:
-        """Return the unit of a start value or of an option; None where there is none."""
+        """Return the unit of a start value or option, or None."""
         if kind == OPTION:
             unit = list_options()[name].about.unit
             return parse_unit_name(unit, self.label) if unit else None

@@ -1,4 +1,4 @@
-"""The folder of a sweep: parts as chunks come back, one table when all are there."""
+"""The folder of a sweep: a part for each finished chunk, merged to one table at the end."""
 
 import contextlib
 import hashlib
@@ -25,7 +25,7 @@ WORST = "worst.txt"
 COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
 
 _OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(UNFINISHED)}.*")
-"""Names of parts, and of those that are being written."""
+"""Names of parts, finished or being written."""
 
 _ENDS = {
     VARIANT: polars.Int64,
@@ -36,7 +36,7 @@ _ENDS = {
 
 
 class SweepFolder(Folder):
-    """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
+    """The files of a sweep: `variants.parquet`, `series/`, `sweep.json`, and `parts/` while incomplete."""
 
     what = "sweep"
     files = (TABLE, WORST, RECORD)
@@ -45,18 +45,18 @@ class SweepFolder(Folder):
     record_file, is_record = RECORD, has_entries("identity", "status")
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
-        """See that a sweep with this identity can begin here, or go on.
+        """Check that a sweep with this identity can start or resume here.
 
-        Raises CommandError where an unfinished sweep is there that is not to be resumed, or another one
-        is that should be.
+        Raises:
+            CommandError: The folder has an unfinished sweep and `resume` is not set, or a different sweep.
         """
         found = self.record()
         self._check_places(begun=bool(found))
         if resume and not found:
-            raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
+            raise CommandError(f"'{self.path}' has no sweep to resume; run without --resume.")
         if resume and (differing := _describe_difference(found.get("identity"), identity)):
             raise CommandError(
-                f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
+                f"the sweep in '{self.path}' cannot be resumed: it has different {differing}; "
                 "name another folder."
             )
         if not resume and found and not self.is_complete and not self.overwrite:
@@ -66,33 +66,35 @@ class SweepFolder(Folder):
             )
 
     def _check_places(self, begun: bool) -> None:
-        """Raise CommandError where what is in the place of an inner folder is no sweep's."""
+        """Raise CommandError if an inner folder has files that do not belong to a sweep."""
         for name in (PARTS, SERIES):
             place = self._place / name
             with report_write_errors(self.path):
                 there = list(place.iterdir()) if place.is_dir() else []
             strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
             if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
-                raise CommandError(f"'{self.path / name}' is no sweep's; move it, or name another folder.")
+                raise CommandError(
+                    f"'{self.path / name}' does not belong to a sweep; move it, or name another folder."
+                )
 
     @property
     def is_complete(self) -> bool:
-        """Whether a sweep is there of which nothing is missing."""
+        """Whether the folder has a complete sweep."""
         return self.record().get("status") == COMPLETED
 
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
-        """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
+        """Raise CommandError if the disk is too small. `values_each` counts values over time per variant."""
         needed = 8 * variants * (figures + values_each)
         with report_write_errors(self.path):
             free = shutil.disk_usage(self._place).free
         if needed > free:
             raise CommandError(
-                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, and "
+                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, but "
                 f"'{self.path}' has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
             )
 
     def begin(self, record: Mapping[str, Any], resume: bool) -> None:
-        """Begin a sweep with this record, or go on with it; see `check`. Raises RunError."""
+        """Start a sweep with this record, or resume it (see `check`). Raise RunError if writing fails."""
         with report_write_errors(self.path):
             if not resume:
                 self.clear()
@@ -102,13 +104,13 @@ class SweepFolder(Folder):
             self._forget_orphans()
 
     def clear(self) -> None:
-        """Remove what an earlier sweep left under the same names. May raise OSError."""
+        """Remove the files of an earlier sweep. May raise OSError."""
         for name in (PARTS, SERIES):
             self._remove(name)
         self._files.remove((*self.pictures, *self.files), self.files)
 
     def _remove(self, name: str) -> None:
-        """Remove a folder of parts, but for whatever else is in it. May raise OSError."""
+        """Remove a folder of parts, but keep other files in it. May raise OSError."""
         for file in (self._place / name).glob("*.parquet"):
             if _OURS.fullmatch(file.name):
                 file.unlink()
@@ -116,14 +118,14 @@ class SweepFolder(Folder):
             (self._place / name).rmdir()
 
     def record(self) -> dict[str, Any]:
-        """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
+        """Read sweep.json; return nothing if it does not exist. Raise CommandError if it is not a record."""
         if not (self._place / RECORD).exists() or (self.overwrite and not self._files.owns(RECORD)):
             return {}
         return self.record_of(self._place)
 
     @staticmethod
     def record_of(folder: Path) -> dict[str, Any]:
-        """What sweep.json in this folder says. Raises CommandError where it cannot be read."""
+        """Read sweep.json in a folder. Raise CommandError if it cannot be read."""
         try:
             found = json.loads(read_text(folder / RECORD, "the record of the sweep"))
         except ValueError as error:
@@ -133,34 +135,34 @@ class SweepFolder(Folder):
         return found
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
-        """Write sweep.json with these entries and those that it has. Raises RunError."""
+        """Add entries to sweep.json. Raise RunError if writing fails."""
         with report_write_errors(self.path):
             self.write_json(RECORD, {**self.record(), **entries})
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
-        """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
+        """Write the results of a chunk atomically. Raise RunError if writing fails."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
         with report_write_errors(self.path):
-            if chunk.series is not None:  # before the part, without which it does not count
+            if chunk.series is not None:  # before the part: a series without a part does not count
                 with write_atomically(self._place / SERIES / name) as stream:
                     stream.write(chunk.series)
             with write_atomically(self._place / PARTS / name) as stream:
                 stream.write(to_parquet(_frame(chunk, measures)))
 
     def finished(self) -> set[int]:
-        """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
+        """Return the numbers of finished variants. Raise CommandError if a part cannot be read."""
         parts = self._parts()
         return set() if parts is None else set(parts[VARIANT])
 
     def merge(self, about: polars.DataFrame) -> None:
-        """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
+        """Write variants.parquet: `about` (columns by variant) joined with the results."""
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
         with report_write_errors(self.path):
             self.write(TABLE, to_parquet(found))
 
     def close(self, whole: bool, wall_s: float) -> None:
-        """Say how long it took in s, and whether all variants are there: no parts are needed then."""
+        """Record the duration in s and the status. If all variants are done, remove the parts."""
         earlier = self.record()
         spent = earlier.get("wall_s", 0.0) + wall_s
         self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
@@ -180,7 +182,7 @@ class SweepFolder(Folder):
             return polars.read_parquet(file)
         except Exception as error:
             raise CommandError(
-                f"'{self.path / PARTS / file.name}' cannot be read; remove it, and what it had is run again."
+                f"'{self.path / PARTS / file.name}' cannot be read; remove it to run its variants again."
             ) from error
 
     def _forget_orphans(self) -> None:
@@ -191,7 +193,7 @@ class SweepFolder(Folder):
 
 
 def hash_plain_data(content: object) -> str:
-    """A short hash of plain data."""
+    """Return a short hash of plain data."""
     text = json.dumps(content, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -212,7 +214,7 @@ def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
 
 
 def _describe_difference(before: Any, now: Mapping[str, Any]) -> str:
-    """What is not the same in two identities; empty where all is."""
+    """Return the names of differences between two identities, or an empty string."""
     if not isinstance(before, Mapping):
         return "contents"
     names = sorted(set(before) | set(now))

@@ -1,8 +1,8 @@
-"""A Dask cluster of this machine's cores, in processes apart from the one that asks for it.
+"""A Dask cluster on this machine, in processes of its own.
 
-They are apart since a program that calls `sweep` may not be one that can be imported again, as worker
-processes are started, and so that all of it ends when that program does, however that ends. Nobody else
-on this machine can talk to it: connections are encrypted, with keys made for it alone.
+Worker processes import the main program again, which not every program that calls `sweep` supports. In
+processes of its own, the cluster also ends with the program, even if that is killed. Other users of the
+machine cannot connect: connections are encrypted with temporary keys.
 """
 
 import atexit
@@ -23,7 +23,7 @@ from ..sandbox.processes import count_cores, make_environment, watch_parent
 
 
 class ClusterAddress(NamedTuple):
-    """Where a scheduler is, and what it takes to talk to it."""
+    """Address, security and dashboard of a scheduler."""
 
     address: str
     security: Any
@@ -31,19 +31,20 @@ class ClusterAddress(NamedTuple):
 
 
 _CONFIG = {
-    "distributed.scheduler.allowed-failures": 0,  # it is `farm` that tries again
+    "distributed.scheduler.allowed-failures": 0,  # `executor` retries
     "distributed.scheduler.worker-saturation": 1.0,
-    "distributed.worker.profile.enabled": False,  # which looks at every frame all the time
-    "distributed.worker.memory.target": False,  # nothing is worth spilling
+    "distributed.worker.profile.enabled": False,  # sampling costs time
+    "distributed.worker.memory.target": False,  # there is nothing to spill
     "distributed.worker.memory.spill": False,
 }
 
 
 @contextlib.contextmanager
 def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
-    """A cluster of so many worker processes with one thread each, by default one for each core.
+    """Start a cluster of `workers` processes with one thread each; default: one for each core.
 
-    Raises RunError where it does not come up.
+    Raises:
+        RunError: The cluster does not start.
     """
     command = [sys.executable, "-m", __spec__.name, str(workers or 0)]
     with tempfile.TemporaryFile() as said:
@@ -53,7 +54,7 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
             stdout=subprocess.PIPE,
             stderr=said,
             env=make_environment(),
-            start_new_session=True,  # Ctrl-C is for who asked for it
+            start_new_session=True,  # Ctrl-C is for the caller only
         )
         assert process.stdin is not None and process.stdout is not None
         try:
@@ -66,7 +67,7 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
             yield place
         finally:
             with contextlib.suppress(OSError):
-                process.stdin.close()  # which asks it to end
+                process.stdin.close()  # makes it end
             try:
                 process.wait(10.0)
             except subprocess.TimeoutExpired:
@@ -76,13 +77,13 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
 
 
 def main() -> None:
-    """Serve until standard input ends, or the parent is gone."""
+    """Serve until standard input ends or the parent process is gone."""
     folder = tempfile.mkdtemp(prefix="emla-cluster-")
     watch_parent(os.getppid(), lambda: _remove_after_parent(folder))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    os.environ["TMPDIR"] = tempfile.tempdir = folder  # of the workers too, which can be killed
+    os.environ["TMPDIR"] = tempfile.tempdir = folder  # also for the workers, which may be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
-    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
+    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may write to standard output
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
@@ -106,7 +107,7 @@ def main() -> None:
 
 
 def _remove_after_parent(folder: str) -> None:
-    """The parent was killed: nobody needs this process, its workers and their files any more."""
+    """Kill the workers, remove their files and exit, after the parent was killed."""
     for worker in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):
             worker.kill()

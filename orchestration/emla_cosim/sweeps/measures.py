@@ -1,4 +1,4 @@
-"""What is kept of a variant: registered figures, expressions over signals, and anybody's functions."""
+"""Evaluate the metrics of a variant: registered figures, expressions over signals, and functions."""
 
 import difflib
 import inspect
@@ -27,7 +27,7 @@ _TIME = "time"
 
 @dataclass(frozen=True)
 class MetricRequest:
-    """What a plan asks to keep: `figures` by name or pattern, the others by the names they get."""
+    """The metrics of a plan: `figures` by name or pattern, expressions and functions by their new names."""
 
     figures: Sequence[str] = ()
     expressions: Mapping[str, str] = field(default_factory=dict)
@@ -35,10 +35,9 @@ class MetricRequest:
 
     @classmethod
     def of(cls, metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> "MetricRequest":
-        """Read what a plan says; CommandError for what is none of these.
+        """Read the metrics of a plan. Raise CommandError for invalid ones.
 
-        In a list an expression is written as "name = expression", and a function has the name that it
-        has in Python.
+        In a list, write an expression as "name = expression". A function has its Python name.
         """
         figures, expressions, functions = list[str](), dict[str, str](), dict[str, Any]()
         for name, metric in _check_names(metrics, where):
@@ -53,13 +52,13 @@ class MetricRequest:
         return cls(figures, expressions, functions)
 
     def identity(self, signals: Sequence[str]) -> list[Any]:
-        """What decides which figures come out, as plain data."""
+        """Return everything that determines the figures, as plain data."""
         functions = [(name, _source(function)) for name, function in self.functions.items()]
         return [list(self.figures), list(self.expressions.items()), functions, list(signals), HELD]
 
 
 def _source(function: Callable[..., Any]) -> str:
-    """What a function is, as far as that can be told."""
+    """Return the source of a function, or its name if there is no source."""
     try:
         return inspect.getsource(function)
     except (OSError, TypeError):
@@ -104,11 +103,15 @@ def _check_name(name: str, taken: Sequence[str], where: str) -> None:
 
 @dataclass(frozen=True)
 class Measures:
-    """What is kept of every variant, with all names resolved.
+    """The metrics and signals of every variant, with resolved names.
 
-    `signals` are kept over time; `read` are those that a table needs for that and for the rest.
-    Expressions are those of SQL as polars reads them, with signals as their columns. `truths` are the
-    names of figures that are true or false.
+    Attributes:
+        figures: Names of registered figures.
+        expressions: SQL expressions of polars by name; signals are columns.
+        functions: Functions of a result by name.
+        signals: Signals to record over time.
+        read: Signals needed for all of these.
+        truths: Names of Boolean figures.
     """
 
     figures: Sequence[str] = ()
@@ -120,17 +123,18 @@ class Measures:
 
     @property
     def names(self) -> list[str]:
-        """The columns that come of it."""
+        """Names of the columns."""
         return [*self.figures, *self.expressions, *self.functions]
 
     def reading(self, names: Sequence[str]) -> Sequence[str]:
-        """The signals that a table needs, of all that there are."""
+        """Return the signals to record, of all that exist."""
         return self.read
 
     def of(self, result: Result) -> dict[str, Any]:
-        """The figures of a result: numbers, truths or None by name.
+        """Return the figures of a result: numbers, Booleans or None by name.
 
-        Raises MeasureError where an expression or a function fails.
+        Raises:
+            MeasureError: An expression or function fails.
         """
         known = flatten_figures(result.metrics, {})
         found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
@@ -144,7 +148,7 @@ class Measures:
         return found
 
     def series(self, result: Result) -> polars.DataFrame:
-        """The signals that are kept over time."""
+        """Return the signals to keep over time."""
         return polars.DataFrame(result.read([_TIME, *self.signals]))
 
     def _frame(self, result: Result) -> polars.DataFrame:
@@ -152,17 +156,23 @@ class Measures:
 
 
 class MeasureError(Exception):
-    """A figure that could not be computed; the sentence says which one, and why."""
+    """A figure cannot be computed. The message names it and the reason."""
 
 
 def resolve_measures(
     asked: MetricRequest, figures: Mapping[str, bool], signals: Sequence[str], kept: Sequence[str], where: str
 ) -> Measures:
-    """What is kept, with names instead of patterns; without any metric, all figures are.
+    """Resolve the patterns of metrics. Without metrics, keep all figures.
 
-    `figures` says of all that there are whether they are truths; `signals` are all that there are,
-    `kept` those to keep over time. Raises CommandError for a figure that is not there, and for an
-    expression that cannot be computed.
+    Args:
+        asked: The metrics of the plan.
+        figures: All figures of the scenario, each with whether it is Boolean.
+        signals: All signals of the scenario.
+        kept: Signals to keep over time.
+        where: Name of the plan in messages.
+
+    Raises:
+        CommandError: A figure does not exist, or an expression cannot be computed.
     """
     chosen = (
         list(figures)
@@ -183,7 +193,7 @@ def resolve_measures(
 
 
 def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
-    """Return measures that keep every verdict, named or not: a map cannot say `held` without it.
+    """Return measures with all verdicts added, since outcomes depend on them.
 
     `figures` are as in `resolve_measures`.
     """
@@ -192,7 +202,7 @@ def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
 
 
 def reason_not_held(result: Result) -> str | None:
-    """Return why a run is not held, a sentence for each verdict that is false; None where none is."""
+    """Return why a run is not held, one message for each false verdict; None if none is false."""
     found = list[str]()
     for kind in result.metrics.values():
         for of, figures in kind.items():
@@ -207,7 +217,7 @@ def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> li
     for pattern in patterns:
         matching = [name for name in figures if matches_pattern(name, pattern)]
         if not matching:
-            meant = suggest_figure(pattern, figures) if figures else "there is none; name an expression."
+            meant = suggest_figure(pattern, figures) if figures else "there are none; use an expression."
             raise CommandError(
                 f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
             )
@@ -216,7 +226,7 @@ def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> li
 
 
 def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
-    """An expression with signals as SQL quotes them, and those in it."""
+    """Quote the signals in an expression for SQL. Return it with the set of its signals."""
     names = sorted((s for s in signals if s in text), key=len, reverse=True)
     used = set[str]()
 
@@ -238,7 +248,7 @@ def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
 def _check_expressions(
     measures: Measures, as_written: Mapping[str, str], signals: Sequence[str], where: str
 ) -> dict[str, float | bool | None]:
-    """All expressions of two rows of zeros; CommandError for one that fails."""
+    """Evaluate all expressions for two rows of zeros. Raise CommandError if one fails."""
     found: dict[str, float | bool | None] = {}
     frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
     for name, expression in measures.expressions.items():
@@ -260,7 +270,7 @@ def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[s
             values = frame.select(polars.sql_expr(expression).alias(name))[name]
             if len(values) != 1:
                 raise MeasureError(
-                    f"'{name} = {expression}' gives a value for each row; take max, min, avg, last ... of it."
+                    f"'{name} = {expression}' gives a value for each row; apply max, min, avg or last to it."
                 )
             found[name] = _number(values[0])
         except (PolarsError, TypeError, ValueError) as error:
@@ -270,7 +280,7 @@ def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[s
 
 
 def _number(value: Any) -> float | bool | None:
-    """A number, a truth, or nothing; TypeError for anything else."""
+    """Return a number, Boolean or None. Raise TypeError for anything else."""
     if hasattr(value, "item") and getattr(value, "size", 1) == 1:
         value = value.item()
     if value is None or isinstance(value, bool):
@@ -280,4 +290,4 @@ def _number(value: Any) -> float | bool | None:
             return float(value)
         except OverflowError:
             return math.inf
-    raise TypeError(f"it gave {value!r:.80}, which is neither a number nor a truth")
+    raise TypeError(f"it gave {value!r:.80}, which is neither a number nor a Boolean")

@@ -1,4 +1,4 @@
-"""What a person should read before a sweep: notes on its scenario, and on what its variants make of it."""
+"""Collect warnings to show before a sweep, on its scenario and its extreme variants."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -13,9 +13,9 @@ _NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
 
 
 def sweep_notes(design: Design) -> list[str]:
-    """Return sentences, without their stops, each once.
+    """Return warnings without periods, each once.
 
-    They are those on the scenario, then those on variants with all factors at one end of their ranges.
+    Those on the scenario come first, then those on variants with all factors at one end of their ranges.
     """
     found: dict[str, str] = {}
     for group in design.groups:
@@ -29,11 +29,11 @@ def _notes(group: VariantGroup) -> Iterator[str]:
     if scenario is None:
         return
     yield from scenario.notes
-    for end in (1, 0):  # the high one first: loads, speeds and strokes are
+    for end in (1, 0):  # high end first: high loads, speeds and strokes are the critical ones
         try:
             variant = scenario.with_options(_at_ends(group.factors, end))
-        except CommandError as error:  # which is what a single run would say
-            yield f"some variants cannot do what they are to do: {str(error).strip().rstrip('.')}"
+        except CommandError as error:  # a single run would fail with this message
+            yield f"some variants cannot run: {str(error).strip().rstrip('.')}"
             continue
         yield from variant.notes
 

@@ -1,4 +1,4 @@
-"""The pictures of a sweep by name, and as files."""
+"""Draw the pictures of a sweep by name."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -21,9 +21,9 @@ PICTURES: dict[str, "Callable[[SweepData, Sequence[str]], Figure]"] = {
     "sobol": draw_sobol,
     "map": draw_map,
 }
-"""What draws each of the pictures that `SweepResult.plot` explains, for a result and the names to show.
+"""Functions that draw the pictures of `SweepResult.plot`, from a result and the names to show.
 
-They raise CommandError where a result has nothing for them.
+They raise CommandError if the result has no data for the picture.
 """
 
 
@@ -31,15 +31,15 @@ _ONE_AT_A_TIME = ("bands", "tornado")
 
 
 def draw_picture(result: SweepData, kind: str, names: Sequence[str] = ()) -> "Figure":
-    """One picture; CommandError where there is no such kind, name, or nothing to draw."""
+    """Draw one picture. Raise CommandError for an unknown kind or name, or if there is nothing to draw."""
     check_choice("picture", kind, PICTURES)
     return PICTURES[kind](result, names)
 
 
 def draw_pictures(result: SweepData) -> "Iterator[tuple[str, Figure]]":
-    """Draw each picture that makes sense for a result, with the name of its file.
+    """Yield each picture that suits a result, with its file name.
 
-    Of factors that vary one at a time a tornado says all that there is.
+    For one-at-a-time sampling, a tornado shows all figures.
     """
     for kind in _ONE_AT_A_TIME if result.sampling == ONE_AT_A_TIME else PICTURES:
         try:

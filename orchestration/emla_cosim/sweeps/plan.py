@@ -1,4 +1,4 @@
-"""What a sweep is to do: a scenario, what varies, how it is sampled, and what is kept."""
+"""The plan of a sweep: scenario, factors, sampling, and metrics."""
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from .sampling import SAMPLINGS
 from .targets import merge_options
 
 Source = str | Path | System | Scenario
-"""What a plan can be made of: a scenario, its name or its file."""
+"""A scenario, its name or its file."""
 
 _OWN = ("scenario", "description", "vary", "sampling", "runs", "seed", "metrics", "signals")
 _LARGEST_SEED = 2**63 - 1
@@ -28,14 +28,21 @@ _LARGEST_SEED = 2**63 - 1
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep before anything is known of its FMUs.
+    """The plan of a sweep, before its FMUs are read.
 
-    `scenario` is what is run, with `options` over its own. `vary` says what varies and how: the name of
-    a start value (component.variable), of a component (whose FMU varies) or of an option; see
-    `distributions.parse_distribution` for the values. `sampling` is a name of `SAMPLINGS`, by default a grid
-    without `runs` and "random" with them; `seed` is that of whatever is drawn. `metrics` are what is
-    kept, by default all figures; `signals` are names or patterns of those to keep over time. `where` is
-    what sentences call the plan.
+    Attributes:
+        name: Name of the sweep.
+        scenario: Scenario to run.
+        vary: Distributions by name: a start value (component.variable), a component (whose FMU varies) or an
+            option. See `distributions.parse_distribution` for the values.
+        description: Description of the plan.
+        sampling: A name of `SAMPLINGS`. Default: "grid", or "random" with `runs`.
+        runs: Number of runs or base samples.
+        seed: Seed of random values.
+        metrics: Metrics to keep. Default: all figures.
+        signals: Names or patterns of signals to keep over time.
+        options: Options for all variants; they override those of the scenario.
+        where: Name of the plan in messages.
     """
 
     name: str
@@ -51,10 +58,13 @@ class Plan:
     where: str = "the sweep"
 
     def updated(self, given: Mapping[str, Any]) -> "Plan":
-        """With what is given beside it: `vary` and `options` are merged, None changes nothing.
+        """Return the plan with other values; None changes nothing.
 
-        So are tables among the options, such as `set`. A sampling that takes no runs drops those of the
-        plan. Raises CommandError for values of another type.
+        `vary`, `options`, and tables among the options such as `set` are merged. A sampling without runs
+        drops those of the plan.
+
+        Raises:
+            CommandError: A value has the wrong type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
@@ -71,27 +81,28 @@ class Plan:
         return changed
 
     def check(self) -> None:
-        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        """Raise CommandError for errors that do not depend on the scenario."""
         types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
         for name, type_ in types.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
-            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
+            raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {self.where}.")
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
         if not self.vary:
             raise CommandError(
-                f"{self.where} varies nothing; say what does, such as "
+                f"{self.where} varies nothing; add a factor, for example "
                 "--vary lift.plant.motor.R_s=0.05:0.3:20."
             )
 
 
 def load_plan(source: Source | Plan) -> Plan:
-    """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
+    """Load a plan by name, from a .toml file with `vary`, or from a scenario, which varies nothing.
 
-    Raises CommandError for a file that cannot be read, or that is no plan.
+    Raises:
+        CommandError: The file cannot be read or is not a plan.
     """
     if isinstance(source, Plan):
         return source
@@ -109,18 +120,18 @@ def load_plan(source: Source | Plan) -> Plan:
 
 
 def _has_plan(text: str, path: Path) -> bool:
-    """Whether a file varies something, or is a scenario file; CommandError for what is not TOML."""
+    """Return whether a file is a plan rather than a scenario. Raise CommandError if it is not TOML."""
     try:
         return "vary" in tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+    except (ValueError, RecursionError) as error:  # also for huge numbers and deep nesting
         raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
 
 
 def _parse_plan(text: str, name: str, label: str, folder: Path | None) -> Plan:
-    """The plan that a file holds; paths in it are relative to `folder`."""
+    """Parse the text of a plan. Paths in it are relative to `folder`."""
     content = tomllib.loads(text)
     if "scenario" not in content:
-        raise CommandError(f'{label} has no scenario; write scenario = "study", or the path of one.')
+        raise CommandError(f'{label} has no scenario; add scenario = "study", or the path of a scenario.')
     scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
     if folder is not None and (folder / scenario).exists():
         scenario = str(folder / scenario)
@@ -147,7 +158,7 @@ def _parse_plan(text: str, name: str, label: str, folder: Path | None) -> Plan:
 
 
 def _with_files_of(folder: Path | None, given: Any) -> Any:
-    """What one thing varies over, with files relative to the folder of the plan, as all paths in it."""
+    """Return the values of a factor with files relative to the folder of the plan."""
     if folder is None:
         return given
     if isinstance(given, str):
@@ -160,7 +171,7 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
 
 
 def flatten(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Entries by their whole name: TOML nests names with dots unless they are quoted."""
+    """Yield entries by their full name: TOML nests names with dots unless they are quoted."""
     for key, value in table.items():
         if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
             yield from ((f"{key}.{name}", inner) for name, inner in flatten(value))

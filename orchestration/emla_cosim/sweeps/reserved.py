@@ -1,3 +1,3 @@
-"""Columns that every table of variants has; nothing that varies and no figure can be called so."""
+"""Columns of every table of variants. Factors and figures must not have these names."""
 
 RESERVED = ("variant", "status", "problem", "end_s", "seed", "provenance", "time")

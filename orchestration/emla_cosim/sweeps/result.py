@@ -1,4 +1,4 @@
-"""What came out of a sweep: one row for every variant, and some signals over time."""
+"""The result of a sweep: one row for every variant, and recorded signals over time."""
 
 import shlex
 import warnings
@@ -19,22 +19,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SweepResult(SweepData):
-    """What came out of a sweep.
+    """The result of a sweep.
 
-    `variants` has a row for each variant, sorted: `variant` (its number, from 0), a column for each of
-    `factors` (what varies), `status` (one of the names in `data`), `problem` (a sentence, or null) and a
-    column for each of `figures`: numbers or truths, null or NaN where there is none. `series` has
-    `variant`, `time` and the `signals` that were kept, a row for each row of each variant; None where
-    none were. `units` are those of factors and signals, by name; `shown` says how a person sees a figure,
-    where that is known. `sampling` is the name of the method and `seed` its seed. `complete` says whether
-    all variants are there, `required` what each had to fulfil, `wall_s` how long they took. `base` is the
-    command that runs the scenario as all variants have it, None where there is none, and `targets` where
-    values of each factor go. `notes` are sentences, without their stops, to read before the figures.
-    `folder` is None where it goes with the result.
+    Attributes:
+        name: Name of the sweep.
+        sampling: Name of the sampling.
+        seed: Seed of the sampling.
+        factors: Names of the factors.
+        figures: Names of the figures.
+        variants: One row for each variant, sorted: `variant` (number from 0), a column for each factor,
+            `status` (a name in `data`), `problem` (message or null) and a column for each figure (number or
+            Boolean; null or NaN if missing).
+        signals: Names of the recorded signals.
+        series: Columns `variant`, `time` in s and the signals; None without signals.
+        units: Units of factors and signals by name.
+        shown: Label, factor and unit for displaying figures, by name.
+        folder: Folder of the sweep; None if it is temporary.
+        complete: Whether all variants ran.
+        required: Requirements on each variant.
+        base: Command that runs the scenario with the options of all variants; None if there is none.
+        targets: Targets of the values of each factor.
+        wall_s: Duration in s.
+        notes: Warnings without periods, to read before the figures.
     """
 
     def options(self, variant: int) -> dict[str, Any]:
-        """The options that are a variant's own; CommandError where there is no such variant."""
+        """Return the options that are specific to a variant. Raise CommandError if it does not exist."""
         rows = self.variants.filter(polars.col(VARIANT) == variant)
         if not rows.height:
             raise CommandError(f"there is no variant {variant}.", variant=variant)
@@ -42,16 +52,19 @@ class SweepResult(SweepData):
         return merge_options(assign_value(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
-        """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
+        """Return the command that runs a variant alone; None if it needs objects that only Python has."""
         if self.base is None or (own := format_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])
 
     def sobol(self, figure: str) -> SobolIndices:
-        """Return the Sobol indices of a figure, such as `lift.held`; needs the sampling `saltelli`.
+        """Return the Sobol indices of a figure, such as `lift.held`. The sampling must be `saltelli`.
 
-        Warns (UserWarning) where base samples are left out, as this biases the indices. Raises CommandError
-        for another sampling, a figure that the sweep does not have, or too few base samples.
+        Raises:
+            CommandError: The sampling is another, the figure does not exist, or there are too few samples.
+
+        Warns:
+            UserWarning: Base samples are left out, which biases the indices.
         """
         found = sobol_indices(self, figure)
         if found.warning is not None:
@@ -61,8 +74,12 @@ class SweepResult(SweepData):
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
 
-        `names` are the signals or figures to show; a map shows one figure. Raises CommandError for a name
-        that is not there, and where the sweep has nothing for the picture, such as `tornado` of another
-        sampling than one-at-a-time.
+        Args:
+            kind: Name of the picture.
+            names: Signals or figures to show; a map shows one figure.
+
+        Raises:
+            CommandError: A name does not exist, or the picture needs another sampling: `tornado` needs
+                one-at-a-time.
         """
         return draw_picture(self, kind, names)

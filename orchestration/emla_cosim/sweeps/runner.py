@@ -1,4 +1,4 @@
-"""The one way to run a sweep: laid out, given out to workers, and kept as it comes back."""
+"""Run a sweep: design its variants, run them on workers, and store the results."""
 
 import contextlib
 import time
@@ -31,7 +31,7 @@ from .worker import Chunk, SimulationDescription
 from .worker_payload import REGISTRIES, WorkerPayload, check_portable
 
 SOBOL = "sobol"
-"""What sweep.json calls the Sobol indices by figure."""
+"""Key of the Sobol indices in sweep.json."""
 
 
 def sweep(
@@ -51,39 +51,50 @@ def sweep(
     progress: Progress | None = None,
     **options: Any,
 ) -> SweepResult:
-    """Run many variants of a scenario side by side, and return what came out.
+    """Run many variants of a scenario in parallel on a Dask cluster.
 
-    `source` is a plan, its name or its file; or a scenario as `load` takes it, with `vary` to say what
-    varies: the name of a start value (component.variable, or a pattern), of an option or of a component
-    (whose FMU varies), and for each a distribution, a list of values or a text such as "0.05:0.3:20",
-    "normal(0.14, 0.01)" or "±10%". `sampling` is one of `SAMPLINGS`, by default "grid", or "random" with
-    `runs`; `seed` is that of whatever is drawn. `metrics` says what is kept of each variant: names or
-    patterns of figures, "name = expression" over signals, functions of a `Result`; by default all
-    figures. `signals` are names or patterns of those to keep over time. `options` are those of
-    `Options`, for all variants.
+    Ctrl-C ends the sweep early; the result then has the variants that are finished.
 
-    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
-    `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
-    default one for each core. What came out is in the folder `output`, where `resume` goes on with a sweep
-    that ended early; without a folder it lives as long as the result. Files there that emla did not write
-    are only replaced with `overwrite`.
+    Args:
+        source: A plan, its name or its file; or a scenario as for `load`, with `vary`.
+        vary: Distributions by name. A name is a start value (component.variable, or a pattern), an option,
+            or a component (whose FMU varies). A distribution is an object, a list of values, or a text such
+            as "0.05:0.3:20", "normal(0.14, 0.01)" or "±10%".
+        runs: Number of runs or base samples.
+        seed: Seed of random values.
+        sampling: A name of `SAMPLINGS`. Default: "grid", or "random" with `runs`.
+        metrics: Names or patterns of figures, "name = expression" over signals, or functions of a `Result`.
+            Default: all figures.
+        signals: Names or patterns of signals to keep over time.
+        scheduler: Address of a scheduler, or a `distributed.Client`, which stays open. Default: a cluster on
+            this machine.
+        workers: Number of workers on this machine. Default: one for each core.
+        output: Folder of the results. Default: a temporary one that exists as long as the result.
+        overwrite: Whether to replace files that emla did not write.
+        resume: Whether to continue the unfinished sweep in `output`.
+        progress: Receives the progress.
+        options: Options of `Options`, for all variants.
 
-    Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
-    with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
+    Returns:
+        The result.
+
+    Raises:
+        CommandError: The plan is invalid. No variant runs.
+        RunError: The cluster is lost, or files cannot be written.
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     options |= {"overwrite": True} if overwrite else {}
     plan = load_plan(source).updated({**given, "signals": signals, "options": options})
     check_cluster(scheduler, workers)
     with _open_folder(output, resume, overwrite) as (folder, held):
-        told = progress or Progress()
-        design = design_variants(plan, told)
+        progress = progress or Progress()
+        design = design_variants(plan, progress)
         notes = sweep_notes(design)
         for note in notes:
-            told.note(f"Note: {note}.")
+            progress.note(f"Note: {note}.")
         folder.check_unread(group.preparation.read for group in design.groups)
         with folder.alone():
-            _run(design, notes, folder, (scheduler, workers), resume, told)
+            _run(design, notes, folder, (scheduler, workers), resume, progress)
             result = read_sweep(folder.path)
             _keep_sobol_indices(result, folder)
             folder.settle()
@@ -98,7 +109,7 @@ def _keep_sobol_indices(result: SweepResult, folder: SweepFolder) -> None:
 
 
 def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
-    """Raise CommandError for what cannot be a cluster."""
+    """Raise CommandError if scheduler or workers are invalid."""
     if not isinstance(scheduler, Client):
         convert_value(scheduler, str | None, "the scheduler")
     if workers is None:
@@ -106,19 +117,19 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
     if convert_value(workers, int, "the number of workers") < 1:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     if scheduler is not None:
-        raise CommandError("the cluster of that scheduler has workers of its own; leave out how many.")
+        raise CommandError("a scheduler has its own workers; set either a scheduler or a number of workers.")
 
 
 @contextlib.contextmanager
 def _open_folder(
     output: str | Path | None, resume: bool, overwrite: bool
 ) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
-    """The folder of a sweep, and what has to be held for it to stay."""
+    """Open the folder of a sweep, with the resources that keep it alive."""
     with contextlib.ExitStack() as held:
         if output is not None:
             place = convert_value(output, Path, "the output folder")
         elif resume:
-            raise CommandError("what is to be resumed lies in a folder; give `output`.")
+            raise CommandError("to resume a sweep, set `output` to its folder.")
         else:
             place = held.enter_context(temporary_folder("emla-sweep-"))
         yield SweepFolder(place, overwrite), held
@@ -130,9 +141,9 @@ def _run(
     folder: SweepFolder,
     cluster: tuple[Scheduler, int | None],
     resume: bool,
-    told: Progress,
+    progress: Progress,
 ) -> None:
-    """Run what is not there yet, and write all that is."""
+    """Run the variants that are not finished, and write all results."""
     asked = MetricRequest.of(design.plan.metrics, design.plan.where)
     for kind, known in (("metric", asked.functions), *REGISTRIES.items()):
         check_portable(kind, known)
@@ -141,18 +152,18 @@ def _run(
     if resume and folder.is_complete:
         return
     key = f"emla-sweep-{hash_plain_data((identity, time.time_ns()))}"
-    shipment = WorkerPayload.of(key, [group.preparation for group in design.groups])
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+    payload = WorkerPayload.of(key, [group.preparation for group in design.groups])
+    with catch_interrupts() as interrupted, open_executor(payload, *cluster, progress.note) as found:
         measures, described = _measures(design, asked, found)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         folder.begin(_record(design, notes, measures, described, identity), resume)
         finished = folder.finished()
-        told.begin("sweeping", design.count, "variants")
-        told.advance(len(finished))
+        progress.begin("sweeping", design.count, "variants")
+        progress.advance(len(finished))
 
         def keep(chunk: Chunk) -> None:
             folder.keep(chunk, measures)
-            told.advance(len(chunk.outcomes))
+            progress.advance(len(chunk.outcomes))
 
         each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
         began = time.monotonic()
@@ -167,7 +178,7 @@ def _run(
 def _measures(
     design: Design, asked: MetricRequest, found: ClusterExecutor
 ) -> tuple[Measures, SimulationDescription]:
-    """What is kept, which all groups have to have; and what the first one gives."""
+    """Return the measures, which all groups must have, and the description of the first group."""
     plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
     each = []
     for described in all_:
@@ -177,11 +188,11 @@ def _measures(
         each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
-            f"variants of {plan.where} do not all have the same figures and signals; name those to keep."
+            f"the variants of {plan.where} differ in their figures or signals; name those to keep."
         )
     if both := {f.name for f in design.factors} & set(each[0].names):
         raise CommandError(
-            f"'{min(both)}' of {plan.where} would be a factor and a figure of one name; rename one of them."
+            f"'{min(both)}' of {plan.where} is the name of a factor and of a figure; rename one of them."
         )
     return each[0], all_[0]
 
@@ -193,7 +204,7 @@ def _record(
     described: SimulationDescription,
     identity: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """What sweep.json says from the beginning."""
+    """Return the initial content of sweep.json."""
     plan = design.plan
     own = format_arguments(plan.options)
     base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
@@ -224,7 +235,7 @@ def _record(
 
 
 def _table_columns(design: Design, identity: Mapping[str, Any]) -> polars.DataFrame:
-    """What the table says of variants beside what came out of them."""
+    """Return the columns of the table that are known before the run."""
     return design.table().with_columns(
         polars.lit(design.plan.seed, polars.Int64).alias("seed"),
         polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),

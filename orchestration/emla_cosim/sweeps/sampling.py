@@ -1,4 +1,4 @@
-"""Samplings: which variants a sweep runs, by the distributions of what varies."""
+"""Samplings: choose the variants of a sweep from the distributions of its factors."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,22 +14,24 @@ from ..system.model import Value
 from .distributions import Distribution
 
 _MOST_SOBOL_RUNS = 2**30
-"""SciPy's Sobol sequence has this many points."""
+"""Length of SciPy's Sobol sequence."""
 
 _MOST_SOBOL_DIMENSIONS = 21201
-"""Directions of Sobol's sequence that are known."""
+"""Dimensions of SciPy's Sobol sequence."""
 
 Columns = list[list[Value | None]]
-"""For each thing that varies its value in each variant; None where it has its nominal one."""
+"""For each factor its value in each variant; None for the nominal value."""
 
 
 @dataclass(frozen=True)
 class Sampling:
     """A way to choose variants.
 
-    `count` says how many there are, by distributions and runs; `draw` gives them, by these and a seed. Where
-    the user gives no runs, `own_size` says what decides instead, and runs are 0. `dimensions` are those of a
-    Sobol sequence for each thing that varies; 0 where none is drawn.
+    Attributes:
+        count: Returns the number of variants from distributions and runs.
+        draw: Returns the values from distributions, runs and seed.
+        own_size: For samplings without runs: what determines their size. `runs` is 0 then.
+        dimensions: Dimensions of a Sobol sequence for each factor; 0 without a sequence.
     """
 
     count: Callable[[Sequence[Distribution], int], int]
@@ -39,14 +41,15 @@ class Sampling:
 
     @property
     def takes_runs(self) -> bool:
-        """Whether it is the user who says how many variants there are."""
+        """Whether the user sets the number of runs."""
         return not self.own_size
 
 
 def count_variants(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
-    """How many variants a sampling has; nothing is allocated for them.
+    """Return the number of variants of a sampling, without drawing them.
 
-    Raises CommandError as `sample` does, but for a wrong seed.
+    Raises:
+        CommandError: As for `sample`, except for the seed.
     """
     return _check_method(method, distributions, runs).count(distributions, _runs(runs))
 
@@ -54,17 +57,30 @@ def count_variants(method: str, distributions: Sequence[Distribution], runs: int
 def sample(
     method: str, distributions: Sequence[Distribution], runs: int | None, seed: int
 ) -> list[list[Value | None]]:
-    """For each distribution its values, one for each variant; None stands for the nominal value.
+    """Draw the values of all variants.
 
-    `method` is one of `SAMPLINGS`. `grid` takes all combinations of levels, the last distribution's fastest;
-    `one-at-a-time` the nominal variant, then for each distribution its low and its high end with everything
-    else nominal. These two take no `runs` and draw nothing. `random`, `latin-hypercube` and `sobol`
-    (scrambled) draw `runs` variants. `saltelli` draws `runs` base points and makes len(distributions) + 2
-    variants of each, in the order that SALib.analyze.sobol takes without second order. `sobol` and `saltelli`
-    converge best with a power of two. The same seed, a whole number from 0, gives the same values to the bit.
+    - `grid` takes all combinations of levels. The last distribution changes fastest.
+    - `one-at-a-time` takes the nominal variant, then the low and high end of each distribution with all
+      others nominal.
+    - `random`, `latin-hypercube` and `sobol` (scrambled) draw `runs` variants.
+    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each, in the order of
+      SALib.analyze.sobol without second order.
 
-    Raises CommandError for an unknown method, no distributions, wrong or missing runs, a negative seed, too
-    many dimensions for Sobol's sequence, and, with the field `index`, for one without levels in a grid.
+    `grid` and `one-at-a-time` have no `runs`. `sobol` and `saltelli` converge best with a power of two. The
+    same seed gives bitwise the same values.
+
+    Args:
+        method: A name of `SAMPLINGS`.
+        distributions: One for each factor.
+        runs: Number of runs or base samples.
+        seed: Whole number from 0.
+
+    Returns:
+        For each distribution a list with a value for each variant; None for the nominal value.
+
+    Raises:
+        CommandError: An argument is invalid, the sampling has too many dimensions for a Sobol sequence, or
+            a distribution has no levels for a grid (its position is in the field `index`).
     """
     sampling = _check_method(method, distributions, runs)
     if convert_value(seed, int, "the seed") < 0:
@@ -76,18 +92,18 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     check_choice("sampling", method, SAMPLINGS)
     sampling = SAMPLINGS[method]
     if not distributions:
-        raise CommandError("nothing varies; a sampling needs one distribution or more.")
+        raise CommandError("nothing varies; a sampling needs at least one distribution.")
     if sampling.takes_runs:
         _check_runs(method, runs, sampling)
     elif runs is not None:
         raise CommandError(
-            f"the sampling '{method}' takes no number of runs: {sampling.own_size}.", method=method, runs=runs
+            f"the sampling '{method}' has no number of runs: {sampling.own_size}.", method=method, runs=runs
         )
     if sampling.dimensions * len(distributions) > _MOST_SOBOL_DIMENSIONS:
         most = _MOST_SOBOL_DIMENSIONS // sampling.dimensions
         raise CommandError(
-            f"the sampling '{method}' can vary {most} things at most, for Sobol's sequence has no more; "
-            f"here are {len(distributions)}.",
+            f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
+            f"dimensions; the plan has {len(distributions)}.",
             method=method,
         )
     return sampling
@@ -100,8 +116,8 @@ def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
         raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
     if sampling.dimensions and runs > _MOST_SOBOL_RUNS:
         raise CommandError(
-            f"the sampling '{method}' has {_MOST_SOBOL_RUNS} runs at most, the length of Sobol's sequence; "
-            f"here are {runs}.",
+            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
+            f"the plan has {runs}.",
             runs=runs,
         )
 
@@ -124,8 +140,8 @@ def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
         size = distribution.level_count
         if size is None:
             raise CommandError(
-                f"a grid needs levels, and {distribution.noun}, number {i + 1} of what varies, has none; "
-                "give points or values, or choose another sampling such as latin-hypercube.",
+                f"a grid needs levels, but {distribution.noun}, number {i + 1} of the factors, has none; "
+                "add points or values, or choose another sampling such as latin-hypercube.",
                 index=i,
             )
         sizes.append(size)
@@ -133,7 +149,7 @@ def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
 
 
 def _grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
-    """Each level as often as there are combinations of what follows, as often as of what comes before."""
+    """Repeat each level for all combinations of later factors, and all levels for those of earlier ones."""
     rows, before = _grid_count(distributions, 0), 1
     columns = Columns()
     for distribution in distributions:
@@ -149,7 +165,7 @@ def _random(distributions: Sequence[Distribution], runs: int, seed: int) -> Colu
 
 
 def _latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    from scipy.stats import qmc  # takes a second, which a grid does without
+    from scipy.stats import qmc  # takes a second, which a grid does not need
 
     return _at(distributions, qmc.LatinHypercube(len(distributions), rng=_generator(seed)).random(runs))
 
@@ -166,7 +182,7 @@ def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Co
 
     names = [str(i) for i in range(len(distributions))]
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    size = 2 ** _exponent(runs)  # what is cut off again keeps SciPy from warning
+    size = 2 ** _exponent(runs)  # cut to `runs` below: SciPy warns about other sizes
     points = sobol.sample(problem, size, calc_second_order=False, seed=_generator(seed))
     return _at(distributions, points[: _saltelli_count(distributions, runs)])
 
@@ -176,7 +192,7 @@ def _saltelli_count(distributions: Sequence[Distribution], runs: int) -> int:
 
 
 def _exponent(runs: int) -> int:
-    """Of the power of two that is no less."""
+    """Return the exponent of the smallest power of two that is not less than `runs`."""
     return (runs - 1).bit_length()
 
 
@@ -201,7 +217,7 @@ SAMPLINGS: dict[str, Sampling] = {
     "one-at-a-time": Sampling(
         lambda distributions, _: 2 * len(distributions) + 1,
         _one_at_a_time,
-        own_size="it runs the nominal variant and two for each thing that varies",
+        own_size="it runs the nominal variant and two for each factor",
     ),
 }
-"""Samplings by name; `sample` says what each does."""
+"""Samplings by name; `sample` describes them."""

@@ -1,20 +1,20 @@
-"""Seeds of random sequences: numbers that start the generators of FMUs."""
+"""Seeds for the random generators of FMUs."""
 
 from collections.abc import Collection
 
 import numpy as np
 
 LARGEST_SEED = 2**31 - 2
-"""The largest start of a random sequence."""
+"""The largest seed."""
 
 
 def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = ()) -> list[int]:
-    """Draw different seeds; the same entropy gives the same ones, and fewer are the first of more.
+    """Draw different seeds. The same entropy gives the same sequence, of which `count` is the length.
 
     Args:
         entropy: Seed of the draw itself.
-        count: How many to draw.
-        without: Seeds to leave out.
+        count: Number of seeds.
+        without: Seeds to exclude.
 
     Returns:
         Whole numbers from 1 to `LARGEST_SEED` - 1.

@@ -1,4 +1,4 @@
-"""Which factors a figure of a sweep follows: Sobol indices, and sensitivities around the nominal values."""
+"""Compute Sobol indices and local sensitivities of the figures of a sweep."""
 
 import contextlib
 import math
@@ -14,16 +14,22 @@ from .columns import figure_by_variant, figure_values, find_varying_figures, var
 from .data import SweepData
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
-"""The samplings that these need."""
+"""The samplings for Sobol indices and local sensitivities."""
 
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """The parts of a figure's variance that factors explain, in the order of `factors`.
+    """The shares of a figure's variance that factors explain, in the order of `factors`.
 
-    `first` is what a factor explains alone, `total` what it explains together with others; both have
-    half the width of their 95 % confidence interval beside them. They come from `groups` base samples;
-    `left_out` more have a variant without the figure.
+    Attributes:
+        figure: Name of the figure.
+        factors: Names of the factors.
+        first: Share that each factor explains alone.
+        first_confidence: Half width of the 95 % confidence interval of `first`.
+        total: Share that each factor explains together with others.
+        total_confidence: Half width of the 95 % confidence interval of `total`.
+        groups: Number of base samples used.
+        left_out: Number of base samples left out: one of their variants lacks the figure.
     """
 
     figure: str
@@ -37,19 +43,19 @@ class SobolIndices:
 
     @property
     def warning(self) -> str | None:
-        """A sentence that says that the indices are biased; None where nothing is left out."""
+        """The warning that the indices are biased; None if no base sample is left out."""
         if not self.left_out:
             return None
         every = self.groups + self.left_out
         return (
             f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of "
-            f"'{self.figure}': a variant of theirs lacks the figure. This biases the indices where what "
-            "makes variants fail also changes the figure. Judge a figure that every variant has, or narrow "
-            "the ranges."
+            f"'{self.figure}': one of their variants lacks the figure. This biases the indices if the cause "
+            "of the failures also changes the figure. Use a figure that every variant has, or narrow the "
+            "ranges."
         )
 
     def record(self) -> dict[str, Any]:
-        """Return all of it as sweep.json has it."""
+        """Return the entry for sweep.json."""
         numbers = {name: [_or_none(x) for x in getattr(self, name).tolist()] for name in _INDICES}
         kept = {"factors": list(self.factors), **numbers, "groups": self.groups, "left_out": self.left_out}
         return {**kept, "warning": self.warning}
@@ -63,7 +69,7 @@ _INDICES = ("first", "first_confidence", "total", "total_confidence")
 
 
 class LocalSensitivity(NamedTuple):
-    """A figure where a factor alone is low or high, and where all are nominal; None where it is missing."""
+    """A figure with one factor low or high, and with all nominal; None if missing."""
 
     factor: str
     low: float | None
@@ -72,17 +78,19 @@ class LocalSensitivity(NamedTuple):
 
     @property
     def effect(self) -> float:
-        """The distance between the least and the largest of the three."""
+        """The difference between the largest and the smallest of the three values."""
         known = [value for value in self[1:] if value is not None]
         return max(known) - min(known) if known else 0.0
 
 
 def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
-    """Sobol indices of a figure by the variants of a Saltelli sample, N (d + 2) rows for d factors.
+    """Return the Sobol indices of a figure from a Saltelli sample: N (d + 2) rows for d factors.
 
-    A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). Of a
-    figure that is the same everywhere no factor explains anything: all indices are 0. Raises
-    CommandError for another sampling, a figure that the sweep does not have, or too few base samples.
+    A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). All indices
+    of a constant figure are 0.
+
+    Raises:
+        CommandError: The sampling is another, the figure does not exist, or there are too few base samples.
     """
     check_sampling(result, SALTELLI, "Sobol indices")
     rows = len(result.factors) + 2
@@ -92,7 +100,7 @@ def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
     if len(whole) < 2:
         raise CommandError(
             f"{len(whole)} of {count} base samples of the sweep '{result.name}' have the figure '{figure}' "
-            f"in all of their {rows} variants; Sobol indices need 2, and hundreds to say anything.",
+            f"in all of their {rows} variants; Sobol indices need at least 2, for useful results hundreds.",
             figure=figure,
         )
     first, first_confidence, total, total_confidence = _indices(result, figure, whole)
@@ -118,41 +126,43 @@ def all_sobol_indices(result: SweepData) -> dict[str, SobolIndices]:
 
 
 def _indices(result: SweepData, figure: str, values: Vector) -> list[Vector]:
-    """First order, total, and the confidence of each, from a row for each base sample."""
+    """Return first-order indices, their confidence, total indices, and their confidence."""
     largest = float(np.max(np.abs(values)))
     if np.ptp(values) <= 1e-12 * largest:
         return [np.zeros(len(result.factors)) for _ in range(4)]
     if np.ptp(values[:, [0, -1]]) <= 1e-12 * largest:
         raise CommandError(
             f"the figure '{figure}' of the sweep '{result.name}' varies in too few variants for Sobol "
-            "indices; take more samples.",
+            "indices; use more samples.",
             figure=figure,
         )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what SALib imports, and of resamples that are constant
+        warnings.simplefilter("ignore")  # from SALib's imports, and for constant resamples
         from SALib.analyze import sobol
 
         found = sobol.analyze(
             {"num_vars": len(result.factors), "names": list(result.factors)},
             values.ravel() / largest,
             calc_second_order=False,
-            seed=result.seed + 1,  # it takes 0 for no seed
+            seed=result.seed + 1,  # SALib treats 0 as no seed
         )
     return [np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")]
 
 
 def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity]:
-    """A figure where each factor alone is low and high, the factor of the largest effect first.
+    """Return a figure with each factor alone low and high, the factor with the largest effect first.
 
-    Variant 0 is the nominal one; those of each factor follow, low and high. Raises CommandError for another
-    sampling, or a figure that the sweep does not have.
+    Variant 0 is the nominal one. Low and high of each factor follow.
+
+    Raises:
+        CommandError: The sampling is another, or the figure does not exist.
     """
     check_sampling(result, ONE_AT_A_TIME, "local sensitivities")
     count = 1 + 2 * len(result.factors)
-    figure_values(result, figure)  # says what is wrong with its name
+    figure_values(result, figure)  # raises if the figure does not exist
     if int(variant_numbers(result).max(initial=-1)) >= count:
         raise CommandError(
-            f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time gives for "
+            f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time has for "
             f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."
         )
     nominal, *others = (
@@ -166,10 +176,10 @@ def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity
 
 
 def check_sampling(result: SweepData, sampling: str, what: str) -> None:
-    """Raise CommandError, which says `what` needs it, where a sweep was sampled in another way."""
+    """Raise CommandError if a sweep has another sampling. `what` is what needs it, for the message."""
     if result.sampling != sampling:
         raise CommandError(
-            f"the sweep '{result.name}' was sampled by {result.sampling}; {what} need the sampling "
+            f"the sweep '{result.name}' has the sampling {result.sampling}; {what} need the sampling "
             f"{sampling}.",
             sampling=result.sampling,
         )

@@ -1,4 +1,4 @@
-"""A sweep read from its folder."""
+"""Read a sweep from its folder."""
 
 from pathlib import Path
 
@@ -14,14 +14,14 @@ from .targets import Target
 
 
 def read_sweep(folder: str | Path) -> SweepResult:
-    """What a sweep left in its folder, also where it ended early. Raises CommandError where there is none."""
+    """Read the result of a sweep, finished or not. Raise CommandError if the folder has none."""
     place = convert_value(folder, Path, "the folder of the sweep")
     record = SweepFolder.record_of(place)
     try:
         variants = polars.read_parquet(place / TABLE)
         parts = place / SERIES
         series = None
-        if any(parts.glob("*.parquet")):  # each has its variants in order, but what was lost comes late
+        if any(parts.glob("*.parquet")):  # each is sorted by variant, but retried chunks come late
             series = polars.scan_parquet(parts / "*.parquet").sort(VARIANT, maintain_order=True)
         return SweepResult(
             name=record["name"],
@@ -43,4 +43,4 @@ def read_sweep(folder: str | Path) -> SweepResult:
             notes=record.get("notes", ()),
         )
     except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
-        raise CommandError(f"'{place}' has no sweep that can be read: {error}.") from error
+        raise CommandError(f"'{place}' has no readable sweep: {error}.") from error

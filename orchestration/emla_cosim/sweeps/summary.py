@@ -1,4 +1,4 @@
-"""What a person sees of a sweep in the terminal: how variants ended, figures, sensitivities, the worst."""
+"""Format a sweep for the terminal: statuses, figures, sensitivities, the worst variants."""
 
 import numpy as np
 import polars
@@ -28,18 +28,24 @@ from .result import SweepResult
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
 
 _MOST_FACTORS = 12
-"""So many factors are in a table of sensitivities."""
+"""Most factors in a table of sensitivities."""
 
 WORST = 5
-"""How many of the worst variants are shown unless somebody asks for more."""
+"""Default number of the worst variants shown."""
 
 
 def format_summary(
     result: SweepResult, figure: str | None = None, count: int = WORST
 ) -> list[RenderableType]:
-    """All of this; `figure` is that of sensitivities and worst variants, None for the first that varies.
+    """Format all parts of the summary.
 
-    Raises CommandError for a figure that the sweep does not have.
+    Args:
+        result: The sweep.
+        figure: Figure for sensitivities and worst variants. Default: the first that varies.
+        count: Number of the worst variants.
+
+    Raises:
+        CommandError: The sweep does not have the figure.
     """
     parts: list[RenderableType] = [status_line(result)]
     if figure is None:
@@ -54,19 +60,19 @@ def format_summary(
 
 
 def status_line(result: SweepResult) -> Text:
-    """How many variants there are, and how many ended in each way."""
+    """Return the number of variants, in total and for each status."""
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
-    told = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
+    counts = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
     if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
-        told[DONE] += f" ({wrong:,} of them {NOT_HELD})"
-    return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
+        counts[DONE] += f" ({wrong:,} of them {NOT_HELD})"
+    return Text(f"{_variants(len(statuses))}: {', '.join(counts.values()) or 'none'}")
 
 
 def figures_table(result: SweepResult) -> RenderableType:
-    """Least, median, 95 % and largest value of figures over the variants that are done; truths by count.
+    """Tabulate minimum, median, 95 % quantile and maximum of figures over variants that are done.
 
-    Verdicts come first: no figure is read without them.
+    Booleans have counts. Verdicts come first, since the other figures depend on them.
     """
     title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
     table = Table()
@@ -103,7 +109,7 @@ def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
 
 
 def sobol_table(result: SweepResult, figure: str) -> RenderableType:
-    """Sobol indices of a figure, the largest total first. Raises CommandError as `sobol_indices` does."""
+    """Tabulate the Sobol indices of a figure, the largest total first. Errors: as `sobol_indices`."""
     found = sobol_indices(result, figure)
     left_out = f", {found.left_out:,} left out" if found.left_out else ""
     title = (
@@ -126,9 +132,9 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
 
 
 def local_table(result: SweepResult, figure: str) -> RenderableType:
-    """A figure where each factor alone is low and high, the largest effect first.
+    """Tabulate a figure with each factor alone low and high, the largest effect first.
 
-    Raises CommandError as `local_sensitivities` does.
+    Errors are those of `local_sensitivities`.
     """
     shown = display_of(result, figure)
     unit = f" in {shown.unit}" if shown.unit else ""
@@ -145,16 +151,18 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
 
 
 def _tell_rest(table: Table, factors: int) -> None:
-    """A last row that says how many factors with less effect are left out."""
+    """Add a last row with the number of omitted factors."""
     if (rest := factors - _MOST_FACTORS) > 0:
         table.add_row(f"and {rest} with less effect", style="dim")
 
 
 def find_worst_variants(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
-    """The rows of the worst variants: those that are not done, that are not held, that lack the figure.
+    """Return the rows of the worst variants: not done, then not held, then without the figure.
 
-    The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
-    CommandError for a figure that the sweep does not have.
+    Then follow the largest numbers, or false before true. Equal variants are sorted by number.
+
+    Raises:
+        CommandError: The sweep does not have the figure.
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
@@ -164,7 +172,7 @@ def find_worst_variants(result: SweepResult, figure: str, count: int = WORST) ->
 
 
 def worst_table(result: SweepResult, figure: str, count: int = WORST) -> RenderableType:
-    """The worst variants, see `find_worst_variants`, each with its problem."""
+    """Tabulate the worst variants (see `find_worst_variants`), each with its problem."""
     rows, shown = find_worst_variants(result, figure, count), display_of(result, figure)
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
     table = Table()
@@ -184,7 +192,7 @@ def worst_table(result: SweepResult, figure: str, count: int = WORST) -> Rendera
 
 
 def list_worst_commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
-    """What runs each of the worst variants alone, line by line; `figure` as in `format_summary`."""
+    """Return lines with the commands that run the worst variants. `figure` is as in `format_summary`."""
     figure = figure or main_figure(result)
     if figure is None:
         return []
@@ -199,7 +207,7 @@ def _format_figure(result: SweepResult, figure: str, shown: Shown, value: float 
 
 
 def _add_title(title: str, table: Table) -> RenderableType:
-    """A table below a line that may be longer than the table is wide."""
+    """Put a title above a table. It may be wider than the table."""
     return Group(Text(title, style="table.title"), table)
 
 

@@ -1,4 +1,4 @@
-"""Where the values of a variant go, as options of a run and as arguments of `emla run`."""
+"""Targets of the values of a variant, as options of a run and as arguments of `emla run`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from ..run.options import list_options, select_repeatable
 from ..system.model import Replacement, Value
 
 OPTION, FMU, START = "option", "replace", "set"
-"""What a target is: an option, a component whose FMU varies, or a start value by its full name."""
+"""Kinds of targets: an option, a component whose FMU varies, or a start value by its full name."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where a value goes; `nominal` is what it multiplies there, if it is relative."""
+    """Where a value goes. A relative value multiplies `nominal`."""
 
     name: str
     kind: str = START
@@ -29,13 +29,13 @@ def needs_preparation(target: Target) -> bool:
 
 
 def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those options that a run of a prepared simulation takes."""
+    """Return the options that a run of a prepared simulation accepts."""
     known = list_options()
     return {name: value for name, value in options.items() if not known[name].is_prepared}
 
 
 def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
-    """The options that bring a value of the table of variants to these targets; none for None."""
+    """Return the options that set these targets to a value of the table of variants; none for None."""
     found: dict[str, Any] = {}
     if value is None:
         return found
@@ -52,7 +52,7 @@ def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, An
 
 
 def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Options of several factors as those of one run."""
+    """Merge the options of several factors for one run."""
     found: dict[str, Any] = {}
     for part in parts:
         for name, value in part.items():
@@ -61,7 +61,7 @@ def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
-    """Options as `emla run` takes them; None where one is an object that only Python has."""
+    """Return options as arguments of `emla run`; None if one is an object that only Python has."""
     known, found = list_options(SWEEP), list[str]()
     for name, value in select_repeatable(options).items():
         arguments = _arguments(known[name], value)

@@ -1,4 +1,4 @@
-"""Values with units in what a plan gives for one thing that varies, as numbers in the unit of a variable."""
+"""Convert values with units in a plan to numbers in the unit of the variable."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -9,17 +9,21 @@ from ..base.quantities import has_unit
 from .distributions import DISTRIBUTIONS, list_positional_fields
 
 Convert = Callable[[str], Any]
-"""What makes a number of a text with a unit; CommandError for a unit that does not fit."""
+"""Converts a text with a unit to a number. Raises CommandError for an incompatible unit."""
 
 _CALL = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
 
 
 def convert_units(given: Any, convert: Convert, where: str) -> Any:
-    """Return what a plan gives with numbers in the place of texts such as "5 mm".
+    """Replace texts such as "5 mm" by numbers. Values without a unit, and factors, do not change.
 
-    `given` is anything that `distribution` takes; whatever has no unit, and factors, stay as they are. Raises
-    CommandError, with `where` for the thing that varies, where only some of the values have a unit: nobody
-    could tell what the others mean.
+    Args:
+        given: Any value that `parse_distribution` accepts.
+        convert: Converts a text with a unit.
+        where: Name of the factor in messages.
+
+    Raises:
+        CommandError: Only some of the values have a unit, which is ambiguous.
     """
     try:
         if isinstance(given, str):
@@ -82,7 +86,7 @@ def _convert_values(values: Sequence[Any], convert: Convert) -> list[Any]:
     for value in values:
         if not _is_quantity(value) and _number(value) not in (0.0, None):
             other = next(filter(_is_quantity, values))
-            raise _MixedUnitsError(f"{value} has no unit, but {other} has; give all of them a unit, or none.")
+            raise _MixedUnitsError(f"{value} has no unit, but {other} has; add a unit to all or none.")
     return found
 
 

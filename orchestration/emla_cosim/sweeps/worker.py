@@ -1,4 +1,4 @@
-"""What runs on a worker: simulations prepared once, and the variants of a chunk run on them."""
+"""Code that runs on a worker: prepare simulations once, and run the variants of a chunk."""
 
 import contextlib
 import tempfile
@@ -28,12 +28,12 @@ from .measures import MeasureError, Measures, reason_not_held
 from .worker_payload import REGISTRIES, WorkerPayload
 
 _PREPARED_AT_MOST = 8
-"""Simulations that one thread keeps; the one that was not used for longest goes."""
+"""Most simulations that one thread keeps. The least recently used one is closed."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One run: its number, and the options that are its own."""
+    """One variant: its number, and its own options."""
 
     number: int
     options: Mapping[str, Any]
@@ -41,7 +41,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class VariantOutcome:
-    """What a variant gave: how it ended, why, at which time in s, and its figures."""
+    """The outcome of a variant: status, reason, end time in s, and figures."""
 
     number: int
     status: str
@@ -52,7 +52,7 @@ class VariantOutcome:
 
 @dataclass(frozen=True)
 class Chunk:
-    """What the variants of a chunk gave, how long they took in s, and their signals as a Parquet file."""
+    """The outcomes of a chunk, its duration in s, and its signals as a Parquet file."""
 
     outcomes: Sequence[VariantOutcome]
     wall_s: float
@@ -61,42 +61,42 @@ class Chunk:
 
 @dataclass(frozen=True)
 class SimulationDescription:
-    """What a prepared simulation gives: signals with units, figures, and how people see these."""
+    """The signals (with units) and figures of a prepared simulation, and how to display figures."""
 
     units: Mapping[str, str]
     figures: Mapping[str, bool]
-    """Whether each is a truth."""
+    """Figures by name, with whether each is Boolean."""
     shown: Mapping[str, Shown]
     rows: int
-    """Of a table, for the options as they are."""
+    """Rows of a table with the options of the scenario."""
 
 
 class SweepPlugin(WorkerPlugin):
-    """Holds on every worker what a sweep needs there: FMUs in a folder, simulations by thread."""
+    """Stores on every worker the FMUs of a sweep in a folder, and simulations by thread."""
 
-    def __init__(self, shipment: WorkerPayload) -> None:
-        self._shipment = shipment
-        self.name = shipment.key
+    def __init__(self, payload: WorkerPayload) -> None:
+        self._payload = payload
+        self.name = payload.key
 
     def setup(self, worker: Any) -> None:
-        """Unpack what has travelled, on the worker. Raises CommandError where it is of another version."""
-        shipment = self._shipment
-        if (here := version("emla-cosim")) != shipment.version:
+        """Unpack the payload on the worker. Raise CommandError if its version differs."""
+        payload = self._payload
+        if (here := version("emla-cosim")) != payload.version:
             raise CommandError(
-                f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
+                f"the worker {worker.address} has emla-cosim {here}, not {payload.version}; install that."
             )
         register()
-        self._new = {kind: shipment.registered[kind].keys() - known for kind, known in REGISTRIES.items()}
+        self._new = {kind: payload.registered[kind].keys() - known for kind, known in REGISTRIES.items()}
         for kind, known in REGISTRIES.items():
-            known.update(shipment.registered[kind])
+            known.update(payload.registered[kind])
         self._folder = tempfile.TemporaryDirectory(
             prefix="emla-sweep-",
-            dir=worker.local_directory,  # which Dask removes if the worker is killed
+            dir=worker.local_directory,  # Dask removes it even if the worker is killed
             ignore_cleanup_errors=True,
         )
         self._place = Path(self._folder.name).resolve()
         self._files = {}
-        for sha, (name, content) in shipment.files.items():
+        for sha, (name, content) in payload.files.items():
             place = self._place / sha[:16] / name
             place.parent.mkdir(exist_ok=True)
             place.write_bytes(content)
@@ -105,18 +105,18 @@ class SweepPlugin(WorkerPlugin):
         self._turn = threading.Lock()
 
     def teardown(self, worker: Any) -> None:
-        """Free everything."""
+        """Close simulations and remove files and registrations."""
         with self._turn:
             for simulation in self._simulations.values():
                 simulation.close()
             self._simulations.clear()
-        for kind, names in self._new.items():  # the next sweep here may be somebody else's
+        for kind, names in self._new.items():  # the next sweep may be another user's
             for name in names:
                 REGISTRIES[kind].pop(name, None)
         self._folder.cleanup()
 
     def simulation(self, group: int) -> Simulation:
-        """The simulation of a preparation that belongs to this thread. Raises CosimError."""
+        """Return this thread's simulation of a group. Raise CosimError if it cannot be prepared."""
         key = (group, threading.get_ident())
         with self._turn:
             found = self._simulations.pop(key, None)
@@ -124,20 +124,20 @@ class SweepPlugin(WorkerPlugin):
             if found is None and len(ours) >= _PREPARED_AT_MOST:
                 self._simulations.pop(ours[0]).close()
         if found is None:
-            shipped = self._shipment.packed[group]
-            system = shipped.unpack_system(self._files)
-            alone = replace(shipped.options, threads=1)  # other workers have the other cores
-            found = Simulation(system, alone, shipped.name, unpacked=self._place)
+            packed = self._payload.packed[group]
+            system = packed.unpack_system(self._files)
+            alone = replace(packed.options, threads=1)  # other workers use the other cores
+            found = Simulation(system, alone, packed.name, unpacked=self._place)
         with self._turn:
             self._simulations[key] = found
         return found
 
 
 def describe(key: str, group: int) -> SimulationDescription:
-    """Tell what the simulation of a preparation gives. Raises CosimError where there is none."""
+    """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
     simulation = _plugin(key).simulation(group)
     outline = _OutlineRecorder()
-    with contextlib.suppress(RunError):  # a variant may be fine where the scenario itself is not
+    with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
         simulation.start(recorders=[outline])
     found = outline.outline
     if found is None:
@@ -159,12 +159,12 @@ def describe(key: str, group: int) -> SimulationDescription:
 
 
 def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measures) -> Chunk:
-    """Run these variants one after the other; what goes wrong in one is its outcome."""
+    """Run variants in sequence. An error in one becomes its outcome."""
     plugin = _plugin(key)
     outcomes, series = list[VariantOutcome](), list[polars.DataFrame]()
-    with contextlib.suppress(CosimError):  # which is the outcome of every variant then
+    with contextlib.suppress(CosimError):  # every variant reports it as its outcome
         plugin.simulation(group)
-    began = time.perf_counter()  # for what is done again and again
+    began = time.perf_counter()  # without the preparation, which happens once
     for variant in variants:
         outcome, result = _run(plugin, group, variant, measures)
         outcomes.append(outcome)
@@ -178,7 +178,7 @@ def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measu
 def _run(
     plugin: SweepPlugin, group: int, variant: Variant, measures: Measures
 ) -> tuple[VariantOutcome, Result | None]:
-    """Run one variant; whatever goes wrong is told as what came out of it."""
+    """Run one variant. Any error becomes its outcome."""
     recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
     status, problem = DONE, None
     try:
@@ -200,12 +200,12 @@ def _run(
         return VariantOutcome(variant.number, status, problem, result.end_s, figures), result
     except CosimError as error:
         return VariantOutcome(variant.number, REFUSED, str(error)), None
-    except BaseException as error:  # of somebody's metrics or algorithm; SystemExit would end the thread
+    except BaseException as error:  # from a user's metrics or algorithm; SystemExit would end the thread
         return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
 
 
 def _status(error: RunError) -> str:
-    """How a run ended that has a result."""
+    """Return the status of a failed run that has a result."""
     if isinstance(error.__cause__, DiscardedStepError):
         return DIVERGED
     return FAILED if "time" not in error.fields or error.fields["result"].steps else REFUSED
@@ -216,17 +216,17 @@ def _plugin(key: str) -> SweepPlugin:
 
 
 def to_parquet(table: polars.DataFrame) -> bytes:
-    """A table as a Parquet file."""
+    """Return a table as the content of a Parquet file."""
     stream = BytesIO()
     table.write_parquet(stream)
     return stream.getvalue()
 
 
 class _OutlineRecorder(Recorder):
-    """Remembers what it is told of a run."""
+    """Stores the outline of a run."""
 
     outline: Outline | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """A run begins."""
+        """Store the outline."""
         self.outline = outline

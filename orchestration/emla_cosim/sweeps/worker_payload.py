@@ -1,4 +1,4 @@
-"""What travels to the workers, once: FMUs by their content, and the systems that are made of them."""
+"""The data sent to the workers once: FMUs by their content, and the systems that use them."""
 
 import copyreg
 import sys
@@ -32,14 +32,14 @@ def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
 
 
 if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
-    copyreg.pickle(_kind, _by_name)  # of lazy_loader; else no function that uses the package could travel
+    copyreg.pickle(_kind, _by_name)  # lazy_loader's module type; else functions that use it cannot be sent
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """A scenario whose FMUs are built and whose components are what the options make them.
+    """A scenario with built FMUs and components as its options define them.
 
-    `fmus` has the content hash of every component's FMU, `interfaces` what it shows of itself.
+    `fmus` has the content hash of every component's FMU, `interfaces` its variables and units.
     """
 
     name: str
@@ -49,25 +49,25 @@ class Preparation:
     interfaces: Mapping[str, Interface]
     files: Mapping[str, Path]
     resources: object = None
-    """What has to live for the files to be there."""
+    """Objects that keep the files alive."""
     read: Mapping[Path, str] = field(default_factory=dict)
-    """What else was read, and what it is."""
+    """Other files that were read, with their descriptions."""
     scenario: Scenario | None = None
-    """What it was prepared of."""
+    """The scenario that was prepared."""
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
-        """Build what is missing, and read what is there; raises as `Scenario.prepare`."""
-        options, told = limit_to_data_end(scenario.options), progress or Progress()
+        """Build missing FMUs and read their interfaces. Errors are those of `Scenario.prepare`."""
+        options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked):
-            system, fmus = prepare_system(scenario.system, options, told)
+            system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
-        told.advance(1)
+        progress.advance(1)
         usual, known = Options(), options_of(Options)
         done = {o.name for o in known if o.about.stage in (BUILDING, PREPARING)}
         if not options.follow_models:
-            done.add("set")  # else it tells a variant what must not follow from its own values
+            done.add("set")  # else it tells a variant which parameters must not follow its own values
         done |= {o.name for o in known if o.about.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
@@ -83,13 +83,13 @@ class Preparation:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """All that decides what a run gives, as plain data."""
+        """Everything that determines the result of a run, as plain data."""
         return RunDefinition(self.system, self.fmus, self.options).variants_identity
 
 
 @dataclass(frozen=True)
 class PackedPreparation:
-    """A `Preparation` as it travels; `system` has no FMUs, `fmus` has them by content hash."""
+    """A `Preparation` to send: `system` has no FMUs, `fmus` has their content hashes."""
 
     name: str
     system: System
@@ -97,7 +97,7 @@ class PackedPreparation:
     fmus: Mapping[str, str]
 
     def unpack_system(self, files: Mapping[str, Path]) -> System:
-        """The system with the FMUs' files, given by content hash."""
+        """Return the system with the FMU files, which `files` has by content hash."""
         return replace(
             self.system,
             components=tuple(replace(c, fmu=files[self.fmus[c.name]]) for c in self.system.components),
@@ -109,14 +109,14 @@ REGISTRIES: Mapping[str, dict[str, Any]] = {
     "algorithm": ALGORITHMS,
     "step-size control": STEP_SIZE_CONTROLS,
 }
-"""What users register and workers need, by what messages call it."""
+"""Registries that users extend and workers need, by their names in messages."""
 
 
 @dataclass(frozen=True)
 class WorkerPayload:
-    """All that workers need; `files` has name and content of FMU files by their hash.
+    """Everything that workers need.
 
-    `registered` has what is in `REGISTRIES`: users register their own.
+    `files` has name and content of FMU files by hash, `registered` the entries of `REGISTRIES`.
     """
 
     key: str
@@ -127,7 +127,7 @@ class WorkerPayload:
 
     @classmethod
     def of(cls, key: str, preparations: Sequence[Preparation]) -> "WorkerPayload":
-        """Everything that these preparations need; `key` names it on the workers."""
+        """Return the payload of these preparations. `key` is its name on the workers."""
         paths = {sha: path for p in preparations for sha, path in p.files.items()}
         return cls(
             key,
@@ -139,7 +139,7 @@ class WorkerPayload:
 
 
 def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
-    """Raise CommandError for one of these, by name, that cannot be sent to another process."""
+    """Raise CommandError if one of these objects cannot be sent to another process."""
     for name, one in objects.items():
         try:
             cloudpickle.dumps(one)

@@ -1,1 +1,1 @@
-"""Is this FMU still right: checks of any FMI 2.0 FMU, and what they found."""
+"""Verify FMI 2.0 FMUs of any tool, and report the findings."""

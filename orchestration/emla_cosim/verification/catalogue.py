@@ -1,4 +1,4 @@
-"""All checks, in the order in which they are done and shown: what a check needs stands before it."""
+"""All checks, in the order in which they run and appear: each check comes after those that it needs."""
 
 from .check import Check
 from .checks import (
@@ -48,7 +48,7 @@ READING: tuple[Check, ...] = (
     units.derivatives,
     semantics.semantics,
 )
-"""Of a model description that keeps the schema, so that no process of its own is needed for each."""
+"""Checks of a valid model description. They are safe to run in one process."""
 
 STATIC: tuple[Check, ...] = (
     archive.safe,
@@ -65,7 +65,7 @@ STATIC: tuple[Check, ...] = (
     sources.compile_,
     documents.present,
 )
-"""Of the file alone; nothing of it is run, but for what its library does when it is loaded."""
+"""Checks of the file alone. They run no code of the FMU, except what its library does when it is loaded."""
 
 DYNAMIC: tuple[Check, ...] = (
     instances.created,
@@ -91,12 +91,12 @@ DYNAMIC: tuple[Check, ...] = (
     model_exchange.agrees,
     logs.categories,
 )
-"""Of what the FMU does when it is called."""
+"""Checks that call the FMU."""
 
 CHECKS: tuple[Check, ...] = (*STATIC, *DYNAMIC, references.agrees)
 
 RECORDED = references.recorded
-"""What is done instead where references are to be made."""
+"""Runs instead of `CHECKS` to record references."""
 
 SYSTEM = (systems.runs, systems.agrees)
-"""What is asked of a whole system: the latter where there is a run to hold it against."""
+"""Checks of a whole system. The second one needs a reference run."""

@@ -1,4 +1,4 @@
-"""A check: its stable name, what it rests on, what it needs, and the function that does it."""
+"""A check: its name, the clause of the standard, the checks that it needs, and its function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,17 +8,22 @@ from typing import Any
 from .verdict import CheckOutcome, Clause
 
 Examine = Callable[[Any], CheckOutcome]
-"""What does a check: takes a `Subject`, or another thing that is examined."""
+"""The function of a check. Takes a `Subject` or a `WholeSystem`."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One question to an FMU, asked in a process of its own.
+    """One check of an FMU. It runs in a subprocess.
 
-    `name` is stable, `group.what`; `title` is what a report calls it. `clause` is the sentence of the
-    standard that a failure breaks. `needs` are names of checks that have to pass, or warn, before it
-    makes sense. `hint` says what to do about a failure. `time_factor` and `memory_factor` multiply the time
-    and the memory that it may take.
+    Attributes:
+        name: Stable name, `group.what`.
+        title: Title in reports.
+        clause: Clause of the standard that a failure violates.
+        hint: What to do about a failure.
+        examine: Function of the check.
+        needs: Names of checks that must pass or warn first.
+        time_factor: Multiplies the time limit.
+        memory_factor: Multiplies the memory limit.
     """
 
     name: str
@@ -31,12 +36,12 @@ class Check:
     memory_factor: float = 1.0
 
     def __reduce__(self) -> Any:
-        """As it goes to a process that has nothing of this one: by the name that its module has for it."""
+        """Pickle the check by its module and name, for other processes."""
         return _of, (self.examine.__module__, self.examine.__name__)
 
     @property
     def group(self) -> str:
-        """The first part of the name."""
+        """The first part of the name: `state`."""
         return self.name.partition(".")[0]
 
 
@@ -49,7 +54,7 @@ def check(
     time_factor: float = 1.0,
     memory_factor: float = 1.0,
 ) -> Callable[[Examine], Check]:
-    """Make a check of a function; see `Check` for what is said of it."""
+    """Decorate a function as a check. `Check` describes the arguments."""
 
     def made(examine: Examine) -> Check:
         return Check(name, title, clause, hint, examine, needs, time_factor, memory_factor)

@@ -1,4 +1,4 @@
-"""One check asked of one subject, in a process of its own, and what it found."""
+"""Run checks of one subject in a subprocess."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -13,14 +13,14 @@ from .verdict import CheckOutcome, Verdict, failed, skipped
 
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
-    """Do a check, within the limits of the settings."""
+    """Run a check within the limits of the settings."""
     return next(run_checks([check], subject, settings))
 
 
 def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Iterator[Finding]:
-    """Do checks one after the other in one process, a new one where one of them ends it.
+    """Run checks in sequence in one process. Start a new process if a check ends it.
 
-    The first one's limits hold for all.
+    The limits of the first check apply to all.
     """
     seconds, memory = (
         checks[0].time_factor * settings.seconds,
@@ -35,22 +35,22 @@ def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Ite
 
 
 def skip_blocked(check: Check, needed: Finding) -> Finding:
-    """What is said of a check that needs one that did not pass."""
-    told = needed.sentence  # which says it already where that was blocked itself
+    """Return the finding for a check that needs one that failed or was skipped."""
+    reason = needed.sentence  # already names the first cause if `needed` was blocked itself
     if needed.verdict == Verdict.FAILED:
-        told = f"It needs {needed.check}, which failed."
-    elif not told.startswith("It needs "):
-        told = f"It needs {needed.check}, which was skipped: {told}"
-    return make_finding(check, skipped(told))
+        reason = f"It needs {needed.check}, which failed."
+    elif not reason.startswith("It needs "):
+        reason = f"It needs {needed.check}, which was skipped: {reason}"
+    return make_finding(check, skipped(reason))
 
 
 def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> Finding:
-    """An outcome with what its check rests on."""
+    """Return an outcome together with the title, clause and hint of its check."""
     return Finding(check.name, check.title, outcome, check.clause, outcome.hint or check.hint, seconds)
 
 
 def _do(check: Check, subject: Any) -> CheckOutcome:
-    from .host.hosted_instance import CallError  # which loads fmpy's part for FMI 2.0
+    from .host.hosted_instance import CallError  # loads fmpy.fmi2
 
     try:
         return check.examine(subject)

@@ -1,4 +1,4 @@
-"""A report in short, as Markdown, for the page that a CI system shows of a run.
+"""Summarize a report as Markdown for the summary page of a CI run.
 
 python -m emla_cosim.verification.ci_summary report.json >> "$GITHUB_STEP_SUMMARY"
 """
@@ -16,14 +16,18 @@ from .verdict import Verdict
 
 _MOST_ROWS = 200
 _MOST_FINDINGS = 100
-"""Of each verdict. GitHub takes no summary of more than 1 MiB."""
+"""Most findings of each verdict. GitHub rejects summaries of more than 1 MiB."""
 
 _LONGEST = 500
 _SIGNS = {Verdict.FAILED: "❌", Verdict.WARNING: "⚠️", Verdict.PASSED: "✅", Verdict.SKIPPED: "⏭️"}
 
 
 def format_ci_summary(report: Mapping[str, Any]) -> str:
-    """A table of the FMUs and a list of what is wrong with them; `report` is as `Report.as_dict` gives it."""
+    """Return a table of the FMUs and a list of their failures and warnings.
+
+    Args:
+        report: The result of `Report.as_dict`.
+    """
     verdict = Verdict.PASSED if report["passed"] else Verdict.FAILED
     lines = [f"## {_SIGNS[verdict]} FMUs {verdict}", "", *_table(report["examined"]), ""]
     for kind in (Verdict.FAILED, Verdict.WARNING):
@@ -56,13 +60,13 @@ def _item(kind: Verdict, one: dict[str, Any], finding: dict[str, Any]) -> str:
 
 
 def _text(text: object) -> str:
-    """Text of others as it is, whatever Markdown or HTML would make of it."""
+    """Escape Markdown and HTML in a text, and shorten it to one line."""
     line = " ".join(shorten_text(make_visible(text), _LONGEST).split())
     return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda found: f"&#{ord(found[0])};", html.escape(line))
 
 
 def main() -> None:
-    """Write the summary of the JSON report that the argument names to the standard output."""
+    """Print the summary of the JSON report in the first argument."""
     report = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     sys.stdout.reconfigure(encoding="utf-8")  # pyright: ignore[reportAttributeAccessIssue]
     sys.stdout.write(format_ci_summary(report))

@@ -1,4 +1,4 @@
-"""What several processes want, and one of them does."""
+"""Share one result between several processes."""
 
 import pickle
 from collections.abc import Callable
@@ -11,9 +11,13 @@ T = TypeVar("T")
 
 
 def compute_once(place: Path, do: Callable[[], T]) -> T:
-    """What `do` returns, by the first process that asks for it at this file; others wait, and read it.
+    """Call `do` in the first process that asks, and return its result in all of them.
 
-    Where `do` raises, the next one tries. The folder has to be one that nobody else may write to.
+    If `do` raises, the next process tries.
+
+    Args:
+        place: File for the result, which is unpickled. Other users must not be able to write to its folder.
+        do: Function to call.
     """
     place.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(place.with_suffix(".lock")):

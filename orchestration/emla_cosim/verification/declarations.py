@@ -1,7 +1,6 @@
-"""What a model description declares, read without judging it: wrong references stay as they are.
+"""Read the declarations of a model description without resolving references.
 
-fmpy resolves references while it reads, and stops at the first that leads nowhere; checks want to
-tell all of them.
+fmpy resolves references and stops at the first invalid one. Checks report all of them.
 """
 
 from collections import Counter
@@ -32,15 +31,15 @@ _INITIAL = {
     ("local", "continuous"): _ANY,
     ("independent", "continuous"): (),
 }
-"""Causality and variability that go together, and their `initial`, the default first (tables in 2.2.7)."""
+"""Allowed causality and variability, and their `initial`, the default first (tables in 2.2.7)."""
 
 
 @dataclass(frozen=True)
 class DeclaredVariable:
-    """A ScalarVariable: `own` attributes of its type's element; `attributes` has its SimpleType's too."""
+    """A ScalarVariable. `own` has its own attributes; `attributes` also those of its SimpleType."""
 
     index: int
-    """From 1, as ModelStructure counts."""
+    """Position in ModelVariables, from 1."""
     name: str
     reference: int
     causality: str
@@ -54,27 +53,27 @@ class DeclaredVariable:
 
     @property
     def initials(self) -> tuple[str, ...] | None:
-        """What `initial` may be; None where causality and variability do not go together."""
+        """Allowed values of `initial`; None if causality and variability are incompatible."""
         return _INITIAL.get((self.causality, self.variability))
 
     @property
     def possible(self) -> bool:
-        """Whether causality, variability and initial go together."""
+        """Whether causality, variability and initial are compatible."""
         return self.initials is not None and self.given_initial in (None, *self.initials)
 
     @property
     def initial(self) -> str | None:
-        """How it is initialized, by default where nothing is said; None where that is not defined."""
+        """The attribute `initial`, or its default; None if there is no default."""
         return self.given_initial or (self.initials[0] if self.initials else None)
 
     @property
     def start(self) -> str | None:
-        """Its start value, as it is written."""
+        """The start value as written."""
         return self.own.get("start")
 
     @property
     def unit(self) -> str | None:
-        """The name of its unit."""
+        """The name of the unit."""
         return self.attributes.get("unit")
 
     def __str__(self) -> str:
@@ -83,7 +82,7 @@ class DeclaredVariable:
 
 @dataclass(frozen=True)
 class DeclaredUnit:
-    """A Unit: attributes of its BaseUnit, None where it has none, and of its DisplayUnits."""
+    """A Unit: attributes of its BaseUnit (None if it has none) and of its DisplayUnits."""
 
     name: str
     base: Mapping[str, str] | None
@@ -102,7 +101,7 @@ class DeclaredType:
 
 @dataclass(frozen=True)
 class DeclaredUnknown:
-    """An element of ModelStructure; None for an attribute that it does not have."""
+    """An Unknown of ModelStructure. Missing attributes are None."""
 
     index: int
     dependencies: tuple[int, ...] | None
@@ -111,7 +110,7 @@ class DeclaredUnknown:
 
 @dataclass(frozen=True)
 class Declarations:
-    """All that checks compare, in the order of the model description."""
+    """The declarations that checks compare, in the order of the model description."""
 
     variables: tuple[DeclaredVariable, ...]
     units: tuple[DeclaredUnit, ...]
@@ -121,11 +120,11 @@ class Declarations:
     initial_unknowns: tuple[DeclaredUnknown, ...]
 
     def variable(self, index: int) -> DeclaredVariable | None:
-        """The variable of an index of ModelStructure; None where there is none."""
+        """Return the variable with an index of ModelStructure, or None."""
         return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
 
     def states(self) -> set[int]:
-        """Indices of continuous-time states, as far as references to them lead somewhere."""
+        """Return the indices of continuous-time states, without invalid references."""
         found = set()
         for unknown in self.derivatives:
             derivative = self.variable(unknown.index)
@@ -134,17 +133,17 @@ class Declarations:
         return found
 
     def unit_of(self, variable: DeclaredVariable) -> DeclaredUnit | None:
-        """The unit of a variable; None where it has none, or one that is not defined."""
+        """Return the unit of a variable; None if it has none or an undefined one."""
         return None if variable.unit is None else self.units_by_name.get(variable.unit)
 
     @cached_property
     def units_by_name(self) -> dict[str, DeclaredUnit]:
-        """Units by name, the first where several have one."""
+        """Units by name; the first one if several have the same name."""
         return {u.name: u for u in reversed(self.units)}
 
 
 def read_declarations(root: Any) -> Declarations:
-    """Read the root element of a model description that is as the schema wants it."""
+    """Read the declarations from the root element of a valid model description."""
     types = tuple(_type(e) for e in root.iterfind("TypeDefinitions/SimpleType"))
     by_name = {t.name: t for t in reversed(types)}
     variables = root.iterfind("ModelVariables/ScalarVariable")
@@ -159,7 +158,7 @@ def read_declarations(root: Any) -> Declarations:
 
 
 def find_repeated(names: Iterable[str]) -> list[str]:
-    """Those that stand more than once, in the order of their first places."""
+    """Return names that occur more than once, in the order of their first occurrence."""
     return [name for name, count in Counter(names).items() if count > 1]
 
 
@@ -183,7 +182,7 @@ def _variable(index: int, element: Any, types: Mapping[str, DeclaredType]) -> De
 
 
 def _typed(element: Any) -> Any:
-    """The child that says the type of a variable or of a SimpleType."""
+    """Return the child element with the type of a variable or SimpleType."""
     return next(child for child in element.iterchildren(*TYPES))
 
 

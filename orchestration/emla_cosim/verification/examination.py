@@ -1,4 +1,4 @@
-"""All checks of one FMU, each in its turn, in a process of its own."""
+"""Run all checks of one FMU."""
 
 import difflib
 import time
@@ -17,19 +17,19 @@ from .subject import Subject
 from .verdict import Verdict
 
 _READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
-"""What of a subject is read here, once for all later checks, after a check that passed."""
+"""Attributes of a subject to read once for all later checks, after a check that passed."""
 
 
-def examine_fmu(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
-    """Examine an FMU; `told` is called with the name of each check when it is done."""
+def examine_fmu(subject: Subject, progress: Callable[[str], None] = lambda _: None) -> Examined:
+    """Examine an FMU. Call `progress` with the name of each completed check."""
     began = time.monotonic()
     findings: dict[str, Finding] = {}
     for together in _group_checks(select_needed_checks(subject.settings)):
         for found in _findings(together, subject, findings):
-            told(found.check)
+            progress(found.check)
             findings[found.check] = found
             for name in _READ_AFTER.get(found.check, ()) if found.verdict == Verdict.PASSED else ():
-                with suppress(Exception):  # it was read in another process, but this one is another
+                with suppress(Exception):  # reading may fail here although it worked in the check's process
                     getattr(subject, name)
     names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
     shown = tuple(f for f in findings.values() if f.check in names)
@@ -37,7 +37,7 @@ def examine_fmu(subject: Subject, told: Callable[[str], None] = lambda _: None) 
 
 
 def select_checks(settings: Settings) -> list[Check]:
-    """The checks that the settings mean, in the order of the catalogue."""
+    """Return the checks that the settings select, in the order of the catalogue."""
     if settings.recording is not None:
         return [RECORDED]
     return [
@@ -49,12 +49,12 @@ def select_checks(settings: Settings) -> list[Check]:
 
 
 def check_names(patterns: Iterable[str]) -> None:
-    """Raise CommandError for a name or pattern that means no check."""
+    """Raise CommandError for a name or pattern that matches no check."""
     for pattern in patterns:
         if not any(_is_match(pattern, c) for c in CHECKS):
             names = [c.name for c in CHECKS]
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
-            meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` shows them."
+            meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
             raise CommandError(f"there is no check '{pattern}'; {meant}", name=pattern, choices=names)
 
 
@@ -63,22 +63,22 @@ def _is_match(pattern: str, check: Check) -> bool:
 
 
 def select_needed_checks(settings: Settings) -> list[Check]:
-    """The checks that the settings mean, and all that these need, in the order of the catalogue."""
+    """Return the selected checks and all that they need, in the order of the catalogue."""
     names = {c.name for c in select_checks(settings)}
-    for check in (RECORDED, *reversed(CHECKS)):  # what is needed stands before
+    for check in (RECORDED, *reversed(CHECKS)):  # needed checks come first in CHECKS
         if check.name in names:
             names.update(check.needs)
     return [c for c in (*CHECKS, RECORDED) if c.name in names]
 
 
 def _find_failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
-    """Checks that failed and are to be told of, asked for or not: what needs them says nothing."""
+    """Return failed checks to report even if not selected: the checks that need them are only skipped."""
     failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
     return failed - {c.name for c in CHECKS if any(_is_match(p, c) for p in settings.skip)}
 
 
 def _group_checks(checks: Sequence[Check]) -> Iterator[list[Check]]:
-    """The checks, those that may share a process together."""
+    """Yield groups of checks that can share a process."""
     reading = [c for c in checks if c in READING]
     for check in checks:
         if check not in READING:
@@ -88,7 +88,7 @@ def _group_checks(checks: Sequence[Check]) -> Iterator[list[Check]]:
 
 
 def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
-    """What is found by checks, but for those that need one that did not pass."""
+    """Run checks. Skip those that need a check which failed or was skipped."""
     known, ready = dict(before), []
     for check in checks:
         if (missing := _missing(check, known)) is not None:
@@ -97,20 +97,20 @@ def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Fi
             ready.append(check)
     found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
     for check in checks:
-        if check.name in found:  # what it needs may be one of these
+        if check.name in found:  # a needed check may be in the same group
             missing = _missing(check, known)
             known[check.name] = skip_blocked(check, missing) if missing is not None else found[check.name]
         yield known[check.name]
 
 
 def _missing(check: Check, before: Mapping[str, Finding]) -> Finding | None:
-    """What a check needs and did not pass; what is not known yet may."""
+    """Return a needed check that failed or was skipped, among those that have run."""
     needed = (before[name] for name in check.needs if name in before)
     return next((f for f in needed if f.verdict in (Verdict.FAILED, Verdict.SKIPPED)), None)
 
 
 def _facts(subject: Subject) -> dict[str, str]:
-    """What a person wants to know of it first."""
+    """Return facts about the FMU for the top of its report."""
     facts = {}
     with suppress(OSError):
         facts["SHA-256"] = hash_file(subject.path)

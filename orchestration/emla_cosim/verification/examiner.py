@@ -1,7 +1,6 @@
-"""The process that examines FMUs: reads what to examine, and answers with progress and findings.
+"""The examiner process: reads jobs, sends progress and findings.
 
-It is a process of its own, so that checks can divide from one that has no threads and has loaded
-little, whatever the caller did before.
+Checks fork from it. It has no threads and few modules loaded, whatever the caller has.
 """
 
 import gc
@@ -20,7 +19,7 @@ from .system_examination import examine_system
 
 
 class ExaminerJob(NamedTuple):
-    """A file to examine, an FMU or a system of them; what reports call it, and its path as it was given."""
+    """A file to examine, an FMU or a system; its name in reports, and its path as the user wrote it."""
 
     path: Path
     settings: Settings
@@ -30,10 +29,10 @@ class ExaminerJob(NamedTuple):
 
 
 def main() -> None:
-    """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
-    import lief  # noqa: F401  # slow to load: once, before processes divide
+    """Serve the parent over standard input and output. The argument is the folder for temporary files."""
+    import lief  # noqa: F401  # slow to load: once, before forks
 
-    gc.freeze()  # so that processes that divide from this one do not copy what they only look at
+    gc.freeze()  # forks then share memory that they only read
     tempfile.tempdir = sys.argv[1]
     serve(_examine)
 

@@ -1,4 +1,4 @@
-"""What was found about FMUs: findings by FMU."""
+"""The findings about FMUs."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from .verdict import CheckOutcome, Clause, Verdict
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one check of one FMU, with what the check rests on."""
+    """The outcome of one check of one FMU, with the clause and hint of the check."""
 
     check: str
     title: str
@@ -21,21 +21,25 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """How it ended."""
+        """The verdict of the check."""
         return self.outcome.verdict
 
     @property
     def sentence(self) -> str:
-        """What was found, in one sentence."""
+        """The message of the check."""
         return self.outcome.sentence
 
 
 @dataclass(frozen=True)
 class Examined:
-    """All findings about one FMU, or one system, in the order of the checks.
+    """All findings about one FMU or system, in the order of the checks.
 
-    `facts` are what a person wants to know of it first, by name: model, generation tool, kinds,
-    platforms, size, SHA-256. `seconds` is the time it took.
+    Attributes:
+        path: Path as the user wrote it.
+        facts: Texts by name: model, generation tool, kinds, platforms, size, SHA-256.
+        findings: One finding for each check.
+        seconds: Duration of the examination.
+        name: Name in reports; the path if empty.
     """
 
     path: Path
@@ -46,15 +50,19 @@ class Examined:
 
     @property
     def label(self) -> str:
-        """What reports call it: its name if it was given one, else its path."""
+        """Its name in reports: `name`, or the path."""
         return self.name or str(self.path)
 
     def of(self, verdict: Verdict) -> list[Finding]:
-        """The findings with this verdict."""
+        """Return the findings with this verdict."""
         return [f for f in self.findings if f.verdict == verdict]
 
     def __getitem__(self, check: str) -> Finding:
-        """The finding of a check, by its name; KeyError where it was not asked for."""
+        """Return the finding of a check by name.
+
+        Raises:
+            KeyError: The check was not selected.
+        """
         for finding in self.findings:
             if finding.check == check:
                 return finding
@@ -68,13 +76,13 @@ class Examined:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found about all FMUs, and by whom; `Report` writes it to files."""
+    """The findings about all FMUs. `Report` writes them to files."""
 
     examined: tuple[Examined, ...]
     version: str
-    """Of what verified it."""
+    """Version of EMLA-Cosim."""
     started: str
-    """When, in ISO 8601."""
+    """Start time in ISO 8601."""
 
     @property
     def passed(self) -> bool:
@@ -83,16 +91,20 @@ class Findings:
 
     @property
     def failures(self) -> list[tuple[Path, Finding]]:
-        """Every failed check, with the FMU that it is about."""
+        """Every failed check, with the path of its FMU."""
         return [(one.path, f) for one in self.examined for f in one.of(Verdict.FAILED)]
 
     @property
     def counts(self) -> Counter[Verdict]:
-        """How many checks ended in which way."""
+        """The number of checks with each verdict."""
         return Counter(f.verdict for one in self.examined for f in one.findings)
 
     def __getitem__(self, path: str | Path) -> Examined:
-        """What was found about one FMU, by its path or its file name; KeyError where there is none."""
+        """Return the findings about one FMU by its name, path or file name.
+
+        Raises:
+            KeyError: The report has no such FMU.
+        """
         for one in self.examined:
             if str(path) in (one.label, str(one.path), one.path.name):
                 return one
@@ -100,7 +112,7 @@ class Findings:
 
 
 def worst(findings: Sequence[Finding]) -> Verdict:
-    """The verdict that decides: failed before warning before passed; skipped if nothing was done."""
+    """Return the worst verdict: failed, warning, passed; skipped if all checks were skipped."""
     found = {f.verdict for f in findings}
     order = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED)
     return next((v for v in order if v in found), Verdict.SKIPPED)

@@ -1,4 +1,4 @@
-"""The functions that the library of an FMU has to export (FMI 2.0, 2.1, 3.2 and 4.2)."""
+"""The functions that the library of an FMU must export (FMI 2.0, sections 2.1, 3.2 and 4.2)."""
 
 _COMMON = (
     "GetTypesPlatform",
@@ -55,5 +55,5 @@ _OF_KIND = {
 
 
 def list_required_functions(kind: str) -> tuple[str, ...]:
-    """The names for `CoSimulation` or `ModelExchange`, in the order of the standard."""
+    """Return the function names for `CoSimulation` or `ModelExchange`, in the order of the standard."""
     return tuple(f"fmi2{name}" for name in (*_COMMON, *_OF_KIND[kind]))

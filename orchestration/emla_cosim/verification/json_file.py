@@ -1,15 +1,15 @@
 """The report as JSON, for programs.
 
     {
-      "format": "emla-verify", "version": 1,           1 until a field changes its meaning or goes
+      "format": "emla-verify", "version": 1,           increases if a field changes or is removed
       "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
       "passed": true,                                  no check of any FMU failed
       "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
       "examined": [
         {
-          "name": "build/Plant.fmu",                   what it is called
-          "path": "build/Plant.fmu",                   as it was given
-          "passed": true, "verdict": "warning",        the verdict that decides
+          "name": "build/Plant.fmu",                   name in reports
+          "path": "build/Plant.fmu",                   as the user wrote it
+          "passed": true, "verdict": "warning",        the worst verdict
           "seconds": 1.5,
           "facts": {"FMI": "2.0", ...},                texts by name
           "findings": [
@@ -17,11 +17,11 @@
               "check": "reference.tube", "title": "...", "verdict": "passed",
               "sentence": "...", "details": ["..."], "hint": "...", "seconds": 0.2,
               "clause": {"document": "FMI 2.0.4", "section": "4.2.2", "sentence": "..."},
-              "figures": {"steps": 1000, ...},         whatever the check counts or measures
+              "figures": {"steps": 1000, ...},         numbers that the check measures
               "comparisons": [
                 {
                   "signal": "x", "unit": "m",
-                  "inside": false, "left_at": 0.7,     null where it stays in its tube
+                  "inside": false, "left_at": 0.7,     null if it stays in its tube
                   "worst": 0.01, "worst_at": 0.9,      in the unit of the signal, and in s
                   "tube": {"value": 0.001, "time": 0.005}
                 }
@@ -32,7 +32,7 @@
       ]
     }
 
-A number that is infinite or not a number is null. Verdicts are passed, warning, failed and skipped.
+Infinite numbers and NaN are null. Verdicts are passed, warning, failed and skipped.
 """
 
 import json
@@ -47,11 +47,11 @@ from .marks import JSON_FORMAT, is_json
 from .verdict import Verdict
 
 VERSION = 1
-"""Of what the fields mean."""
+"""Version of the format."""
 
 
 def as_dict(report: Findings) -> dict[str, Any]:
-    """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
+    """Return the report as dictionaries, lists, strings, finite numbers, booleans and None."""
     return to_plain(
         {
             "format": JSON_FORMAT,
@@ -66,7 +66,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write it. Raises CommandError and RunError as `write_text`."""
+    """Write the report as JSON. Raise CommandError and RunError like `write_text`."""
     text = json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
     write_text(text, path, "the JSON report", is_json, overwrite)
 

@@ -1,4 +1,4 @@
-"""The report as JUnit XML, as CI systems display it: a suite per FMU, a case per check."""
+"""Write the report as JUnit XML for CI systems: a suite for each FMU, a case for each check."""
 
 import math
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write it. Raises CommandError and RunError as `write_text`."""
+    """Write the report as JUnit XML. Raise CommandError and RunError like `write_text`."""
     names = shorten_names([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
     root = _element(
@@ -55,7 +55,7 @@ def _suite(one: Examined, name: str, report: Findings) -> Any:
 
 
 def _class_name(label: str) -> str:
-    """As CI systems group cases: folders as packages, no other dots."""
+    """Return the class name by which CI systems group cases: folders as packages, no other dots."""
     return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
 
 
@@ -75,7 +75,7 @@ def _time(seconds: float) -> str:
 
 
 def _explain(finding: Finding) -> str:
-    """All that is known, in paragraphs."""
+    """Return message, details, clause and hint as paragraphs."""
     clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
     return "\n\n".join(_paragraphs(finding.sentence, finding.outcome.details, clause, finding.hint))
 

@@ -1,4 +1,4 @@
-"""The shared libraries that an FMU brings, by platform, and what is in them."""
+"""List and parse the shared libraries of an FMU."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,14 +14,14 @@ _SUFFIXES = (".so", ".dll", ".dylib")
 
 @dataclass(frozen=True)
 class Library:
-    """A library that a model identifier names: for which platform, and for which kinds of FMU."""
+    """A library with the name of a model identifier, and the kinds of FMU that it is for."""
 
     path: Path
     kinds: tuple[str, ...]
 
     @property
     def platform(self) -> str:
-        """The platform's folder: `linux64`."""
+        """Name of the platform's folder: `linux64`."""
         return self.path.parent.name
 
     def __str__(self) -> str:
@@ -29,7 +29,7 @@ class Library:
 
 
 def list_libraries(subject: Subject) -> list[Library]:
-    """All libraries of the FMU itself, by platform."""
+    """Return the libraries that model identifiers name, for all platforms."""
     by_path: dict[Path, list[str]] = {}
     for kind in subject.kinds:
         name = subject.tree.find(kind).get("modelIdentifier")
@@ -41,19 +41,19 @@ def list_libraries(subject: Subject) -> list[Library]:
 
 
 def list_platforms(subject: Subject) -> list[Path]:
-    """The folders of the platforms for which there are binaries."""
+    """Return the folders of platforms with binaries."""
     binaries = subject.folder / "binaries"
     return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
 
 
 def parse_library(path: Path) -> Any:
-    """A library as LIEF reads it; None where it is none, or cut off."""
-    import lief  # slow to load, and for three checks only
+    """Parse a library with LIEF. Return None if it is not a library, or truncated."""
+    import lief  # slow to load, and only three checks need it
 
     lief.logging.disable()
     if missing_bytes(path):
         return None
-    with suppress(Exception):  # it has its own
+    with suppress(Exception):  # LIEF raises several kinds
         found = lief.parse(str(path))
         if isinstance(found, lief.MachO.FatBinary):
             return found.at(0)
@@ -62,7 +62,7 @@ def parse_library(path: Path) -> Any:
 
 
 def list_exports(binary: Any) -> set[str]:
-    """Names of the functions that a library exports, as C writes them."""
+    """Return the C names of the functions that a library exports."""
     import lief
 
     names = {str(f.name) for f in binary.exported_functions} | set(_symbols(binary))
@@ -72,7 +72,7 @@ def list_exports(binary: Any) -> set[str]:
 
 
 def list_needed_libraries(binary: Any) -> list[str]:
-    """Names of the libraries that a library loads."""
+    """Return the names of the libraries that a library loads."""
     import lief
 
     if not isinstance(binary, lief.MachO.Binary):

@@ -1,4 +1,4 @@
-"""How files are recognized that hold a report of `verify`."""
+"""Recognize files with a report of `verify`, which may be overwritten."""
 
 from ..base.ownership import has_format, has_mark
 

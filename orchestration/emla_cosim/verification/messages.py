@@ -1,17 +1,23 @@
-"""Verdicts on lists of problems: the first as the sentence, all of them as details."""
+"""Format messages, and judge lists of problems."""
 
 from collections.abc import Sequence
 
 from .verdict import CheckOutcome, failed, passed, warned
 
 LONGEST = 400
-"""Characters of a sentence; names in a file of strangers can be of any length."""
+"""Most characters of a message; names in an FMU can have any length."""
 MOST = 50
-"""Lines of details; whoever has more to mend starts with these."""
+"""Most lines of details."""
 
 
 def judge_problems(problems: Sequence[str], fine: str, doubts: Sequence[str] = ()) -> CheckOutcome:
-    """Failed with problems, warned with doubts alone, and otherwise passed with what is fine."""
+    """Judge lists of problems: the message is the first one, the details are all of them.
+
+    Args:
+        problems: Messages that make the check fail.
+        fine: Message if the check passes.
+        doubts: Messages that only warn.
+    """
     for make, found in ((failed, problems), (warned, doubts)):
         if found:
             rest = [*problems, *doubts][1:]
@@ -32,17 +38,17 @@ def _lines(found: Sequence[str]) -> tuple[str, ...]:
 
 
 def shorten_sentence(text: str) -> str:
-    """A sentence in one line, its middle left out where a name in it is endless."""
+    """Return a message as one line. Leave out its middle if it is longer than `LONGEST`."""
     line = " ".join(text.split())
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
 
 
 def join_few_names(names: Sequence[str], most: int = 5) -> str:
-    """Names in a row, no more than fit a sentence."""
+    """Join names with commas, at most `most`, followed by the number of the others."""
     shown = ", ".join(names[:most])
     return f"{shown} and {len(names) - most} more" if len(names) > most else shown
 
 
 def sentence(text: object) -> str:
-    """What an error says, which begins as the rest of a line does, as a sentence of its own."""
+    """Capitalize the message of an error."""
     return str(text)[:1].upper() + str(text)[1:]

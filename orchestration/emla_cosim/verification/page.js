@@ -1,4 +1,4 @@
-// Search, verdicts, signals that are opened, and links into what is closed.
+// Search, filter by verdict, and links that open closed or hidden findings.
 "use strict";
 (() => {
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
@@ -54,7 +54,7 @@
   }
 
   function follow() {
-    // a link leads to what it names, even if that is closed or filtered out
+    // open and show the target of a link even if it is closed or filtered out
     const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (!target) return;
     if (target.closest("[hidden]")) reset();

@@ -1,4 +1,4 @@
-"""The report as one page for people: searchable, with plots of results beside references."""
+"""Write the report as one HTML page, searchable, with plots of results and references."""
 
 import re
 from collections import Counter
@@ -19,12 +19,12 @@ from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write it. Raises CommandError and RunError as `write_text`."""
+    """Write the report as an HTML page. Raise CommandError and RunError like `write_text`."""
     write_text(render_page(report), path, "the HTML report", is_page, overwrite)
 
 
 def render_page(report: Findings) -> str:
-    """The text of the page."""
+    """Return the HTML of the page."""
     plots = Plots()
     names = shorten_names([one.label for one in report.examined])
     parts = [
@@ -48,7 +48,7 @@ def render_page(report: Findings) -> str:
 
 
 class _FmuPart:
-    """One FMU, as the page's template wants it."""
+    """One FMU, for the template of the page."""
 
     def __init__(self, index: int, one: Examined, name: str, plots: Plots) -> None:
         self.id, self.one, self.name = f"fmu-{index}", one, name
@@ -56,17 +56,17 @@ class _FmuPart:
 
     @property
     def verdict(self) -> Verdict:
-        """The one that decides."""
+        """The worst verdict."""
         return _worst(self.rows)
 
     @property
     def counts(self) -> Counter[Verdict]:
-        """How many checks ended in which way."""
+        """The number of checks with each verdict."""
         return Counter(row.finding.verdict for row in self.rows)
 
     @cached_property
     def groups(self) -> dict[str, "_CheckGroup"]:
-        """Findings by the first part of their checks' names."""
+        """Findings by group of checks."""
         found: dict[str, list[_FindingRow]] = {}
         for row in self.rows:
             found.setdefault(row.finding.check.partition(".")[0], []).append(row)
@@ -75,19 +75,19 @@ class _FmuPart:
 
 @dataclass(frozen=True)
 class _CheckGroup:
-    """Findings of one kind about one FMU."""
+    """Findings of one group of checks about one FMU."""
 
     id: str
     rows: Sequence["_FindingRow"]
 
     @property
     def verdict(self) -> Verdict:
-        """The one that decides."""
+        """The worst verdict."""
         return _worst(self.rows)
 
     @property
     def count(self) -> int:
-        """How many checks ended with the verdict that decides."""
+        """The number of checks with the worst verdict."""
         return sum(row.finding.verdict == self.verdict for row in self.rows)
 
 
@@ -100,7 +100,7 @@ class _FindingRow:
 
     @property
     def advised(self) -> bool:
-        """Whether there is something to be done about it."""
+        """Whether to show the hint."""
         return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
 
 
@@ -109,7 +109,7 @@ def _worst(rows: Sequence[_FindingRow]) -> Verdict:
 
 
 def _word(name: str) -> str:
-    """As an id of HTML may be."""
+    """Replace the characters that an HTML id must not have."""
     return re.sub(r"[^\w.-]", "_", name)
 
 
@@ -123,13 +123,13 @@ def _headline(report: Findings) -> str:
 
 
 def _thing(report: Findings) -> str:
-    """What was examined: FMUs, or systems."""
+    """Return what was examined: `FMU` or `system`."""
     systems = [one.path.suffix.lower() not in ("", ".fmu") for one in report.examined]
     return "system" if systems and all(systems) else "FMU"
 
 
 def _moment(text: str) -> dict[str, Any]:
-    """A time for people; as it is where it is none."""
+    """Format an ISO time for machines and for people; keep any other text."""
     try:
         return {
             "machine": text,

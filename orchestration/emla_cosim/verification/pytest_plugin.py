@@ -2,8 +2,8 @@
 
     build/Plant.fmu::state.restored
 
-pytest loads this module wherever the package is installed, so it imports nothing of it until there is
-an FMU to verify.
+pytest loads this module in every environment with this package. Therefore it imports the rest of the
+package only when there is an FMU to verify.
 """
 
 from __future__ import annotations
@@ -25,31 +25,33 @@ if TYPE_CHECKING:
     from .settings import Settings
 
 _FMUS = pytest.StashKey[list[str]]()
-"""The files of the FMUs."""
+"""Paths of the FMUs."""
 
 _SHARED = pytest.StashKey[TemporaryDirectory[str]]()
-"""Where workers of pytest-xdist leave for each other what they found."""
+"""Folder in which workers of pytest-xdist share their findings."""
 
 _MOST_DETAILS = 20
-"""Places that are shown where the same is wrong."""
+"""Most lines of details in a failure."""
 
 
 class FmuWarning(UserWarning):
-    """The standard allows what a check found, but somebody will stumble over it."""
+    """A check warned: the standard allows it, but it causes problems for some users."""
 
 
-class FmuFailure(Exception):  # noqa: N818 - it is what a check found, no slip of a program
-    """A check failed; the text is all that is known of it, in lines."""
+class FmuFailure(Exception):  # noqa: N818 - a finding, not an error of the program
+    """A check failed. The text has message, details, clause and hint, in lines."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """What to verify, and how."""
-    group = parser.getgroup("fmu", "FMUs, verified as by `emla verify`")
+    """Add the options."""
+    group = parser.getgroup("fmu", "verification of FMUs, like `emla verify`")
     group.addoption("--fmu", action="append", default=[], metavar="GLOB", help="FMUs to verify (repeatable).")
-    group.addoption("--fmu-reference", metavar="DIR", help="Folder of reference files; else beside each FMU.")
+    group.addoption(
+        "--fmu-reference", metavar="DIR", help="Folder of reference files. Default: next to each FMU."
+    )
     for name, help_ in (
-        ("only", "Check, group, or pattern of checks, to do (repeatable)."),
-        ("skip", "Check, group, or pattern of checks, to leave out (repeatable)."),
+        ("only", "Run only this check, group or pattern (repeatable)."),
+        ("skip", "Skip this check, group or pattern (repeatable)."),
     ):
         group.addoption(f"--fmu-{name}", action="append", default=[], metavar="CHECK", help=help_)
     group.addoption(
@@ -57,34 +59,34 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="[PATTERN=]NUMBER",
-        help="How wide tubes are: relative to a signal's range (repeatable). Default: 1e-3.",
+        help="Width of tubes, relative to a signal's range (repeatable). Default: 1e-3.",
     )
-    parser.addini("fmus", "FMUs to verify where no paths are given: globs.", type="linelist", default=[])
+    parser.addini("fmus", "FMUs to verify if no paths are given: globs.", type="linelist", default=[])
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the mark of these tests."""
-    config.addinivalue_line("markers", "fmu(check, group): a check of an FMU, as `emla verify` does it.")
+    """Register the marker of these tests."""
+    config.addinivalue_line("markers", "fmu(check, group): a check of an FMU, as in `emla verify`.")
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Find the FMUs before anything is collected; workers of pytest-xdist are told which they are."""
+    """Find the FMUs before collection. Workers of pytest-xdist receive their list."""
     config = session.config
-    if (told := _worker_data(config)) is not None:
-        config.stash[_FMUS] = told["fmus"]
+    if (shared := _worker_data(config)) is not None:
+        config.stash[_FMUS] = shared["fmus"]
         return
     found = list(_match_files(_texts(config, "fmu"), config.invocation_params.dir, "--fmu"))
     if config.args_source != pytest.Config.ArgsSource.ARGS:
         found += _match_files(config.getini("fmus"), config.rootpath, "fmus")
     if found:
-        _settings(config)  # what is wrong with it is said once
+        _settings(config)  # report errors in options once, not for each FMU
     config.stash[_FMUS] = list(dict.fromkeys(found))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:
-    """Tell a worker of pytest-xdist which FMUs there are, and where all leave what they found."""
+    """Send a worker of pytest-xdist the list of FMUs and the shared folder."""
     config: pytest.Config = node.config
     if _SHARED not in config.stash:
         config.stash[_SHARED] = TemporaryDirectory(prefix="emla-verify-")
@@ -93,7 +95,7 @@ def pytest_configure_node(node: Any) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """An FMU that is an argument, as in `pytest build/x.fmu::state.restored`; others are left alone."""
+    """Collect an FMU that is an argument, as in `pytest build/x.fmu::state.restored`. Ignore others."""
     if file_path.suffix.lower() == ".fmu" and parent.session.isinitpath(file_path):
         return FmuCollector.from_parent(parent, path=file_path)
     return None
@@ -101,10 +103,9 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """Add the tests of the FMUs, before any are deselected.
+    """Add the tests of the FMUs before tests are deselected.
 
-    Their files are no arguments of pytest, which leaves out those that lie in others, and does not
-    look into folders like `build`.
+    The FMUs cannot be arguments of pytest: it ignores arguments inside of others, and folders like `build`.
     """
     named = {item.path for item in items if isinstance(item, FmuItem)}
     for path in map(Path, session.config.stash[_FMUS]):
@@ -113,12 +114,12 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
 
 
 class FmuCollector(pytest.File):
-    """An FMU, whose tests are its checks."""
+    """An FMU. Its tests are the checks."""
 
     _examined: Examined | None = None
 
     def collect(self) -> Iterator[FmuItem]:
-        """A test for each check that the options mean."""
+        """Yield a test for each selected check."""
         from .examination import select_checks
 
         for check in select_checks(_settings(self.config)):
@@ -127,9 +128,9 @@ class FmuCollector(pytest.File):
             yield item
 
     def finding(self, item: FmuItem) -> Finding:
-        """What a check found, or one that it needs, that failed, and that nobody selected.
+        """Return the finding of a check, or of a failed check that it needs and that is not selected.
 
-        All selected ones are done when the first is asked for, by whichever worker that is.
+        The first request runs all selected checks, in whichever worker it comes from.
         """
         selected = [i.name for i in self.session.items if i.parent is self]
         if self._examined is None:
@@ -137,21 +138,25 @@ class FmuCollector(pytest.File):
         return _of(item.name, self._examined, selected)
 
     def _shared(self, do: Callable[[], Examined]) -> Examined:
-        """What is to be done, done by one worker of pytest-xdist for all."""
-        told = _worker_data(self.config)
-        if told is None:
+        """Call `do` in one worker of pytest-xdist and share the result with all."""
+        shared = _worker_data(self.config)
+        if shared is None:
             return do()
         from .compute_once import compute_once
 
         name = hashlib.sha256(os.fsencode(self.path)).hexdigest()
-        return compute_once(Path(told["folder"], name), do)
+        return compute_once(Path(shared["folder"], name), do)
 
     def _verified(self, checks: list[str]) -> Examined:
         from .runner import verify
 
-        said = _settings(self.config)
+        options = _settings(self.config)
         report = verify(
-            self.path, reference=said.reference, tolerance=said.tolerance, only=checks, skip=said.skip
+            self.path,
+            reference=options.reference,
+            tolerance=options.tolerance,
+            only=checks,
+            skip=options.skip,
         )
         return report.examined[0]
 
@@ -160,7 +165,7 @@ class FmuItem(pytest.Item):
     """One check of an FMU."""
 
     def runtest(self) -> None:
-        """Raise FmuFailure, or skip, or warn, as the check found."""
+        """Fail, skip or warn according to the verdict."""
         from .verdict import Verdict
 
         assert isinstance(self.parent, FmuCollector)
@@ -174,7 +179,7 @@ class FmuItem(pytest.Item):
             warnings.warn_explicit(FmuWarning(explain_finding(found)), None, str(self.path), 0)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """What is wrong with the FMU; the way through this program is nobody's concern."""
+        """Show the finding without a traceback."""
         from ..base.errors import CosimError
 
         if isinstance(excinfo.value, (FmuFailure, FmuWarning, CosimError)):
@@ -182,13 +187,13 @@ class FmuItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where it is, and what headlines call it."""
+        """Return the path, the line and the headline."""
         return self.path, 0, f"{self.name} of {self.path.name}"
 
 
 @dataclass(frozen=True)
 class _Crash:
-    """What summaries and JUnit files say of a failure, in pytest's words for it."""
+    """Location and message for summaries and JUnit files, as pytest expects them."""
 
     path: Path
     message: str
@@ -198,7 +203,7 @@ class _Crash:
 
 
 class _FailureText:
-    """A failure as pytest shows it."""
+    """A failure in the form that pytest displays."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.text = text
@@ -208,14 +213,14 @@ class _FailureText:
         return self.text
 
     def toterminal(self, terminal: Any) -> None:
-        """Write it."""
+        """Write the failure to the terminal."""
         first, _, rest = self.text.partition("\n")
         terminal.line(first, red=True, bold=True)
         terminal.line(rest)
 
 
 def explain_finding(found: Finding) -> str:
-    """The sentence, further places, what it rests on, and what to do, each in lines of its own."""
+    """Return message, details, clause and hint, in lines."""
     details = found.outcome.details
     lines = [found.sentence, *(f"    {detail}" for detail in details[:_MOST_DETAILS])]
     if len(details) > _MOST_DETAILS:
@@ -224,12 +229,12 @@ def explain_finding(found: Finding) -> str:
 
 
 def _worker_data(config: pytest.Config) -> dict[str, Any] | None:
-    """What a worker of pytest-xdist was told; None for other processes."""
+    """Return the data sent to this worker of pytest-xdist; None in other processes."""
     return getattr(config, "workerinput", {}).get("emla_verify")
 
 
 def _of(check: str, examined: Examined, selected: Container[str]) -> Finding:
-    """The finding of a check, or what a failed one says that no test of its own tells."""
+    """Return the finding of a check, or that of a failed check that has no test."""
     from .verdict import Verdict
 
     lost = [f for f in examined.of(Verdict.FAILED) if f.check not in selected]
@@ -240,7 +245,7 @@ def _of(check: str, examined: Examined, selected: Container[str]) -> Finding:
 
 
 def _match_files(patterns: Iterable[str], folder: Path, where: str) -> Iterator[str]:
-    """The files that globs mean, seen from a folder. Raises UsageError for one that means none."""
+    """Yield the files that match globs, relative to a folder. Raise UsageError if a glob matches none."""
     for pattern in patterns:
         # Path.glob has no absolute patterns
         found = glob.glob(pattern, root_dir=folder, recursive=True) or [pattern]  # noqa: PTH207
@@ -248,12 +253,12 @@ def _match_files(patterns: Iterable[str], folder: Path, where: str) -> Iterator[
         if not files:
             raise pytest.UsageError(f"{where}: there is no file '{pattern}' in {folder}.")
         if odd := [path for path in files if not path.lower().endswith(".fmu")]:
-            raise pytest.UsageError(f"{where}: '{odd[0]}', which '{pattern}' means, is no FMU.")
+            raise pytest.UsageError(f"{where}: '{odd[0]}', which matches '{pattern}', is not an FMU.")
         yield from files
 
 
 def _settings(config: pytest.Config) -> Settings:
-    """What the options say. Raises UsageError for what cannot be meant."""
+    """Read the options. Raise UsageError for invalid ones."""
     from ..base.errors import CommandError
     from ..recorders.tubes.tolerance import read_tolerances
     from .examination import check_names
@@ -273,5 +278,5 @@ def _settings(config: pytest.Config) -> Settings:
 
 
 def _texts(config: pytest.Config, option: str) -> list[str]:
-    """What an option says that may be given several times."""
+    """Return the values of a repeatable option."""
     return config.getoption(option) or []

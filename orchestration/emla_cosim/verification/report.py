@@ -1,4 +1,4 @@
-"""What was found about FMUs, for people and for programs."""
+"""The report of `verify`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,27 +10,33 @@ from .findings import Findings
 
 @dataclass(frozen=True)
 class Report(Findings):
-    """What `verify` found. `report["x.fmu"]` is what concerns one of its FMUs."""
+    """The findings of `verify`. `report["x.fmu"]` returns those about one FMU."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
+        """Return the report as `save_json` writes it. The module `json_file` describes the fields."""
         return json_file.as_dict(self)
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it for programs; a file of something else is only replaced with `overwrite`.
+        """Write the report as JSON for programs.
 
-        Raises CommandError where the file may not be written, RunError where writing fails.
+        Args:
+            path: File to write.
+            overwrite: Whether to replace a file that is not a JSON report.
+
+        Raises:
+            CommandError: The file exists and must not be replaced.
+            RunError: Writing fails.
         """
         json_file.save(self, Path(path), overwrite)
 
     def save_junit(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it as JUnit XML, as CI systems display it. Raises CommandError as `save_json`."""
+        """Write the report as JUnit XML for CI systems. Arguments and errors are those of `save_json`."""
         from .junit import save
 
         save(self, Path(path), overwrite)
 
     def save_html(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it as one page that needs nothing else. Raises CommandError as `save_json`."""
+        """Write the report as one HTML page. Arguments and errors are those of `save_json`."""
         from .page import save
 
         save(self, Path(path), overwrite)

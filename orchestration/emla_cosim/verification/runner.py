@@ -1,4 +1,4 @@
-"""The way to a report: files handed to examiners, as many at a time as there are cores."""
+"""Verify files with one examiner process per core."""
 
 import os
 import threading
@@ -45,45 +45,52 @@ def verify(
     record: Recording | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Verify FMUs, and systems of FMUs: are they as the standard says, and do they still do what they did?
+    """Verify FMUs and systems of FMUs against the FMI standard and references.
 
-    `paths` are FMU files and SSPs, by what the report calls them if it is a mapping. Every FMU is asked
-    all checks, or those of `only` and none of `skip`, which are names, groups or patterns. `reference`
-    is a folder of reference files, by default that of each FMU; of a system, a folder of results.
-    `tolerance` says how far off signals may be, relative to their ranges: a number, or by name and
-    pattern. A check may take so many `seconds`, and so many MiB of `memory`. With `record`, reference
-    files are made of a run.
+    Args:
+        paths: FMU and SSP files; a mapping sets their names in the report.
+        reference: Folder of reference files, by default that of each FMU; for a system, a folder of results.
+        only: Names, groups or patterns of checks to run. Default: all checks.
+        skip: Names, groups or patterns of checks to skip.
+        tolerance: Allowed deviation relative to a signal's range: a number, or by name or pattern.
+        seconds: Time limit of a check in s.
+        memory: Memory limit of a check in MiB.
+        record: Record reference files from a run instead of running checks.
+        progress: Receives the progress.
 
-    Raises CommandError for files that are not there, and for what cannot be meant. Everything else is a
-    finding of the report.
+    Returns:
+        The report. Everything that is wrong with an FMU is a finding of it.
+
+    Raises:
+        CommandError: A file does not exist, or an argument is invalid.
     """
     named = _name_paths(paths)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record)
-    told = progress or Progress()
+    progress = progress or Progress()
     with ExitStack() as held:
         jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
         if record is not None:
             check_recording(record, [job.path for job in jobs])
         count = sum(1 if job.system else len(select_needed_checks(job.settings)) for job in jobs)
-        told.begin("verifying", count, "checks")
+        progress.begin("verifying", count, "checks")
         folder = held.enter_context(temporary_folder("emla-verify-"))
-        found = _ExaminerPool(folder, lambda: told.advance(1)).examined(jobs)
+        found = _ExaminerPool(folder, lambda: progress.advance(1)).examined(jobs)
     return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
 
 
 def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path]) -> dict[str, Path]:
-    """Paths by the names that reports give them; CommandError for one that is no file."""
+    """Return paths by their names in reports. Raise CommandError if one is not a file."""
     if isinstance(paths, (str, Path)):
         paths = [paths]
     given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
     if not given:
-        raise CommandError("there is nothing to verify; name an FMU, or more.")
+        raise CommandError("there is nothing to verify; name at least one FMU.")
     found = {name: convert_value(path, Path, "the FMU") for name, path in given.items()}
     for path in found.values():
-        with suppress(OSError, ValueError):  # a name that no file can have
+        with suppress(OSError, ValueError):  # invalid file names
             if path.is_file() or path.suffix.lower() in _SYSTEMS:
                 continue
-        raise CommandError(f"there is no FMU file '{path}'.", path=str(path))
+        raise CommandError(f"the FMU file '{path}' does not exist.", path=str(path))
     return found
 
 
@@ -104,7 +111,7 @@ def _settings(
             raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
     folder = None if reference is None else convert_value(reference, Path, "the reference")
     if folder is not None and not folder.exists():
-        raise CommandError(f"there is no folder '{folder}' with references.")
+        raise CommandError(f"the folder of references '{folder}' does not exist.")
     wide = {"*": tolerance} if isinstance(tolerance, (int, float)) else tolerance or {}
     settings = Settings(
         only=only,
@@ -116,16 +123,16 @@ def _settings(
         recording=record,
     )
     if not select_checks(settings):
-        raise CommandError("no check is left; `only` and `skip` leave none.")
+        raise CommandError("`only` and `skip` select no check.")
     return settings
 
 
 def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[ExaminerJob]:
-    """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
+    """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself."""
     if path.suffix.lower() not in _SYSTEMS:
         return [ExaminerJob(path.absolute(), settings, name, path)]
     if settings.recording is not None:
-        raise CommandError(f"references are recorded of FMUs, one by one; '{path}' is a system.")
+        raise CommandError(f"only references of FMUs can be recorded; '{path}' is a system.")
     document = held.enter_context(read_ssp(path))
     alone = replace(settings, reference=None)
     files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
@@ -134,34 +141,33 @@ def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Ex
 
 
 class _ExaminerPool:
-    """Processes that examine one job after the other, as many as there are cores; a lost one is replaced."""
+    """Examiner processes, one for each core. One that ends is replaced."""
 
     def __init__(self, folder: Path, advance: Callable[[], None]) -> None:
-        """Processes put temporary files into `folder`; `advance` is called for each check that is done."""
+        """Store the folder for temporary files, and the function to call after each check."""
         self._folder, self._advance = folder, advance
         self._own = threading.local()
         self._servers: list[Server] = []
         self._ended = False
 
     def examined(self, jobs: Sequence[ExaminerJob]) -> tuple[Examined, ...]:
-        """What was found, in the order of the jobs; whatever ends it ends all processes."""
+        """Return the findings in the order of the jobs. Any exception ends all processes."""
         try:
             with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
                 try:
                     return tuple(pool.map(self._examined, jobs))
                 except BaseException:
                     self._end()
-                    time.sleep(
-                        2.0 * LOOK
-                    )  # until checks have seen it, which may write where is tidied up next
+                    # checks notice it and stop writing before their folder is removed
+                    time.sleep(2.0 * LOOK)
                     raise
         finally:
             self._end()
             for server in self._servers:
-                server.close()  # its streams, now that no thread reads them
+                server.close()  # closes its streams, which no thread reads any more
 
     def _end(self) -> None:
-        """End all processes, and begin none any more."""
+        """End all processes and start no more."""
         self._ended = True
         for server in self._servers:
             server.kill()
@@ -180,7 +186,7 @@ class _ExaminerPool:
         return replace(answer, path=job.given, name=job.name)
 
     def _server(self) -> Server:
-        """That of this thread."""
+        """Return the process of this thread."""
         if not hasattr(self._own, "server"):
             self._own.server = Server(_EXAMINER, str(self._folder))
             self._servers.append(self._own.server)
@@ -188,6 +194,6 @@ class _ExaminerPool:
 
 
 def _examiner_lost_report(job: ExaminerJob, how: str) -> Examined:
-    """What is said where not even the examiner came to its end."""
+    """Return the report for an FMU whose examiner process ended."""
     found = make_finding(CHECKS[0], failed(f"Its examination ended ({how})."))
     return Examined(job.given, {}, (found,), 0.0, job.name)

@@ -1,4 +1,4 @@
-"""What a user may say about an examination."""
+"""The settings of an examination."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,11 +10,16 @@ from ..recorders.tubes.tolerance import Tolerance
 
 @dataclass(frozen=True)
 class Recording:
-    """What is recorded, and where: `folder` has the reference files in the end.
+    """How to record reference files.
 
-    Inputs come from a CSV file, `inputs`, or have a shape of `excitation.SHAPES` within their ranges.
-    `stop` and `step` are times in s, by default those of the FMU's default experiment. `values` are start
-    values. Files that are there already are only written again if that is wanted: `overwrite`.
+    Attributes:
+        folder: Folder for the files.
+        inputs: CSV file of inputs. Default: generated inputs.
+        shape: Shape of generated inputs: `steps`, `ramps` or `chirps`.
+        stop: Stop time in s. Default: that of the FMU's default experiment.
+        step: Step size in s. Default: that of the FMU's default experiment.
+        values: Start values by name.
+        overwrite: Whether to replace existing files.
     """
 
     folder: Path
@@ -26,18 +31,22 @@ class Recording:
     overwrite: bool = False
 
     def files(self, name: str) -> list[Path]:
-        """The files of an FMU of this name."""
+        """Return the paths for an FMU with this name."""
         return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is checked, against what, and what an FMU may use meanwhile.
+    """The selection of checks, the references, and the limits.
 
-    `only` and `skip` are names of checks or patterns of them. `reference` is a folder of reference
-    files; without one those beside the FMU are taken. `tolerance` says how wide tubes are. `seconds`
-    is the time that one check may take, `memory` the bytes it may have. With a `recording` references
-    are made, and nothing else is done.
+    Attributes:
+        only: Names, groups or patterns of checks to run; all if empty.
+        skip: Names, groups or patterns of checks to skip.
+        reference: Folder of reference files. Default: next to the FMU.
+        tolerance: Width of tubes by name or pattern.
+        seconds: Time limit of a check in s.
+        memory: Memory limit of a check in bytes.
+        recording: Record references instead of running checks.
     """
 
     only: Sequence[str] = ()

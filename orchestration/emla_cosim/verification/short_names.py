@@ -1,4 +1,4 @@
-"""What FMUs are called where their paths are too long."""
+"""Short names for FMUs in reports."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def shorten_names(names: Sequence[str]) -> list[str]:
-    """The last parts of names that are paths, as many as it takes to tell them apart."""
+    """Shorten paths to the last parts that distinguish them."""
     paths = [Path(name) for name in names]
     found = [path.name for path in paths]
     for depth in range(2, max((len(p.parts) for p in paths), default=0) + 1):

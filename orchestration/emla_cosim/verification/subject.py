@@ -1,4 +1,4 @@
-"""The FMU under examination, as checks see it."""
+"""The FMU under examination."""
 
 import zipfile
 from dataclasses import dataclass, field
@@ -20,11 +20,10 @@ DESCRIPTION = "modelDescription.xml"
 
 @dataclass
 class Subject:
-    """An FMU file, the folder that it is unpacked to, and how it is to be examined.
+    """An FMU file, the folder that it is unpacked to, and the settings.
 
-    What is read from it is read when it is first asked for, and may fail in any way until the checks
-    that it needs have passed: `archive.safe` for the folder, `description.readable` for everything
-    that stands in the model description.
+    Properties read the file on first use. They may raise any exception before these checks have passed:
+    `archive.safe` for the folder, `description.readable` for the content of the model description.
     """
 
     path: Path
@@ -32,7 +31,7 @@ class Subject:
     settings: Settings = field(default_factory=Settings)
 
     def __reduce__(self) -> Any:
-        """As it goes to a process that has nothing of this one: without what was read."""
+        """Pickle without what was read."""
         return type(self), (self.path, self.folder, self.settings)
 
     @cached_property
@@ -44,12 +43,12 @@ class Subject:
 
     @cached_property
     def description(self) -> ModelDescription:
-        """The model description as fmpy reads it, not validated."""
+        """The model description from fmpy, not validated."""
         return fmpy.read_model_description(str(self.path), validate=False)
 
     @cached_property
     def declared(self) -> Declarations:
-        """What the model description declares, as far as the schema goes: needs `description.schema`."""
+        """The declarations of the model description. Needs `description.schema`."""
         return read_declarations(self.tree)
 
     @cached_property
@@ -64,23 +63,23 @@ class Subject:
 
     @property
     def kinds(self) -> list[str]:
-        """What the FMU is for: `CoSimulation`, `ModelExchange`, or both, in this order."""
+        """The kinds of the FMU: `CoSimulation`, `ModelExchange`, or both, in this order."""
         return [name for name in ("CoSimulation", "ModelExchange") if self.tree.find(name) is not None]
 
     def find_kind_element(self, kind: str) -> Any:
-        """The element of the model description for a kind, as fmpy reads it; None where the FMU has none."""
+        """Return fmpy's element of the model description for a kind, or None."""
         description = self.description
         return description.coSimulation if kind == "CoSimulation" else description.modelExchange
 
     def has_capability(self, capability: str, kind: str | None = None) -> bool:
-        """Whether the FMU claims a capability, as `canGetAndSetFMUstate`, for a kind or its first one."""
+        """Return whether a flag such as `canGetAndSetFMUstate` is set, by default for the first kind."""
         return bool(getattr(self.find_kind_element(kind or self.kinds[0]), capability, False))
 
     def library(self, kind: str | None = None) -> Path | None:
-        """The shared library for this machine; None where there is none."""
+        """Return the shared library for this machine, or None."""
         return find_library(self.folder, self.find_kind_element(kind or self.kinds[0]).modelIdentifier)
 
     def of_causality(self, *causalities: str, kind: str = "Real") -> list[ModelVariable]:
-        """Variables of these causalities and of a type, in the order of the model description."""
+        """Return the variables of these causalities and a type, in the order of the model description."""
         found = self.description.modelVariables
         return [v for v in found if v.causality in causalities and v.type == kind]

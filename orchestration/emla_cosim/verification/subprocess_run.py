@@ -1,4 +1,4 @@
-"""One check in a process of its own, which it may end, fill or never leave."""
+"""Run a check in a subprocess, which it may crash, fill or never leave."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,33 +12,37 @@ from ..sandbox.child import Child, limit_memory, silence
 from .verdict import CheckOutcome, failed
 
 _FIRST = "its first call"
-"""What is noted before anything else is."""
+"""The note before the first call."""
 
-_LOOK = 0.05
-"""Seconds between two looks at whether it goes on."""
+_POLL = 0.05
+"""Seconds between two looks at the progress."""
 
 _TIMEOUT = 5.0
-"""Seconds that a process has to end after it has answered."""
+"""Seconds that a process may take to end after its answer."""
 
 
 def note(doing: str) -> None:
-    """Say what is done next, in the words of a sentence that ends in it: `fmi2DoStep at t = 1 s`."""
+    """Note the next action, as messages name it: `fmi2DoStep at t = 1 s`."""
     black_box.write_message(doing.encode()[: black_box.LONGEST_NOTE])
 
 
 def last_note() -> str:
-    """What was noted last, in this process or one that divided from it."""
+    """Return the last note of this process or one forked from it."""
     return black_box.read_message().decode(errors="replace")
 
 
 def run_in_subprocess(
     do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], seconds: float, memory: int
 ) -> CheckOutcome:
-    """What `do` returns, called in another process with these arguments.
+    """Call `do` in a subprocess and return its outcome.
 
-    A process that ends by itself, does not answer in so many seconds, or needs more than `memory`
-    bytes more than it has now, fails, with what it was doing as it noted it. So does one in which `do`
-    raises anything.
+    The outcome is failed, with the last note, if the process ends, exceeds a limit, or `do` raises.
+
+    Args:
+        do: Function to call.
+        arguments: Its arguments.
+        seconds: Time limit in s.
+        memory: Memory limit in bytes, in addition to what the process uses now.
     """
     return next(run_each_in_subprocess(do, [arguments], seconds, memory))
 
@@ -46,9 +50,9 @@ def run_in_subprocess(
 def run_each_in_subprocess(
     do: Callable[..., CheckOutcome], items: Sequence[tuple[Any, ...]], seconds: float, memory: int
 ) -> Iterator[CheckOutcome]:
-    """What `do` returns for each of several arguments, as `apart`, in as few processes as it takes.
+    """Call `do` for each of several arguments like `run_in_subprocess`, in as few processes as possible.
 
-    Where one of them ends its process, or has to be ended, the next one gets a new one.
+    If one call ends its process or exceeds a limit, the next call gets a new process.
     """
     left = list(items)
     while left:
@@ -64,11 +68,11 @@ def run_each_in_subprocess(
 
 
 def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOutcome, bool]:
-    """The next answer, and whether more can come."""
+    """Return the next outcome, and whether the process can continue."""
     began = moved = time.monotonic()
     answers, doing = child.answers, _read(notes)
     try:
-        while not answers.poll(min(_LOOK, max(0.0, began + seconds - time.monotonic()))):
+        while not answers.poll(min(_POLL, max(0.0, began + seconds - time.monotonic()))):
             now = time.monotonic()
             if doing != (doing := _read(notes, doing)):
                 moved = now
@@ -82,18 +86,18 @@ def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOu
     except (EOFError, OSError):
         how = child.wait(_TIMEOUT)
         return failed(f"It ended the process in {_read(notes, doing)} ({how})."), False
-    except Exception:  # whatever pickle makes of it
+    except Exception:  # pickle may raise anything
         found = None
-    return failed(f"It wrote into a file that is not its own, in {_read(notes, doing)}."), False
+    return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
 
 
 def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
-    """What is said of a check that takes too long, which has been doing the same for `still` s."""
+    """Return the outcome of a check that takes too long and has been in the same call for `still` s."""
     if still > 0.5 * seconds:
         return failed(f"It did not return from {doing} within {seconds:g} s.")
     return failed(
-        f"It was not done within {seconds:g} s; it had come to {doing}, and went on.",
-        hint="It is slow, and not known to be wrong: give each check more time (--seconds).",
+        f"It did not finish within {seconds:g} s; it was at {doing} and still made progress.",
+        hint="The FMU may only be slow. Increase the time limit (--seconds).",
     )
 
 
@@ -104,8 +108,8 @@ def _answer(
     notes: Path,
     memory: int,
 ) -> None:
-    """In the child: do it, and send what came out."""
-    silence()  # what an FMU prints is no part of a report
+    """Call `do` in the child process and send the outcomes."""
+    silence()  # discard what an FMU prints
     black_box.share_file(notes)
     limit_memory(memory)
     for arguments in items:
@@ -118,10 +122,10 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
         return do(*arguments)
     except MemoryError:
         return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.")
-    except Exception as error:  # a slip of ours is told, and costs nobody the rest of the report
-        return failed(f"The check itself went wrong: {type(error).__name__}: {error}.")
+    except Exception as error:  # a bug in a check must not lose the rest of the report
+        return failed(f"The check itself has an error: {type(error).__name__}: {error}.")
 
 
 def _read(notes: BlackBoxFile, before: str = _FIRST) -> str:
-    """What was noted last; the note before, where the next one is just being written."""
+    """Return the last note, or the one before while the next is being written."""
     return notes.message().decode(errors="replace") or before

@@ -1,4 +1,4 @@
-"""The examination of a whole system, as that of an FMU is in `examination`."""
+"""Run the checks of a whole system."""
 
 import time
 from collections.abc import Callable
@@ -11,11 +11,11 @@ from .findings import Examined
 from .settings import Settings
 
 
-def examine_system(path: Path, settings: Settings, told: Callable[[str], None]) -> Examined:
-    """Run a system, and hold it against a run that was kept where the settings name one."""
+def examine_system(path: Path, settings: Settings, progress: Callable[[str], None]) -> Examined:
+    """Run a system, and compare it with an earlier run if the settings name one."""
     began = time.monotonic()
     runs, agrees = SYSTEM
     check = agrees if settings.reference is not None else runs
-    told(check.name)
+    progress(check.name)
     found = run_check(check, WholeSystem(path, settings), settings)
     return Examined(path, {}, (found,), time.monotonic() - began)

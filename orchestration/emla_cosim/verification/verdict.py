@@ -1,4 +1,4 @@
-"""What one check says of an FMU."""
+"""The outcome of a check."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -8,21 +8,21 @@ from ..recorders.tubes.signal_comparison import Comparison
 
 
 class Verdict(StrEnum):
-    """How a check ended."""
+    """The verdict of a check."""
 
     PASSED = "passed"
     WARNING = "warning"
-    """The standard allows it, but somebody will stumble over it."""
+    """The standard allows it, but it causes problems for some users."""
     FAILED = "failed"
     SKIPPED = "skipped"
-    """It could not be done, or does not apply; the sentence says why."""
+    """The check could not run or does not apply; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Clause:
-    """A sentence of FMI 2.0.4, and the section it stands in: `Clause("2.1.5", "The function ...")`.
+    """A quotation of FMI 2.0.4 with its section: `Clause("2.1.5", "The function ...")`.
 
-    For what rests on something else, such as a reference, `document` says what that is.
+    `document` names another document that is quoted.
     """
 
     section: str
@@ -35,11 +35,15 @@ class Clause:
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """What a check found: a verdict, and one sentence that says it of this FMU.
+    """The verdict and message of a check.
 
-    `details` are lines for the places where it is so, if there are several; `comparisons` are signals
-    beside their references; `figures` are numbers by name, for programs. `hint` says what to do, and
-    takes the place of the check's own.
+    Attributes:
+        verdict: The verdict.
+        sentence: The message.
+        details: One line for each problem, if there are several.
+        comparisons: Signals compared with their references.
+        figures: Numbers by name, for programs.
+        hint: What to do; replaces the hint of the check.
     """
 
     verdict: Verdict
@@ -51,20 +55,20 @@ class CheckOutcome:
 
 
 def passed(sentence: str, **more: Any) -> CheckOutcome:
-    """All is as it should be."""
+    """Return an outcome: the FMU passes the check."""
     return CheckOutcome(Verdict.PASSED, sentence, **more)
 
 
 def failed(sentence: str, **more: Any) -> CheckOutcome:
-    """The standard, or a reference, is not kept."""
+    """Return an outcome: the FMU violates the standard or differs from a reference."""
     return CheckOutcome(Verdict.FAILED, sentence, **more)
 
 
 def warned(sentence: str, **more: Any) -> CheckOutcome:
-    """Allowed, but hardly meant so."""
+    """Return an outcome: allowed, but probably not intended."""
     return CheckOutcome(Verdict.WARNING, sentence, **more)
 
 
 def skipped(sentence: str, **more: Any) -> CheckOutcome:
-    """There was nothing to check, or no way to; `sentence` is the reason."""
+    """Return an outcome: the check cannot run or does not apply. `sentence` is the reason."""
     return CheckOutcome(Verdict.SKIPPED, sentence, **more)

@@ -76,7 +76,7 @@ def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
     assert (tmp_path / "flag").exists()
     assert numbers(result) == list(range(8)) and result.complete
     assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
-    assert "its process ended 2 times: an FMU ends it" in result.variants["problem"][4]
+    assert "its process ended 2 times: an FMU crashed it" in result.variants["problem"][4]
     assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
 
 
@@ -231,10 +231,10 @@ def test_what_workers_do_not_have_is_told(
     module = types.ModuleType("only_here")
     exec("def metric(result):\n    return 1.0", module.__dict__)
     monkeypatch.setitem(sys.modules, "only_here", module)
-    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
         sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
     with monkeypatch.context() as patched:
         patched.setitem(METRICS, "mine", module.metric)
-        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
             sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete

@@ -253,7 +253,7 @@ BAD: list[tuple[Any, str]] = [
         table("triangular", low=0, mode=2, high=1),
         "needs low <= mode <= high; mode is 2.0, outside 0.0 to 1.0.",
     ),
-    (table("uniform", low=0, high=1, points=1), "needs 2 points or more, both ends among them; points is 1."),
+    (table("uniform", low=0, high=1, points=1), "needs 2 points or more, including both ends; points is 1."),
     (
         table("uniform", low=0, high=1, points=2.5),
         "points of a uniform distribution is 2.5; it must be a whole",
@@ -270,46 +270,49 @@ BAD: list[tuple[Any, str]] = [
     (table("uniform", low=0, high=1, relative="yes"), "is 'yes'; it must be true or false."),
     (
         table("uniform", low=-1e308, high=1e308),
-        "cannot be as wide as -1e+308 to 1e+308: high - low has to be below",
+        "cannot be as wide as -1e+308 to 1e+308: high - low must be below",
     ),
     (table("triangular", low=-1e308, mode=0, high=1e308), "a triangular distribution cannot be as wide as"),
     (
         table("normal", mean=0, deviation=1e308),
-        "a normal distribution as wide as this reaches beyond 1.8e308",
+        "a normal distribution as wide as this exceeds 1.8e308",
     ),
     (
         table("log-normal", median=1, deviation=100),
-        "a log-normal distribution as wide as this reaches beyond",
+        "a log-normal distribution as wide as this exceeds",
     ),
     (
         table("normal", mean=0, deviation=1, low=50),
-        "needs low and high where it has values; nothing is left of it.",
+        "has no values between its low and high;",
     ),
-    (table("normal", mean=0, deviation=1, high=-50), "nothing is left of it."),
-    (table("log-normal", median=1, deviation=0.1, low=100, high=200), "nothing is left of it."),
+    (table("normal", mean=0, deviation=1, high=-50), "has no values between its low and high;"),
+    (
+        table("log-normal", median=1, deviation=0.1, low=100, high=200),
+        "has no values between its low and high;",
+    ),
     (
         table("integers", low=0, high=2**53 + 1),
-        "takes integers up to 2^53, 9007199254740992; 9007199254740993 is",
+        "supports integers up to 2^53, 9007199254740992; 9007199254740993 is",
     ),
     (table("integers", low=0.5, high=2), "low of a range of integers is 0.5; it must be a whole number."),
     (table("values", values=[]), "a list of values needs one value or more; it is empty."),
     (table("values", values="abc"), "values of a list of values is 'abc'; it must be a list."),
-    (table("values", values=["a"], relative=True), "that is relative takes factors; 'a' is no number."),
-    (table("values", values=[True], relative=True), "that is relative takes factors; True is no number."),
+    (table("values", values=["a"], relative=True), "that is relative needs factors; 'a' is not a number."),
+    (table("values", values=[True], relative=True), "that is relative needs factors; True is not a number."),
     ([], "a list of values needs one value or more; it is empty."),
     ([1, [2, 3]], "'1' in values of a list of values is [2, 3]; it must be a number, true, false or a text."),
     ([1, None], "is None; it must be a number, true, false or a text."),
     ([{"low": 1}], "it must be a number, true, false or a text."),
     (np.ones((2, 2)), "it must be a number, true, false or a text."),
     ([1, math.nan], "a list of values holds nan; its numbers must be finite."),
-    ([2**60], "a list of values takes integers up to 2^53"),
+    ([2**60], "a list of values supports integers up to 2^53"),
     (None, "what varies is None; it must be a list of values, a text such as '0.1:0.3', or a table such as"),
     (b"1,2", "what varies is b'1,2'; it must be a list"),
     ("nan", "a list of values holds nan; its numbers must be finite."),
     ("1,-inf", "a list of values holds -inf; its numbers must be finite."),
     ("1e400:2", "low of a uniform distribution is inf; it must be a finite number."),
     ("2:1", "a uniform distribution needs low < high; 2.0 to 1.0 is an empty range."),
-    ("0:1:1", "needs 2 points or more, both ends among them; points is 1."),
+    ("0:1:1", "needs 2 points or more, including both ends; points is 1."),
     ("0:1:2.0", "points of a uniform distribution is 2.0; it must be a whole number."),
     ("±0%", "the tolerance '±0%' must be more than 0 %."),
     ("nromal(0, 1)", "there is no distribution 'nromal'; did you mean 'normal'?"),
@@ -354,7 +357,7 @@ def test_what_is_wrong_is_one_sentence_that_says_where_and_what_would_be_right(g
 @pytest.mark.parametrize("text", NO_FORM)
 def test_a_text_in_no_form_is_told_the_forms(text: str) -> None:
     with pytest.raises(
-        CommandError, match=r"^--vary R_s: '.*' is no distribution; write one of LOW:HIGH, .*A,B,C"
+        CommandError, match=r"^--vary R_s: '.*' is not a distribution; write one of LOW:HIGH, .*A,B,C"
     ):
         parse(text, "--vary R_s")
 

@@ -94,9 +94,9 @@ def test_any_two_signals_meet_in_an_expression(one: str, other: str) -> None:
         ),
         (["mine = max("], "'mine = max.' cannot be computed: unable to parse"),
         (["mine = foo(lift.plant.x)"], "unsupported function 'foo'"),
-        (["mine = lift.plant.x"], "gives a value for each row; take max"),
+        (["mine = lift.plant.x"], "gives a value for each row; apply max"),
         (["mine = max(lift.plant.y)"], r"Did you mean lift\.plant\.x"),
-        (["mine = 'text'"], "neither a number nor a truth"),
+        (["mine = 'text'"], "neither a number nor a Boolean"),
         (["lift.error_m = max(lift.plant.x)", "*.error_m"], "two columns 'lift.error_m'"),
         (["status = max(lift.plant.x)"], "two columns 'status'"),
         (["a = max(time)", "a = min(time)"], "two columns 'a'"),
@@ -123,5 +123,5 @@ def test_functions_give_numbers_truths_or_nothing() -> None:
 
     with pytest.raises(MeasureError, match=r"the metric 'fails' raised ValueError\('mine'\)"):
         kept([fails]).of(result())
-    with pytest.raises(MeasureError, match="neither a number nor a truth"):
+    with pytest.raises(MeasureError, match="neither a number nor a Boolean"):
         kept({"text": lambda r: "x"}).of(result())

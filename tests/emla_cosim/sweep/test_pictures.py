@@ -185,9 +185,9 @@ def test_figures_are_against_the_strongest_factors_and_the_rest_is_named() -> No
     assert np.array_equal(x, factors["p7"])
     assert np.array_equal(y, f)
     note = figure.legends[0].get_title().get_text().replace("\n", " ")
-    assert "Left out for smaller rank correlations: p1, wide and p0." in note
+    assert "Omitted for smaller rank correlations: p1, wide and p0." in note
     assert {"p0", "p1", "wide"} <= set(note.replace(",", " ").replace(".", " ").split())
-    assert "Factors that are the same everywhere: 1." in note
+    assert "Factors with one value only: 1." in note
     figure = swept({"wide": factors["wide"]}, {"f": f}).plot("figures")
     assert (figure.axes[0].get_xscale(), figure.axes[0].get_yscale()) == ("log", "linear")
 

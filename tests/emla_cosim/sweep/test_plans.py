@@ -53,7 +53,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "pattern again": ({"vary": {**ONE, "lift.plant.motor.R*": [1.0]}}, "two factors"),
     "a column's name": ({"vary": {"status": {"of": [R_S], "distribution": "values", "values": [1.0]}}},
                         "every table of variants has this column"),
-    "fixed option": ({"vary": {"isolate": [True]}}, "isolate is the same for all variants"),
+    "fixed option": ({"vary": {"isolate": [True]}}, "isolate cannot vary between variants"),
     "relative to nothing": ({"vary": {"gains": "90%,110%"}}, "no number in the scenario"),
     "nothing varies": ({"vary": {}}, "varies nothing"),
     "no table": ({"vary": ["a"]}, "must be a table"),
@@ -74,9 +74,9 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "sampling": ({"sampling": "sobel"}, "there is no sampling 'sobel'"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
-    "many levels": ({"vary": {R_S: "0.1:0.2:1000000000000"}}, "1,000,000,000,000 variants, for which"),
+    "many levels": ({"vary": {R_S: "0.1:0.2:1000000000000"}}, "1,000,000,000,000 variants;"),
     "large grid": ({"vary": {f"lift.plant.motor.{n}": "0.1:0.2:10000" for n in ("R_s", "L_d", "L_q")}},
-                   "1,000,000,000,000 variants, for which"),
+                   "1,000,000,000,000 variants;"),
     "option of one run": ({"real_time": 1.0}, "real_time is for a single run"),
     "unknown option": ({"step_sise": 1.0}, "did you mean 'step_size'?"),
     "resume without a folder": ({"resume": True, "output": None}, "give `output`"),
@@ -224,7 +224,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
     }
     same_numbers = [{R_S: "90%,110%"}, {"k": {"of": [R_S], "distribution": "values", "values": [0.9, 1.1]}}]
     for named, changed in [*others.items(), *[("values", {"vary": vary}) for vary in same_numbers]]:
-        with pytest.raises(CommandError, match=f"cannot be resumed, as it has other .*{named}"):
+        with pytest.raises(CommandError, match=f"cannot be resumed: it has different .*{named}"):
             sweep("lift", **{**plan, **changed}, resume=True)
     assert sweep("lift", **plan, resume=True).variants.equals(first.variants)
     assert (out / "variants.parquet").read_bytes() == before
@@ -270,7 +270,7 @@ def test_what_is_somebody_elses_stays(what: str, cluster: Client, fmu_folder: Pa
         (out / "worst.txt").symlink_to("/dev/null")
     before = sorted(out.rglob("*"))
     with pytest.raises(
-        CommandError, match=r"is no sweep's; move it|the file of the sweep .* cannot be written"
+        CommandError, match=r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
     ):
         sweep("lift", ONE, output=out, scheduler=cluster, fmus=fmu_folder, **RUN)
     assert sorted(out.rglob("*")) == before

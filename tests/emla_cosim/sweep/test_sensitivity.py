@@ -114,7 +114,7 @@ def test_truths_count_as_0_and_1() -> None:
     [
         ([None] * 8, "0 of 2 base samples of the sweep 'made-up' have the figure 'f'"),
         ([1.0, 2.0, 3.0, 4.0, None, 1.0, 2.0, 3.0], "1 of 2 base samples .* Sobol indices need 2"),
-        ([1.0, 2.0, 3.0, 1.0] * 2, "varies in too few variants for Sobol indices; take more samples"),
+        ([1.0, 2.0, 3.0, 1.0] * 2, "varies in too few variants for Sobol indices; use more samples"),
     ],
 )
 def test_too_few_variants_for_sobol_indices(values: list[Any], sentence: str) -> None:
@@ -150,7 +150,7 @@ def test_wrong_samplings_and_figures_are_sentences() -> None:
     result = swept({"a": range(4)}, {"lift.error_m": range(4)}, "one-at-a-time")
     with pytest.raises(CommandError, match="sampled by one-at-a-time; Sobol indices need the"):
         sobol_indices(result, "lift.error_m")
-    with pytest.raises(CommandError, match="variants beyond the 3 that one-at-a-time gives for 1 factors"):
+    with pytest.raises(CommandError, match="variants beyond the 3 that one-at-a-time has for 1 factors"):
         local_sensitivities(result, "lift.error_m")
     with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m\?"):
         local_sensitivities(result, "lift.eror_m")

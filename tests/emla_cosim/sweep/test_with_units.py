@@ -76,7 +76,7 @@ def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) ->
 @pytest.mark.parametrize(
     ("vary", "said"),
     [
-        ({LEAD: "10:20 mm:3"}, "10 has no unit, but 20 mm has; give all of them a unit, or none"),
+        ({LEAD: "10:20 mm:3"}, "10 has no unit, but 20 mm has; add a unit to all or none"),
         ({LEAD: ["10 mm", 0.02]}, "0.02 has no unit, but 10 mm has"),
         ({LEAD: "1 s:2 s:3"}, "1 s has the units s and m"),
         ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),

@@ -121,7 +121,7 @@ def test_one_fault_is_told_by_no_other_check(
     }
     assert list(told) == [broken.check], told
     for finding in found.findings:
-        assert "went wrong" not in finding.sentence
+        assert "has an error" not in finding.sentence
         if finding.verdict == Verdict.SKIPPED and before[finding.check].verdict != Verdict.SKIPPED:
             may = finding.check in MAY_BE_SKIPPED.get(broken.name, ())
             assert may or finding.sentence.startswith("It needs "), finding
@@ -133,7 +133,7 @@ def test_one_fault_is_told_by_no_other_check(
 def test_a_size_that_no_state_has_is_told(broken: Broken, asked_one: dict[str, Examined]) -> None:
     size = {"StateSize": 2**60, "StateEmpty": 0}[broken.name]
     sentence = asked_one[broken.name]["state.serialized"].sentence
-    assert f"says {size} bytes, which is no size of a state" in sentence
+    assert f"returned {size} bytes, which is not a plausible size" in sentence
 
 
 def test_there_are_many_ways_to_be_wrong() -> None:

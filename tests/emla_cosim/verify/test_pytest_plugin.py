@@ -191,7 +191,7 @@ def test_globs_of_the_ini_file_are_those_of_its_folder(pytester: pytest.Pytester
     ("arguments", "words"),
     [
         (["--fmu", "none/*.fmu"], "*--fmu: there is no file 'none/*.fmu' in *"),
-        (["--fmu", "build/*.csv"], "*Reference_in.csv', which 'build/[*].csv' means, is no FMU."),
+        (["--fmu", "build/*.csv"], "*Reference_in.csv', which matches 'build/[*].csv', is not an FMU."),
         (["--fmu", "build/*.fmu", "--fmu-only", "stat"], "*there is no check 'stat'*"),
         (["--fmu", "build/*.fmu", "--fmu-tolerance", "x"], "*--tolerance x cannot be read*"),
         (["--fmu", "build/*.fmu", "--fmu-reference", "none"], "*there is no folder *none'*"),

@@ -92,7 +92,7 @@ def test_nothing_is_overwritten_unless_that_is_wanted(toy_fmu: Path, tmp_path: P
     mine = tmp_path / "Toy_ref.opt"
     mine.write_text("mine")
     said = sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
-    assert said == f"Error: there is '{mine}' already; --overwrite replaces it."
+    assert said == f"Error: '{mine}' already exists; to replace it, add --overwrite."
     assert [p.name for p in tmp_path.iterdir()] == ["Toy_ref.opt"]
     assert emla("verify", str(toy_fmu), "--record", str(tmp_path), "--overwrite").exit_code == 0
     assert "StepSize" in mine.read_text()
@@ -139,7 +139,7 @@ def test_options_of_a_recording_need_one(toy_fmu: Path, emla: Emla) -> None:
 def test_two_fmus_of_one_name_do_not_write_the_same_files(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
     other = build_toy("native", tmp_path / "Toy.fmu")
     said = sentence(emla("verify", str(toy_fmu), str(other), "--record", "new"), 2)
-    assert said == "Error: two FMUs are called Toy; record one at a time."
+    assert said == "Error: two FMUs have the name Toy; record one at a time."
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Links need special rights on Windows.")
@@ -155,7 +155,7 @@ def test_a_link_is_not_followed(toy_fmu: Path, tmp_path: Path, emla: Emla) -> No
 
 def test_a_file_is_no_folder_to_record_to(toy_fmu: Path, emla: Emla) -> None:
     said = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
-    assert said == f"Error: the folder '{toy_fmu}' cannot be made: File exists."
+    assert said == f"Error: the folder '{toy_fmu}' cannot be created: File exists."
 
 
 LEVELS = SimpleNamespace(items=[SimpleNamespace(value=v) for v in (3, 5, 8)])

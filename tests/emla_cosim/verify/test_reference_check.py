@@ -49,7 +49,7 @@ def test_without_reference_files_there_is_nothing_to_hold_it_against(plant: Path
     found = ec.verify(plant, only="reference")[plant]["reference.agrees"]
     assert (found.verdict, found.sentence) == (
         Verdict.SKIPPED,
-        "There is no EmlaPlant_ref.csv beside the FMU.",
+        "There is no EmlaPlant_ref.csv next to the FMU.",
     )
 
 
@@ -98,15 +98,15 @@ WRONG = [
     ("ref.csv", "time,", "t,", "must have 'time' as its first column"),
     ("ref.csv", "0.0005,", "oops,", "is no table of numbers"),
     ("ref.csv", "\n0.001,", "\n-0.001,", "must have rows, with times that do not go back"),
-    ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', which is no variable of the FMU"),
-    ("in.csv", "F_L", "F_Q", "the column 'F_Q', which is no input of the FMU"),
-    ("in.csv", "F_L", "a_L", "the column 'a_L', which is no input of the FMU"),
+    ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', but the FMU has no such variable"),
+    ("in.csv", "F_L", "F_Q", "the column 'F_Q', but the FMU has no such input"),
+    ("in.csv", "F_L", "a_L", "the column 'a_L', but the FMU has no such input"),
     ("ref.opt", "StepSize, 0.0005", "StepSize, x", "write StepSize, NUMBER"),
     ("ref.opt", "StopTime, 0.18", "StopTime, nan", "it must be a finite number"),
     ("ref.opt", "StepSize, 0.0005", "StepSize, 0.3", "no whole number of steps of 0.3 s"),
     ("ref.opt", "StopTime, 0.18", "StopTime, -1", "no whole number of steps"),
-    ("ref.toml", "made_by", "maid_by", "has 'maid_by'; it may have made_by, set, tolerance"),
-    ("ref.toml", "made_by =", "made_by", "is no TOML"),
+    ("ref.toml", "made_by", "maid_by", "has the unknown key 'maid_by'; allowed are made_by, set, tolerance"),
+    ("ref.toml", "made_by =", "made_by", "is not valid TOML"),
     ("ref.toml", "[set]", '[set]\n"motor.R_q" = 1', "has no variable 'motor.R_q'"),
     ("ref.toml", "[set]", '[set]\n"motor.R_s" = -1', "is out of range"),
     ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
@@ -136,7 +136,7 @@ def test_files_that_are_wrong_are_told_in_a_sentence(number: int, held_wrong: di
     assert found.verdict == Verdict.FAILED
     assert WRONG[number][3] in found.sentence
     assert found.sentence[-1] in ".?"
-    assert found.hint == "Mend the reference files."
+    assert found.hint == "Correct the reference files."
 
 
 def test_options_may_have_comments_and_names_that_are_not_ours(plant: Path, tmp_path: Path) -> None:
@@ -170,5 +170,5 @@ def test_a_folder_may_have_references_of_many(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_a_wrong_command(plant: Path, tmp_path: Path) -> None:
-    with pytest.raises(CommandError, match=r"there is no folder '.*nowhere' with references"):
+    with pytest.raises(CommandError, match=r"the folder of references '.*nowhere' does not exist"):
         ec.verify(plant, reference=tmp_path / "nowhere")

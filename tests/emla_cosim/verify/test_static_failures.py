@@ -104,7 +104,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "no item": (
         "variables.range",
-        "The start value 2 of shape is no item of Shape",
+        "The start value 2 of shape is not an item of Shape",
         both(
             setter(f"{variable('shape')}/Enumeration", start="2"),
             setter("//Item[@name='cubic']", value="3"),
@@ -140,7 +140,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "constant alias of a variable": (
         "variables.aliases",
-        "x and c have one value reference, but only some of them are constant",
+        "x and c have the same value reference, but only some of them are constant",
         appended(
             "ModelVariables",
             '<ScalarVariable name="c" valueReference="10" variability="constant"><Real unit="m" start="1"/>'
@@ -149,7 +149,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "unit of alias": (
         "variables.aliases",
-        "x and c have one value reference, but units that differ",
+        "x and c have the same value reference, but different units",
         appended(
             "ModelVariables", '<ScalarVariable name="c" valueReference="10"><Real unit="N"/></ScalarVariable>'
         ),
@@ -181,7 +181,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "output beyond": (
         "structure.outputs",
-        "Outputs lists variable 4294967295; there are 20",
+        "Outputs lists variable 4294967295; there are only 20",
         appended("ModelStructure/Outputs", '<Unknown index="4294967295"/>'),
     ),
     "unknown that is known": (
@@ -191,7 +191,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Path], Path]]] = {
     ),
     "descending": (
         "structure.dependencies",
-        "The dependencies of power in Outputs do not ascend",
+        "The dependencies of power in Outputs are not in ascending order",
         setting("//Outputs/Unknown[@index='16']", dependencies="12 1"),
     ),
     "kinds alone": (

@@ -73,17 +73,17 @@ def test_groups_and_patterns_choose_checks() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "there is nothing to verify; name an FMU, or more."),
-        (["nowhere.fmu"], "there is no FMU file 'nowhere.fmu'."),
-        (["."], "there is no FMU file '.'."),
+        ([], "there is nothing to verify; name at least one FMU."),
+        (["nowhere.fmu"], "the FMU file 'nowhere.fmu' does not exist."),
+        (["."], "the FMU file '.' does not exist."),
         (["x" * 300 + ".fmu"], "there is no FMU file"),
         (["PLANT", "--only", "run.complete"], "did you mean run.completes"),
-        (["PLANT", "--skip", "zzz"], "there is no check 'zzz'; `emla verify --list` shows them."),
-        (["PLANT", "--only", "run", "--skip", "run.*"], "no check is left; `only` and `skip` leave none."),
+        (["PLANT", "--skip", "zzz"], "there is no check 'zzz'; `emla verify --list` lists all checks."),
+        (["PLANT", "--only", "run", "--skip", "run.*"], "`only` and `skip` select no check."),
         (["PLANT", "--seconds", "0"], "'seconds' is 0; it must be a positive number."),
         (["PLANT", "--memory", "nan"], "'memory' is nan; it must be a positive number."),
         (["PLANT", "--tolerance", "a"], "--tolerance a cannot be read"),
-        (["PLANT", "--reference", "nowhere"], "there is no folder 'nowhere' with references."),
+        (["PLANT", "--reference", "nowhere"], "the folder of references 'nowhere' does not exist."),
     ],
 )
 def test_what_cannot_be_meant_ends_with_2(arguments: list[str], said: str, plant: str, emla: Emla) -> None:
@@ -264,5 +264,5 @@ def _busy(processes: list[psutil.Process]) -> bool:
 
 
 def test_what_is_slow_is_not_said_to_hang() -> None:
-    assert "went on" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
+    assert "still made progress" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
     assert "did not return from fmi2DoStep" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 9.0).sentence

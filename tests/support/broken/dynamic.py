@@ -170,7 +170,7 @@ DYNAMIC: list[Broken] = [
     _warns(Fault.THREADS, "instance.threads", "steps of all instances use one static buffer"),
     _warns(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
     _warns(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
-    _warns(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is taken without a word, and comes out"),
+    _warns(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
     _warns(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),
     _warns(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),

@@ -42,4 +42,4 @@ def _here(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> Ch
     try:
         return do(check, subject)
     except Exception as error:
-        return failed(f"The check itself went wrong: {error!r}.")
+        return failed(f"The check itself has an error: {error!r}.")

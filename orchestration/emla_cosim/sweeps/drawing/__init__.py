@@ -1,1 +1,1 @@
-"""The pictures of sweeps, a module for each."""
+"""Draw the pictures of sweeps, one module for each."""

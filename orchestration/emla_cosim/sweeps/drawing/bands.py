@@ -1,4 +1,4 @@
-"""Bands of percentiles over time of the signals that a sweep kept."""
+"""Draw percentile bands over time of the recorded signals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ _ROWS_AT_ONCE = 1_000_000
 class PercentileBands:
     """Percentiles of a signal over variants: a row of `values` for each of `PERCENTILES`, at `times` in s.
 
-    NaN where no variant has a value.
+    NaN if no variant has a value.
     """
 
     times: Vector
@@ -37,11 +37,13 @@ class PercentileBands:
 
 
 def compute_bands(result: SweepData, signal: str) -> PercentileBands:
-    """Percentiles of a signal, at no more than 400 times of the variant that came furthest.
+    """Return percentiles of a signal, at no more than 400 times of the variant that ran longest.
 
-    Values of variants with other times are interpolated between their rows; a variant counts only from
-    its first row to its last. At most one signal of some of the variants is in memory at a time. Raises
-    CommandError for a signal that was not kept.
+    Variants with other times are interpolated linearly, from their first row to their last. Variants are
+    read in parts to limit memory.
+
+    Raises:
+        CommandError: The signal was not recorded.
     """
     series = _series(result)
     check_choice("kept signal", signal, result.signals)
@@ -84,7 +86,7 @@ def _times(series: polars.LazyFrame, extents: polars.DataFrame) -> Vector:
 
 
 def _parts(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
-    """First and last variants of parts that are not too large."""
+    """Yield the first and last variants of parts of limited size."""
     part = extents["rows"].cum_sum() // _ROWS_AT_ONCE
     for _, group in extents.group_by(part.alias("part"), maintain_order=True):
         yield group[VARIANT][0], group[VARIANT][-1]
@@ -96,7 +98,7 @@ def _percentiles(values: Vector) -> Vector:
 
 
 def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
-    """A panel for each signal that has values; the first 12 of those kept unless some are named."""
+    """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
     _series(result)
     chosen = list(signals or result.signals[:_MOST_PANELS])
     found = [(signal, compute_bands(result, signal)) for signal in chosen]
@@ -144,5 +146,5 @@ def _note(result: SweepData, left_out: int) -> str:
     variants, done = len(result.variants), int(is_done(result).sum())
     note = f"{variants:,} variant{'s' if variants != 1 else ''}"
     if done < variants:
-        note += f"; {variants - done:,} that are not done count as far as they came"
+        note += f"; {variants - done:,} that ended early count up to their end"
     return f"{note}; {left_out} more signals have no panel" if left_out else note

@@ -1,4 +1,4 @@
-"""Bars for each factor: tornado of local sensitivities, and Sobol indices."""
+"""Draw bars for each factor: tornado of local sensitivities, and Sobol indices."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -36,13 +36,14 @@ if TYPE_CHECKING:
 
 _MOST_PANELS, _MOST_BARS = 12, 12
 _NAME = 38
-"""Characters of a factor beside its bars."""
+"""Most characters of a factor's name."""
 
 
 def draw_tornado(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
-    """A panel for each figure: how it changes where a factor alone is low or high, the largest effect first.
+    """Draw a panel for each figure with its change when a factor alone is low or high.
 
-    A cross stands where the figure is missing. Figures that the nominal variant does not have are left out.
+    The largest effect comes first. A cross marks a missing figure. Figures that the nominal variant does not
+    have are omitted.
     """
     check_sampling(result, ONE_AT_A_TIME, "local sensitivities")
     found = _panels(result, figures, local_sensitivities)
@@ -59,7 +60,7 @@ def draw_tornado(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 
 
 def draw_sobol(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
-    """A panel for each figure: first-order and total indices with 95 % confidence, largest total first."""
+    """Draw a panel for each figure: first-order and total indices, 95 % confidence, largest total first."""
     check_sampling(result, SALTELLI, "Sobol indices")
     found = _panels(result, figures, sobol_indices)
     figure = _figure(result, found, lambda axes, name, indices: _draw_sobol(axes, indices))
@@ -74,14 +75,14 @@ def draw_sobol(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 def _panels(
     result: SweepData, figures: Sequence[str], found: Callable[[SweepData, str], Any]
 ) -> dict[str, Any]:
-    """What is found for these figures, or for the first that vary; CommandError where there is nothing."""
+    """Compute panels for these figures, by default the first that vary. Raise CommandError without any."""
     if figures:
         return {name: found(result, name) for name in figures}
     panels, problem = {}, None
     for name in find_varying_figures(result):
         try:
             panels[name] = found(result, name)
-        except CommandError as error:  # the next figure may be in more variants
+        except CommandError as error:  # more variants may have the next figure
             problem = error
         if len(panels) == _MOST_PANELS:
             break
@@ -152,7 +153,7 @@ def _draw_sobol(axes: "Axes", indices: SobolIndices) -> None:
         )
     _finish_axes(axes, [indices.factors[i] for i in order])
     low, high = axes.get_xlim()
-    axes.set_xlim(max(min(low, 0.0), -0.5), min(max(high, 1.0), 1.5))  # wild confidence hides all others
+    axes.set_xlim(max(min(low, 0.0), -0.5), min(max(high, 1.0), 1.5))  # clip huge confidence intervals
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
 
 
@@ -163,7 +164,7 @@ def _finish_axes(axes: "Axes", factors: list[str]) -> None:
 
 
 def _handles(labels: Mapping[str, str]) -> "dict[str, Artist]":
-    """Marks for a legend from labels by colour."""
+    """Return legend handles from labels by colour."""
     from matplotlib.patches import Patch
 
     return {label: Patch(color=color) for color, label in labels.items()}

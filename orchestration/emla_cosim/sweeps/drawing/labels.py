@@ -1,4 +1,4 @@
-"""Names, numbers and levels on the axes of a picture: as they are, as far as there is room for them."""
+"""Format names, numbers and levels on axes, shortened to the space available."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DECADES = 2.0
-"""Positive numbers of which nine in ten span more than this are on a logarithmic axis."""
+"""Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
 
 _MOST_LEVELS = 12
-"""Of more levels only every n-th has its name on an axis."""
+"""Most level names on an axis; of more levels only every n-th is named."""
 
 
 def shorten_text(text: str, most: int) -> str:
-    """A text of at most so many characters; what is left out of its middle is told by dots."""
+    """Shorten a text to `most` characters: an ellipsis replaces its middle."""
     text = re.sub(r"\s", " ", text)
     if len(text) <= most:
         return text
@@ -33,9 +33,9 @@ def shorten_text(text: str, most: int) -> str:
 
 
 def wrap_text(text: str, width: int, lines: int = 2) -> str:
-    """A text in lines of at most so many characters, broken after dots and spaces if it can be.
+    """Wrap a text to lines of at most `width` characters, if possible after dots and spaces.
 
-    A unit stays whole, and with what it belongs to.
+    A unit stays on the line of its quantity.
     """
     text = shorten_text(text, width * lines)
     found = [""]
@@ -50,25 +50,25 @@ def wrap_text(text: str, width: int, lines: int = 2) -> str:
 
 
 def label_with_unit(name: str, unit: str) -> str:
-    """A quantity as it stands at an axis: name / unit."""
+    """Return the axis label of a quantity: name / unit."""
     if not unit:
         return name
     return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
 
 
 def factor_label(result: SweepData, name: str) -> str:
-    """A factor with its unit."""
+    """Return the label of a factor with its unit."""
     return label_with_unit(name, result.units.get(name) or "")
 
 
 def figure_label(result: SweepData, name: str) -> str:
-    """A figure as a person calls it, with the unit a person sees it in."""
+    """Return the label of a figure with its display unit."""
     shown = display_of(result, name)
     return label_with_unit(shown.label, shown.unit)
 
 
 def is_wide(values: Vector) -> bool:
-    """Whether values need a logarithmic axis: all are positive, and most of them span many decades."""
+    """Return whether values need a logarithmic axis: all positive, and most spanning many decades."""
     known = values[~np.isnan(values)]
     if not len(known) or known.min() <= 0.0:
         return False
@@ -92,9 +92,9 @@ def scale(axes: "Axes", axis: "Axis", values: Vector) -> None:
 def put_levels(
     axis: "Axis", levels: Sequence[str], most: int = 24, room: int | None = None, first: float = 0.0
 ) -> None:
-    """Names at the positions `first`, `first` + 1 and so on; of many only every n-th.
+    """Put names at the positions `first`, `first` + 1 and so on; of many only every n-th.
 
-    They are cut to `most` characters, and turned where all together do not fit into `room` characters.
+    Names are shortened to `most` characters. They are rotated if together they exceed `room` characters.
     """
     places = range(0, len(levels), -(-len(levels) // _MOST_LEVELS))
     names = [shorten_text(levels[i], most) for i in places]
@@ -105,7 +105,7 @@ def put_levels(
 
 
 def put_factor(axes: "Axes", axis: "Axis", one: FactorColumn, room: int, most: int = 24) -> None:
-    """Prepare an axis for a factor: its scale, or the names of its levels as `put_levels` puts them."""
+    """Prepare an axis for a factor: set its scale, or put the names of its levels (see `put_levels`)."""
     if one.levels is None:
         scale(axes, axis, one.values)
         return
@@ -115,18 +115,18 @@ def put_factor(axes: "Axes", axis: "Axis", one: FactorColumn, room: int, most: i
 
 
 def spread(values: Vector, axis: int) -> Vector:
-    """Positions of levels moved apart by up to a quarter, the same way every time for axis 0 and for 1."""
+    """Spread the positions of levels randomly by up to 0.25. The `axis`, 0 or 1, is the seed."""
     return values + np.random.default_rng(axis).uniform(-0.25, 0.25, len(values))
 
 
 def put_title(figure: "Figure", title: str) -> None:
-    """What a picture shows."""
+    """Put the title over a picture."""
     lines = wrap_text(title, int(9.0 * figure.get_figwidth()))
     figure.suptitle(lines, fontsize=12, fontweight="bold", parse_math=False)
 
 
 def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = "") -> None:
-    """What marks mean, below the picture, and over it in small letters what the picture leaves out."""
+    """Put a legend below the picture, with a note in small letters above it."""
     width = figure.get_figwidth()
     columns = len(handles) if width > 1.5 * len(handles) else -(-len(handles) // 2)
     legend = figure.legend(
@@ -151,11 +151,11 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
 
 
 def hide_rest(grid: np.ndarray, used: int) -> None:
-    """Take away the axes of a grid beyond the first so many."""
+    """Hide the axes of a grid beyond the first `used`."""
     for axes in grid.flat[used:]:
         axes.set_visible(False)
 
 
 def choose_columns(panels: int) -> int:
-    """How many columns look well for so many panels."""
+    """Return the number of columns for a number of panels."""
     return 1 if panels <= 1 else 2 if panels <= 4 else 3

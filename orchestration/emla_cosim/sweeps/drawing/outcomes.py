@@ -1,4 +1,4 @@
-"""Colours of what became of variants, and their marks for a legend."""
+"""Colours and legend of the outcomes of variants."""
 
 from typing import TYPE_CHECKING
 
@@ -15,18 +15,18 @@ _COLORS = {DONE: BLUE, NOT_HELD: ORANGE, DIVERGED: RED, FAILED: PURPLE, REFUSED:
 
 
 def color_of(outcome: str) -> str:
-    """The colour of a status, or of what is not held."""
+    """Return the colour of an outcome."""
     return _COLORS.get(outcome, GREY)
 
 
 def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
-    """How many variants came to each outcome, in the order of severity."""
+    """Return the number of variants with each outcome, in the order of severity."""
     found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
     return {name: count for name, count in found.items() if count}
 
 
 def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
-    """Marks for a legend: each outcome with its number; `done` is what those without fault are called."""
+    """Return legend handles: each outcome with its number. `done` is the name of the good outcome."""
     from matplotlib.lines import Line2D
 
     return {

@@ -1,4 +1,4 @@
-"""Figures against factors: a grid of panels with a point for each variant."""
+"""Draw figures against factors: a grid of panels with a point for each variant."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -40,29 +40,30 @@ if TYPE_CHECKING:
 
 _MOST_FIGURES, _MOST_FACTORS = 4, 6
 _NAMED = 6
-"""So many factors that are left out are named; of more it is said how many there are."""
+"""Most omitted factors that the note names; of more it gives the number."""
 
 _ROOM = 30
 """Characters that fit below a panel."""
 
 
 def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
-    """Rows are the figures, the first 4 that vary unless some are named; columns the 6 strongest factors.
+    """Draw figures in rows and factors in columns.
 
-    Marks at the bottom of a panel are variants without the figure.
+    The default is the first 4 figures that vary, against the 6 strongest factors. Marks at the bottom of a
+    panel are variants without the figure.
     """
     chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
     values = {figure: figure_values(result, figure) for figure in chosen}
     factors = _strongest(result, list(values.values()))
     if not (chosen and factors):
         raise nothing_varies_error(result, "factor" if chosen else "figure")
-    told = read_outcomes(result)
+    outcomes = read_outcomes(result)
     shown = factors[:_MOST_FACTORS]
     figure, grid = new_figure(len(chosen), len(shown), 2.5 if len(shown) > 1 else 5.0, 1.9, sharex="none")
     for i, name in enumerate(chosen):
         row = grid[i]
         for axes, one in zip(row, shown, strict=True):
-            _draw_panel(axes, result, one, name, values[name], told)
+            _draw_panel(axes, result, one, name, values[name], outcomes)
             axes.tick_params(labelleft=axes is row[0], labelbottom=i == len(chosen) - 1)
         row[0].set_ylabel(wrap_text(figure_label(result, name), 25, 3), fontsize=8, parse_math=False)
     for axes, one in zip(grid[-1], shown, strict=True):
@@ -74,18 +75,18 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     notes = list(_notes(result, factors, more))
     if any(np.isnan(column).any() for column in values.values()):
         notes.append("Marks at the bottom are variants without the figure.")
-    put_legend(figure, make_legend_handles(told, good_outcome(result)), " ".join(notes))
+    put_legend(figure, make_legend_handles(outcomes, good_outcome(result)), " ".join(notes))
     return figure
 
 
 def _strongest(result: SweepData, figures: Sequence[Vector]) -> list[FactorColumn]:
-    """Factors that vary, that with the largest rank correlation with any of the figures first."""
+    """Return the factors that vary, sorted by their largest rank correlation with any of the figures."""
     factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
     return sorted(factors, key=lambda one: -max((influence(one, values) for values in figures), default=0.0))
 
 
 def _draw_panel(
-    axes: "Axes", result: SweepData, one: FactorColumn, name: str, values: Vector, told: np.ndarray
+    axes: "Axes", result: SweepData, one: FactorColumn, name: str, values: Vector, outcomes: np.ndarray
 ) -> None:
     shown = display_of(result, name).factor * values
     truth = is_truth(result, name)
@@ -97,8 +98,8 @@ def _draw_panel(
         float(np.clip(20.0 / np.sqrt(count), 0.25, 0.9)),
     )
     missing = np.isnan(shown)
-    for outcome in count_outcomes(told):
-        mine, color = told == outcome, color_of(outcome)
+    for outcome in count_outcomes(outcomes):
+        mine, color = outcomes == outcome, color_of(outcome)
         known, lost = mine & ~missing, mine & missing
         axes.plot(x[known], y[known], "o", color=color, markersize=size, alpha=alpha, markeredgewidth=0)
         axes.plot(
@@ -124,8 +125,8 @@ def _notes(result: SweepData, factors: Sequence[FactorColumn], figures_left: int
     if len(factors) > _MOST_FACTORS:
         rest = [one.name for one in factors[_MOST_FACTORS:]]
         named = join_names(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
-        yield f"Left out for smaller rank correlations: {named}."
+        yield f"Omitted for smaller rank correlations: {named}."
     if (same := len(result.factors) - len(factors)) > 0:
-        yield f"Factors that are the same everywhere: {same}."
+        yield f"Factors with one value only: {same}."
     if figures_left > 0:
         yield f"{figures_left} more figures vary."

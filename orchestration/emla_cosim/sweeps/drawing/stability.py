@@ -1,4 +1,4 @@
-"""A map over two factors of where variants are held."""
+"""Draw a map over two factors of which variants are held."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -43,36 +43,38 @@ _ROOM = 80
 """Characters that fit below the map."""
 
 _GOOD = ("#cfe0f1", "#12355f")
-"""Shades of variants that are held, for small and large figures."""
+"""Shades of held variants, for small and large figures."""
 
 _TITLES = {HELD: "where it is held", DONE: "which variants are done"}
-"""Titles of maps by what variants without fault are called."""
+"""Titles of maps by the name of the good outcome."""
 
 
 def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
-    """Draw where variants are held; the shade is a figure of these.
+    """Draw which variants are held, shaded by a figure.
 
-    Where no figure is a verdict, nobody knows what is held: the map says which variants are done. A grid of
-    two factors has a cell for each variant; of others the two factors are shown with which the outcome, or
-    the figure, has the largest rank correlation.
+    If the sweep has no verdict, the map shows which variants are done. A grid of two factors has a cell for
+    each variant. Other sweeps show the two factors that have the largest rank correlation with the outcome,
+    or with the figure if all outcomes are equal.
     """
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
-    told = read_outcomes(result)
+    outcomes = read_outcomes(result)
     name = figures[0] if figures else _first_figure(result)
     values = (
-        figure_values(result, name) * display_of(result, name).factor if name else np.full(len(told), np.nan)
+        figure_values(result, name) * display_of(result, name).factor
+        if name
+        else np.full(len(outcomes), np.nan)
     )
-    values[told != DONE] = np.nan
-    if len(set(told)) < 2 and np.isnan(values).all():
+    values[outcomes != DONE] = np.nan
+    if len(set(outcomes)) < 2 and np.isnan(values).all():
         raise CommandError(
             f"the variants of the sweep '{result.name}' do not differ; there is nothing to map."
         )
-    one, other = _two_factors(result, told, values)
+    one, other = _two_factors(result, outcomes, values)
     figure, grid = new_figure(1, 1, 6.6, 4.6)
     axes = grid[0, 0]
     whole = result.sampling == "grid" and len(result.factors) == 2
-    shades = (_draw_cells if whole else _draw_points)(axes, one, other, values, told)
+    shades = (_draw_cells if whole else _draw_points)(axes, one, other, values, outcomes)
     axes.set_xlabel(wrap_text(factor_label(result, one.name), 80), fontsize=9, parse_math=False)
     axes.set_ylabel(wrap_text(factor_label(result, other.name), 54), fontsize=9, parse_math=False)
     if name and not np.isnan(values).all():
@@ -82,7 +84,9 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     good = good_outcome(result)
     put_title(figure, f"{result.name}: {_TITLES[good]}")
     put_legend(
-        figure, make_legend_handles(told, good), "" if len(result.factors) == 2 else _note(result, told, good)
+        figure,
+        make_legend_handles(outcomes, good),
+        "" if len(result.factors) == 2 else _note(result, outcomes, good),
     )
     return figure
 
@@ -91,30 +95,32 @@ def _first_figure(result: SweepData) -> str | None:
     return next((figure for figure in find_varying_figures(result) if not is_truth(result, figure)), None)
 
 
-def _two_factors(result: SweepData, told: np.ndarray, values: Vector) -> tuple[FactorColumn, FactorColumn]:
-    """The two that vary and have the largest influence, in the order of the sweep."""
+def _two_factors(
+    result: SweepData, outcomes: np.ndarray, values: Vector
+) -> tuple[FactorColumn, FactorColumn]:
+    """Return the two factors with the largest influence, in the order of the sweep."""
     factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
     if len(factors) < 2:
         raise CommandError(
             f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."
         )
-    followed = (told == DONE).astype(float) if _splits(told) else values
+    followed = (outcomes == DONE).astype(float) if _splits(outcomes) else values
     strongest = sorted(factors, key=lambda one: -influence(one, followed))[:2]
     first, second = (one for one in factors if one in strongest)
     return first, second
 
 
-def _splits(told: np.ndarray) -> bool:
-    return 0 < int((told == DONE).sum()) < len(told)
+def _splits(outcomes: np.ndarray) -> bool:
+    return 0 < int((outcomes == DONE).sum()) < len(outcomes)
 
 
-def _note(result: SweepData, told: np.ndarray, good: str) -> str:
-    what = f"being {good}" if _splits(told) else "the figure"
+def _note(result: SweepData, outcomes: np.ndarray, good: str) -> str:
+    what = f"being {good}" if _splits(outcomes) else "the figure"
     return f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
 
 
 def _shading(values: Vector) -> dict[str, Any]:
-    """Colours for the values among variants that are held."""
+    """Return colour map and scale for the figure of held variants."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
     known = values[~np.isnan(values)]
@@ -124,7 +130,7 @@ def _shading(values: Vector) -> dict[str, Any]:
 
 
 def _draw_cells(
-    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, told: np.ndarray
+    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, outcomes: np.ndarray
 ) -> Any:
     from matplotlib.colors import ListedColormap
 
@@ -136,10 +142,10 @@ def _draw_cells(
         table[y[chosen], x[chosen]] = content[chosen]
         return np.ma.masked_invalid(table)
 
-    for outcome in count_outcomes(told):
+    for outcome in count_outcomes(outcomes):
         color = _GOOD[0] if outcome == DONE else color_of(outcome)
-        chosen = told == outcome
-        axes.pcolormesh(cells(np.ones(len(told)), chosen), cmap=ListedColormap([color]))
+        chosen = outcomes == outcome
+        axes.pcolormesh(cells(np.ones(len(outcomes)), chosen), cmap=ListedColormap([color]))
     shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
     for axis, factor_, levels in ((axes.xaxis, one, x_levels), (axes.yaxis, other, y_levels)):
         names = (
@@ -154,17 +160,17 @@ def _draw_cells(
 
 
 def _draw_points(
-    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, told: np.ndarray
+    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, outcomes: np.ndarray
 ) -> Any:
     x = spread(one.values, 0) if one.levels else one.values
     y = spread(other.values, 1) if other.levels else other.values
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
-    good = told == DONE
+    good = outcomes == DONE
     axes.scatter(x[good], y[good], s=size, color=_GOOD[0], linewidths=0)
     shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shading(values))
-    for outcome in count_outcomes(told):
+    for outcome in count_outcomes(outcomes):
         if outcome != DONE:
-            mine = told == outcome
+            mine = outcomes == outcome
             axes.scatter(x[mine], y[mine], s=2 * size, marker="X", color=color_of(outcome), linewidths=0)
     tidy_axes(axes)
     axes.margins(0.03)

@@ -1,1 +1,1 @@
-"""Kinds of distributions: how one quantity varies from variant to variant."""
+"""Kinds of distributions of a factor."""

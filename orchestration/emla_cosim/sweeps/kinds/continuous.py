@@ -14,20 +14,20 @@ from ...system.model import Value
 from .distribution import Distribution
 
 _OUTERMOST = 2.0**-53
-"""The quantile that stands for 0, and from 1 for 1, where there is no bound: random numbers hit these."""
+"""Quantile used instead of 0 (and its complement instead of 1) without a bound; random numbers reach 0."""
 
 _LEAST_PROBABILITY = 1e-15
-"""A truncation that leaves less than this of a distribution is a mistake."""
+"""A truncation that leaves less probability than this is refused."""
 
 
 class _Continuous(Distribution):
-    """One of real numbers, from `low` to `high`; None where there is no bound."""
+    """A distribution of real numbers from `low` to `high`; None means no bound."""
 
     low: Any
     high: Any
 
     def at(self, quantiles: Vector) -> list[Value]:
-        """The inverse distribution function, exact at the bounds."""
+        """Return the inverse distribution function, exact at the bounds."""
         low, high = self.low, self.high
         given = np.asarray(quantiles, dtype=np.float64)
         inner = np.clip(given, _OUTERMOST if low is None else 0, 1 - _OUTERMOST if high is None else 1)
@@ -41,14 +41,14 @@ class _Continuous(Distribution):
 
     @property
     def ends(self) -> tuple[Value, Value]:
-        """The bounds; where there is none, the 5 % or 95 % quantile."""
+        """The bounds; without a bound, the 5 % or 95 % quantile."""
         low, high = self.low, self.high
         inner = self.at(np.array([0.05, 0.95]))
         return inner[0] if low is None else low, inner[1] if high is None else high
 
     @abstractmethod
     def _inverse(self, q: Vector) -> Vector:
-        """The inverse distribution function, but for rounding at the bounds."""
+        """Return the inverse distribution function, except for rounding at the bounds."""
 
     def _check(self) -> None:
         low, high = self.low, self.high
@@ -63,17 +63,17 @@ class _Continuous(Distribution):
 
     def _check_width(self, low: float, high: float) -> None:
         if math.isinf(high - low):
-            self.refuse(f"cannot be as wide as {low!r} to {high!r}: high - low has to be below 1.8e308.")
+            self.refuse(f"cannot be as wide as {low!r} to {high!r}: high - low must be below 1.8e308.")
 
     def _check_extremes(self) -> None:
-        """That no quantile is beyond the largest double."""
+        """Refuse a distribution with quantiles beyond the largest double."""
         if not np.isfinite(self.at(np.array([0.0, 1.0]))).all():
-            self.refuse("as wide as this reaches beyond 1.8e308; give less deviation, or low and high.")
+            self.refuse("as wide as this exceeds 1.8e308; reduce the deviation, or set low and high.")
 
 
 @dataclass(frozen=True)
 class _Spaced(_Continuous):
-    """One between bounds, of which a grid may take a number of points."""
+    """A bounded distribution with optional grid points."""
 
     low: float
     high: float
@@ -92,7 +92,7 @@ class _Spaced(_Continuous):
     def _check(self) -> None:
         super()._check()
         if self.points is not None and self.points < 2:
-            self.refuse(f"needs 2 points or more, both ends among them; points is {self.points}.")
+            self.refuse(f"needs 2 points or more, including both ends; points is {self.points}.")
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class _Truncated(_Continuous):
 
     @abstractmethod
     def _standard(self, value: float) -> float:
-        """How many standard deviations a value is above the middle."""
+        """Return how many standard deviations a value is above the middle."""
 
     @property
     def _standard_bounds(self) -> tuple[float, float]:
@@ -141,7 +141,7 @@ class _Truncated(_Continuous):
         return low, math.inf if self.high is None else self._standard(self.high)
 
     def _away(self, q: Vector) -> Vector:
-        """How far above the middle quantiles are."""
+        """Return how far quantiles are above the middle."""
         return self.deviation * _truncated_normal(q, *self._standard_bounds)
 
     def _check(self) -> None:
@@ -152,7 +152,7 @@ class _Truncated(_Continuous):
 
 @dataclass(frozen=True)
 class Normal(_Truncated):
-    """By mean and standard deviation; truncated to `low` and `high` where these are given."""
+    """A normal distribution by mean and standard deviation; `low` and `high` truncate it."""
 
     name: ClassVar[str] = "normal"
     noun: ClassVar[str] = "a normal distribution"
@@ -175,7 +175,7 @@ class Normal(_Truncated):
 
 @dataclass(frozen=True)
 class LogNormal(_Truncated):
-    """The natural logarithm is normal; truncated to `low` and `high` where these are given.
+    """The natural logarithm is normal; `low` and `high` truncate it.
 
     `median` is that of the value, `deviation` the standard deviation of the logarithm.
     """
@@ -227,9 +227,9 @@ class Triangular(_Continuous):
 
 
 def _truncated_normal(q: Vector, low: float, high: float) -> Vector:
-    """The inverse distribution function of the standard normal distribution between two bounds.
+    """Return the inverse distribution function of the standard normal distribution between two bounds.
 
-    By the probability below in the lower half and above in the upper half: each resolves its own tail.
+    It uses the probability below in the lower half and above in the upper half, to resolve both tails.
     """
     probability = _probability(low, high)
     below = ndtr(low) + q * probability
@@ -238,13 +238,11 @@ def _truncated_normal(q: Vector, low: float, high: float) -> Vector:
 
 
 def _probability(low: float, high: float) -> float:
-    """What the standard normal distribution has between two bounds."""
+    """Return the probability of the standard normal distribution between two bounds."""
     return float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
 
 
 def _check_truncation(distribution: Distribution, low: float, high: float) -> None:
-    """Raise CommandError where nothing is left between two bounds in standard deviations."""
+    """Raise CommandError if there is no probability between two bounds in standard deviations."""
     if _probability(low, high) < _LEAST_PROBABILITY:
-        distribution.refuse(
-            "that is truncated needs low and high where it has values; nothing is left of it."
-        )
+        distribution.refuse("has no values between its low and high; choose bounds nearer to its middle.")

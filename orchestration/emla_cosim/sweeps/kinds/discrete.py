@@ -1,4 +1,4 @@
-"""Distributions of values that can be counted."""
+"""Distributions of discrete values."""
 
 import math
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ from ...system.model import Value
 from .distribution import Distribution
 
 MOST_LEVELS = 1000
-"""Integers up to this many are levels of a grid; a range of more has none."""
+"""Most integers that are levels of a grid; a longer range has no levels."""
 
 _LARGEST_INTEGER = 2**53
-"""Up to here a double holds every integer."""
+"""A double holds every integer up to this one."""
 
 
 @dataclass(frozen=True)
 class ValueList(Distribution):
-    """The values of a list, equally likely; a value that stands there twice is twice as likely.
+    """The values of a list, equally likely, in this order. A value that occurs twice is twice as likely.
 
-    They are ordered as they are given. Numbers of which one has a decimal point are all real.
+    If one number is real, all numbers are.
     """
 
     name: ClassVar[str] = "values"
@@ -47,17 +47,17 @@ class ValueList(Distribution):
 
     @property
     def level_count(self) -> int:
-        """How many values there are."""
+        """The number of values."""
         return len(self.values)
 
     @property
     def levels(self) -> Sequence[Value]:
-        """The values as they are given."""
+        """The values in the order of the list."""
         return self.values
 
     @property
     def ends(self) -> tuple[Value, Value]:
-        """The lowest and the highest of numbers; else the first and the last."""
+        """The lowest and highest number; for other values the first and last."""
         if all(map(_is_number, self.values)):
             return min(self.values), max(self.values)
         return self.values[0], self.values[-1]
@@ -71,7 +71,7 @@ class ValueList(Distribution):
             if type(value) is int:
                 _check_integer(self, value)
             if self.relative and not _is_number(value):
-                self.refuse(f"that is relative takes factors; {value!r} is no number.", value=value)
+                self.refuse(f"that is relative needs factors; {value!r} is not a number.", value=value)
 
 
 @dataclass(frozen=True)
@@ -94,17 +94,17 @@ class Integers(Distribution):
 
     @property
     def level_count(self) -> int | None:
-        """How many there are, if these are few."""
+        """The number of integers, up to `MOST_LEVELS`."""
         return self._count if self._count <= MOST_LEVELS else None
 
     @property
     def levels(self) -> Sequence[Value] | None:
-        """All of them, if these are few."""
+        """All integers, up to `MOST_LEVELS` of them."""
         return None if self.level_count is None else range(self.low, self.high + 1)
 
     @property
     def ends(self) -> tuple[Value, Value]:
-        """The lowest and the highest."""
+        """The lowest and highest integer."""
         return self.low, self.high
 
     @property
@@ -120,7 +120,7 @@ class Integers(Distribution):
 
 def _check_integer(distribution: Distribution, value: int) -> None:
     if abs(value) > _LARGEST_INTEGER:
-        distribution.refuse(f"takes integers up to 2^53, {_LARGEST_INTEGER}; {value} is beyond.")
+        distribution.refuse(f"supports integers up to 2^53, {_LARGEST_INTEGER}; {value} is larger.")
 
 
 def _is_number(value: Any) -> bool:

@@ -1,4 +1,4 @@
-"""What every kind of distribution is."""
+"""The base class of distributions."""
 
 import math
 from abc import ABC, abstractmethod
@@ -14,14 +14,15 @@ from ...system.model import Value
 
 @dataclass(frozen=True)
 class Distribution(ABC):
-    """How one quantity varies. Where `relative`, it is the factor of the quantity's nominal value.
+    """The distribution of a factor. If `relative`, its values multiply the nominal value.
 
-    Raises CommandError when made of values that are none of the right type, not finite, or leave no range.
+    Raises:
+        CommandError: A field has the wrong type, is not finite, or leaves no range.
     """
 
     name: ClassVar[str]
     noun: ClassVar[str]
-    """What sentences call one, with its article."""
+    """Its name in messages, with an article."""
 
     relative: bool = field(default=False, kw_only=True)
 
@@ -37,27 +38,27 @@ class Distribution(ABC):
 
     @abstractmethod
     def at(self, quantiles: Vector) -> list[Value]:
-        """The inverse distribution function: a value for each quantile, 0 to 1. All values are finite."""
+        """Return the inverse distribution function: a finite value for each quantile from 0 to 1."""
 
     @property
     def level_count(self) -> int | None:
-        """How many levels a grid takes, known without listing them; None where there are none."""
+        """The number of levels in a grid, without listing them; None if there are none."""
         return None
 
     @property
     def levels(self) -> Sequence[Value] | None:
-        """The values that a grid takes, in their order; None where there is no finite number of them."""
+        """The levels in a grid, in order; None if there are none."""
         return None
 
     @property
     @abstractmethod
     def ends(self) -> tuple[Value, Value]:
-        """The lowest and the highest value; the 5 % or 95 % quantile where there is no bound on a side."""
+        """The lowest and highest value; without a bound, the 5 % or 95 % quantile."""
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise CommandError for values that do not go together."""
+        """Raise CommandError for inconsistent values."""
 
     def refuse(self, sentence: str, **found: Any) -> NoReturn:
-        """Raise CommandError with what is said of it."""
+        """Raise CommandError with a message that begins with the name of the distribution."""
         raise CommandError(f"{self.noun} {sentence}", distribution=self.name, **found)

@@ -1,1 +1,1 @@
-"""The checks, one file for what belongs together."""
+"""The checks, one file for each topic."""

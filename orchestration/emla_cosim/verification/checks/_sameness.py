@@ -1,22 +1,28 @@
-"""How far apart two runs may be that should be one, and the sentence that says so."""
+"""Compare two runs that should be equal."""
 
 from ..host.instance_runs import OutputTrajectory
 from ..verdict import CheckOutcome, failed, passed, warned
 
 _CLOSE = 1e-3
-"""Of an output's range: what two solvers, or two step sizes, may differ by."""
+"""Allowed difference between two solvers or step sizes, relative to an output's range."""
 
 ROUNDING = 1e-9
-"""Of an output's range: what another alignment of memory, or another order of a sum, may do."""
+"""Allowed effect of memory alignment or summation order, relative to an output's range."""
 
 
 def compare_runs(
     found: OutputTrajectory, wanted: OutputTrajectory, what: str, allowed: float = ROUNDING
 ) -> CheckOutcome:
-    """Passed where two runs are the same to the last bit, failed where they are further apart than allowed.
+    """Compare two runs that should be equal to the last bit.
 
-    `what` begins the sentence: `A second run`. `allowed` is in parts of an output's range; what is
-    closer than that, and not the same, is worth a warning.
+    Args:
+        found: Run to judge.
+        wanted: Run to compare with.
+        what: Name of the run, the subject of the message: `A second run`.
+        allowed: Largest allowed difference, relative to an output's range.
+
+    Returns:
+        Passed if both are bitwise equal, a warning within `allowed`, otherwise failed.
     """
     if found.same(wanted):
         return passed(
@@ -31,11 +37,11 @@ def compare_runs(
 
 
 def differing(found: OutputTrajectory, wanted: OutputTrajectory, rows: int) -> tuple[list[str], float]:
-    """Compare the first rows of two runs that need not be the same to the last bit.
+    """Compare the first rows of two runs that need not be bitwise equal.
 
     Returns:
-        Beginnings of sentences on outputs that differ by more than a thousandth of their range, and the
-        largest difference in parts of the range.
+        A message without period for each output that differs by more than 1e-3 of its range, and the
+        largest difference relative to the range.
     """
     apart = found.until(rows).distance(wanted.until(rows))
     far = [(name, d) for name, d in zip(wanted.names, apart, strict=True) if d > _CLOSE]

@@ -1,4 +1,4 @@
-"""The file itself: an archive that does no harm, and is laid out as the standard says."""
+"""Checks of the archive: safe to unpack, format, layout."""
 
 import zipfile
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, passed
 
 _LARGEST = 256 * 2**20
-"""Bytes that an archive may unpack to whatever it is compressed from."""
+"""Size in bytes up to which the compression ratio is not checked."""
 _RATIO = 100
-"""How many times larger than its file an archive may be that unpacks to more than that."""
+"""Largest compression ratio of archives that unpack to more than `_LARGEST`."""
 _KNOWN = (
     "modelDescription.xml",
     "model.png",
@@ -32,14 +32,14 @@ _STREAMED = 1 << 3
 
 @check(
     "archive.safe",
-    "The archive can be unpacked, and does no harm",
+    "The archive can be unpacked safely",
     Clause("2.3", "All relevant files are stored in a ZIP file with a pre-defined structure."),
-    "Make the FMU anew with a zip tool that writes relative names with forward slashes, each once.",
+    "Zip the FMU again with a tool that writes each entry once, with a relative name and forward slashes.",
 )
 def safe(subject: Subject) -> CheckOutcome:
-    """It is a zip file, whole, whose entries all belong into its folder; it is unpacked there."""
+    """Check that it is a complete zip file with all entries inside its folder. Unpack it there."""
     if not subject.path.is_file():
-        return failed("There is no such file.", hint="Name an FMU file.")
+        return failed("The file does not exist.", hint="Name an FMU file.")
     try:
         with zipfile.ZipFile(subject.path) as archive:
             entries = archive.infolist()
@@ -55,9 +55,9 @@ def safe(subject: Subject) -> CheckOutcome:
 
 
 def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
-    """Raise UnsafeArchiveError for what `unpack` allows, but an FMU cannot mean."""
+    """Raise UnsafeArchiveError for repeated entries and zip bombs, which `unpack` allows."""
     if twice := find_repeated(e.filename for e in entries):
-        raise UnsafeArchiveError(f"has more than one entry '{twice[0]}', of which tools read different ones")
+        raise UnsafeArchiveError(f"has more than one entry '{twice[0]}'; tools differ in which one they read")
     size, whole = sum(e.file_size for e in entries), path.stat().st_size
     if size > max(_LARGEST, _RATIO * whole):
         raise UnsafeArchiveError(
@@ -66,13 +66,13 @@ def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
 
 
 def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
-    """Files that overwrite each other where case does not count."""
+    """Return warnings about files that overwrite each other on case-insensitive file systems."""
     together: dict[str, list[str]] = {}
     for entry in entries:
         if not entry.is_dir():
             together.setdefault(entry.filename.casefold(), []).append(entry.filename)
     return [
-        f"{' and '.join(names)} are one file where case does not count, as on Windows."
+        f"{' and '.join(names)} are the same file on case-insensitive systems such as Windows."
         for names in together.values()
         if len(names) > 1
     ]
@@ -80,7 +80,7 @@ def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
 
 @check(
     "archive.format",
-    "The archive is one that every zip tool reads",
+    "Every zip tool can read the archive",
     Clause(
         "2.3",
         "The compression method for all files stored in the ZIP archive must be either 8 (deflate), "
@@ -90,7 +90,7 @@ def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     needs=("archive.safe",),
 )
 def format_(subject: Subject) -> CheckOutcome:
-    """Entries are stored or deflated, and need nothing newer than version 2.0 of the format."""
+    """Check that entries are stored or deflated and need no version of the format newer than 2.0."""
     with zipfile.ZipFile(subject.path) as archive:
         entries = archive.infolist()
     problems = [
@@ -106,26 +106,26 @@ def format_(subject: Subject) -> CheckOutcome:
     ]
     doubts = [f"{join_few_names(newer)} needs a newer version of the format than 2.0."] if newer else []
     doubts += (
-        [f"{join_few_names(streamed)} is stored without its size before it (bit 3)."] if streamed else []
+        [f"{join_few_names(streamed)} is stored with its size behind the data (bit 3)."] if streamed else []
     )
     return judge_problems(problems, f"{len(entries)} entries are stored or deflated.", doubts)
 
 
 @check(
     "archive.layout",
-    "Everything is where tools look for it",
+    "Files are in the folders of the standard",
     Clause("2.3", "This ZIP file has the following structure:"),
-    "Zip what is inside the FMU's folder, not the folder; other data belong into `resources` or `extra`.",
+    "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
     needs=("archive.safe",),
 )
 def layout(subject: Subject) -> CheckOutcome:
-    """At the top there is nothing that the standard does not know."""
+    """Check that the top folder has only the entries of the standard."""
     unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
     if unknown:
         return judge_problems(
-            (), "", [f"At the top there is {join_few_names(unknown)}, which the standard does not know."]
+            (), "", [f"The top folder has {join_few_names(unknown)}, which is not in the standard."]
         )
-    return passed("At the top there is only what the standard knows.")
+    return passed("The top folder has only entries of the standard.")
 
 
 def _words(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""Binaries: there, whole, with all functions, and nothing else that they need."""
+"""Checks of binaries: present, complete, loadable, with all functions."""
 
 import ctypes
 import os
@@ -20,7 +20,7 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
 
 @check(
     "binaries.present",
-    "There is something to run",
+    "Binaries or sources exist",
     Clause(
         "2.3",
         "The FMU must be distributed with at least one implementation, in other words, either sources or one "
@@ -30,7 +30,7 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
     needs=("description.schema",),
 )
 def present(subject: Subject) -> CheckOutcome:
-    """There is a library for this platform, for another one, or at least sources."""
+    """Check that there is a library for this or another platform, or sources."""
     found = list_libraries(subject)
     sources = [e.get("name") for e in subject.tree.iterfind(".//SourceFiles/File")]
     without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
@@ -38,7 +38,7 @@ def present(subject: Subject) -> CheckOutcome:
         folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
         name = subject.tree.find(without[0]).get("modelIdentifier")
         return failed(
-            f"There are binaries for {folders}, but none is called {name}, and there are no sources."
+            f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
         )
     names = join_few_names(sorted({one.platform for one in found}))
     if not found:
@@ -56,11 +56,11 @@ def present(subject: Subject) -> CheckOutcome:
         "Specifically it is required that all functions specified for Model Exchange and/or Co-Simulation "
         "are present, even if they are only needed for capabilities that the FMU does not support.",
     ),
-    "Export them from the library, without a prefix; those for what the FMU cannot do may answer fmi2Error.",
+    "Export them without a prefix. Functions of unsupported capabilities may return fmi2Error.",
     needs=("binaries.present",),
 )
 def symbols(subject: Subject) -> CheckOutcome:
-    """Each platform's library has every function of the FMI for what the FMU is."""
+    """Check that each library exports every FMI function for the kinds of the FMU."""
     found = list_libraries(subject)
     if not found:
         return skipped("There are no binaries.")
@@ -72,13 +72,13 @@ def symbols(subject: Subject) -> CheckOutcome:
 
 def _lacking(library: Library) -> Iterator[str]:
     if missing := missing_bytes(library.path):
-        if library.platform not in _HERE:  # of those here, binaries.loads says it
-            yield f"{library} is cut off: its last {missing} bytes are missing."
+        if library.platform not in _HERE:  # `binaries.loads` reports the others
+            yield f"{library} is truncated: its last {missing} bytes are missing."
         return
     note(f"reading {library}")
     binary = parse_library(library.path)
     if binary is None:
-        yield f"{library} is no shared library that can be read."
+        yield f"{library} is not a readable shared library."
         return
     names = list_exports(binary)
     wanted = list(dict.fromkeys(name for kind in library.kinds for name in list_required_functions(kind)))
@@ -94,28 +94,28 @@ def _lacking(library: Library) -> Iterator[str]:
         "FMUs should contain all resources that are required to load and execute a shared library, link "
         "against a static library, or compile from source.",
     ),
-    "`ldd` says what a library needs; link that statically, or ship it and set the RPATH to $ORIGIN.",
+    "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
     needs=("binaries.symbols",),
 )
 def loads(subject: Subject) -> CheckOutcome:
-    """The system's loader takes the library for this platform."""
+    """Check that the system can load the library for this platform."""
     here = [one for one in list_libraries(subject) if one.platform in _HERE]
     if not here:
         return skipped(f"There is no binary for {fmpy.platform}.")
     for library in here:
         if missing := missing_bytes(library.path):
-            return failed(f"{library} is cut off: its last {missing} bytes are missing.")
+            return failed(f"{library} is truncated: its last {missing} bytes are missing.")
     for library in here:
         note(f"loading {library}")
         try:
             ctypes.CDLL(str(library.path))
-        except UnicodeDecodeError:  # what the loader says quotes the library
-            return failed(f"{library} cannot be loaded, for a reason that is no text.")
+        except UnicodeDecodeError:  # the loader's message quotes bytes of the library
+            return failed(f"{library} cannot be loaded; the loader's message is not readable text.")
         except OSError as error:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
             sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
             others = _dependencies(subject)
-            return skipped(f"{sentence}; {others} tells what it needs.") if others else failed(f"{sentence}.")
+            return skipped(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
     try:
         _ = subject.description
     except MemoryError:
@@ -126,6 +126,6 @@ def loads(subject: Subject) -> CheckOutcome:
 
 
 def _dependencies(subject: Subject) -> str:
-    """The file that tells on what an FMU depends that it does not bring; empty where there is none."""
+    """Return the file that lists the FMU's external dependencies, or an empty string."""
     names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
     return next((name for name in names if (subject.folder / name).is_file()), "")

@@ -1,4 +1,4 @@
-"""Calls that a careful host does not make."""
+"""Checks with calls that the standard forbids: wrong phase, values that are not finite."""
 
 import math
 import time
@@ -22,7 +22,7 @@ _PHASES = ("before initialization", "in initialization mode", "after initializat
 
 
 class _Forbidden(NamedTuple):
-    """A call that the standard's table of calling sequences has no entry for in a phase."""
+    """A call that the standard's table of calling sequences does not allow in a phase."""
 
     phase: str
     function: str
@@ -69,36 +69,36 @@ _OF = {
     "calls.phases",
     "Calls in the wrong phase are refused",
     Clause("3.2.3", "The behaviour of an FMU is undefined for such a calling sequence."),
-    "Keep the phase in the instance, and answer fmi2Error, with a message, to what does not belong there.",
+    "Keep the phase in the instance. Return fmi2Error and log a message for calls that it does not allow.",
     needs=("run.completes",),
     time_factor=2.0,
 )
 def phases(subject: Subject) -> CheckOutcome:
-    """A call that the state machine forbids is answered with fmi2Error; above all it does no harm.
+    """Check that the FMU refuses calls that the state machine forbids, and does not crash.
 
-    The standard leaves it open what happens then, so that nothing here fails.
+    The standard leaves the behaviour undefined, so this check only warns.
     """
     try:
-        asked, taken = in_fresh_process(_taken, subject)
+        count, accepted = in_fresh_process(_find_accepted, subject)
     except EndedError as error:
         return warned(str(error))
-    if taken:
+    if accepted:
         return warned(
-            f"{len(taken)} of {asked} calls in a wrong phase were answered with fmi2OK: {taken[0]}.",
-            details=tuple(f"{t} was answered with fmi2OK." for t in taken),
+            f"{len(accepted)} of {count} calls in a wrong phase returned fmi2OK: {accepted[0]}.",
+            details=tuple(f"{call} returned fmi2OK." for call in accepted),
         )
-    return passed(f"{asked} calls in a wrong phase were refused.")
+    return passed(f"The FMU refused {count} calls in a wrong phase.")
 
 
-def _taken(subject: Subject) -> tuple[int, list[str]]:
-    """How many calls were made, and those that were answered with fmi2OK."""
-    asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
-    taken = [f"{f.function} {f.phase}" for f in asked if in_separate_process(_answer, subject, f) in FINE]
-    return len(asked), taken
+def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
+    """Return the number of calls, and those that returned fmi2OK."""
+    calls = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
+    accepted = [f"{f.function} {f.phase}" for f in calls if in_separate_process(_answer, subject, f) in FINE]
+    return len(calls), accepted
 
 
 def _parameters(subject: Subject) -> Iterator[_Forbidden]:
-    """That a fixed parameter is set after initialization."""
+    """Yield the call that sets a fixed parameter after initialization, if there is one."""
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
         reference = (fmi2ValueReference * 1)(variable.valueReference)
@@ -108,7 +108,7 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
 
 
 def _answer(subject: Subject, forbidden: _Forbidden) -> int:
-    """The status of a call in its phase; the instance is reset, if it lives, and freed."""
+    """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
     instance, start = HostedInstance(subject), span(subject)[0]
     reached = _PHASES.index(forbidden.phase)
     if reached >= 1:
@@ -133,13 +133,13 @@ _STEPS = 3
 
 @check(
     "calls.nonfinite",
-    "Values that are no numbers do no harm",
+    "NaN and infinity do no harm",
     Clause("2.1.3", "returned by all functions to indicate the success of the function call"),
-    "Answer fmi2Discard or fmi2Error to what is no number, and say in the log which variable it was.",
+    "Return fmi2Discard or fmi2Error for values that are not finite, and name the variable in the log.",
     needs=("run.completes",),
 )
 def nonfinite(subject: Subject) -> CheckOutcome:
-    """NaN or infinity in an input or a parameter is refused, or has no effect; it never ends the process."""
+    """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash."""
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None][
         :_MOST_VARIABLES
@@ -148,23 +148,23 @@ def nonfinite(subject: Subject) -> CheckOutcome:
     silent, tried = [], 0
     for variable in variables:
         if time.monotonic() > until:
-            break  # where instances take long to make
+            break  # instantiation is slow
         tried += 1
         silent += [
-            f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
+            f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
             for value in (math.nan, math.inf)
             for name, got in in_separate_process(_spoiled, subject, variable, value)
         ]
     if silent:
         return warned(
-            f"{len(silent)} times a value that is no number was taken without a word: {silent[0]}",
+            f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}",
             details=tuple(silent),
         )
-    return passed(f"NaN and infinity were set to {tried} inputs and parameters, and none did harm.")
+    return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.")
 
 
 def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:
-    """An output that is no number after this was set; none where a call refused it, or none was."""
+    """Return the first output that is not finite after this value was set, unless a call refused it."""
     course = make_experiment(subject, _STEPS)
     instance = HostedInstance(subject)
     instance.circumstance = f" with {variable.name} = {value}"

@@ -1,4 +1,4 @@
-"""Dependencies of the model structure, beside those that are seen."""
+"""Compare the declared dependencies of the model structure with observed ones."""
 
 from collections.abc import Iterable, Iterator
 
@@ -13,25 +13,25 @@ from ..verdict import CheckOutcome, Clause, failed, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
-"""Of a known, in parts of its size."""
+"""Change of a known, relative to its scale."""
 
 _SEEN = 1e-9
-"""Of an unknown, in parts of its value: rounding may change by other ways of computing."""
+"""Smallest relative change of an unknown that counts; less may be rounding."""
 
 Pairs = dict[tuple[str, str], str]
-"""Unknown and known, and where the one was seen to change with the other."""
+"""Unknown and known, with the place where the unknown changed with the known."""
 
 
 @check(
     "dependencies.observed",
-    "Outputs depend on what they are said to",
+    "Outputs change only with declared dependencies",
     Clause("2.2.8", "If present as empty list, the Unknown depends on none of the Knowns."),
     "Add the input to the dependencies of the unknown, or leave the attribute out.",
     needs=("run.finite",),
     time_factor=3.0,
 )
 def observed(subject: Subject) -> CheckOutcome:
-    """No output changes with an input that its dependencies exclude."""
+    """Check that no output changes with an input that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
     excluded, seen, declared = _together(found, _of_model(subject))
@@ -43,7 +43,7 @@ def observed(subject: Subject) -> CheckOutcome:
         return failed(lines[0], details=lines)
     if not declared:
         return skipped("It declares no dependency of an output on an input.")
-    return passed(f"Nothing but the {declared} declared dependencies on inputs is seen, {seen} of them are.")
+    return passed(f"No dependency on inputs is undeclared; {seen} of {declared} declared ones were observed.")
 
 
 Look = tuple[Pairs, int, int]
@@ -54,7 +54,7 @@ def _together(one: Look, other: Look) -> Look:
 
 
 def _of_model(subject: Subject) -> Look:
-    """What is seen of the model; nothing where it does not run, which is for another check."""
+    """Observe the model. Return nothing if it does not run, which another check reports."""
     if "ModelExchange" not in subject.kinds:
         return {}, 0, 0
     try:
@@ -68,7 +68,7 @@ def _look_at_model(subject: Subject) -> Look:
 
 
 def _look(points: Iterable[Point]) -> Look:
-    """Excluded pairs that are seen, and how many declared ones are, and are not."""
+    """Return observed excluded pairs, the number of observed declared pairs, and of declared pairs."""
     excluded: Pairs = {}
     seen: set[tuple[str, str]] = set()
     declared: set[tuple[str, str]] = set()
@@ -83,12 +83,12 @@ def _look(points: Iterable[Point]) -> Look:
 
 
 def _changes(point: Point) -> Iterator[tuple[str, str]]:
-    """Unknowns that change with a known."""
+    """Yield pairs of an unknown and a known that it changes with."""
     for known in point.knowns:
         try:
             here = point.evaluate_shifted({known: 0.0})
             there = point.evaluate_shifted({known: _CHANGE * point.scale(known)})
-        except CallError:  # beyond what the FMU takes
+        except CallError:  # outside of the values that the FMU accepts
             continue
         changed = np.abs(there - here) > _SEEN * np.maximum(np.abs(here), np.abs(there))
         yield from ((name, known) for name, moved in zip(point.unknowns, changed, strict=True) if moved)

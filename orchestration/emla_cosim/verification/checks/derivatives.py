@@ -1,4 +1,4 @@
-"""Derivatives that an FMU gives, beside differences of its values."""
+"""Compare the derivatives that an FMU provides with finite differences."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
@@ -17,20 +17,20 @@ from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 _FUNCTION = "fmi2GetDirectionalDerivative"
 _POINTS = 5
 _STEPS = (1e-3, 1e-4)
-"""Of two differences, in parts of the size of what is changed."""
+"""Step sizes of two differences, relative to the scale of the known."""
 
 _AGREE = 1e-3
-"""Relative error of a derivative that is right; differences are off by less."""
+"""Allowed relative error of a derivative; that of the differences is smaller."""
 
 _LOST = 1e-13
-"""Of an unknown's value: a change that differences do not see."""
+"""Relative change of an unknown that is lost in rounding."""
 
 _KINK = 0.1
-"""By how much, in parts of their mean, slopes to both sides differ where there is no slope."""
+"""Difference of the one-sided slopes, relative to their mean, from which there is no derivative."""
 
 
 class _Slope(NamedTuple):
-    """A derivative as it is given, and as a difference tells it."""
+    """A derivative from the FMU, and the finite difference."""
 
     unknown: str
     direction: str
@@ -41,7 +41,7 @@ class _Slope(NamedTuple):
 
 
 class _Difference(NamedTuple):
-    """Slopes of all unknowns, to both sides, to each, and by how much rounding may have them wrong."""
+    """Slopes of all unknowns: central, forward, backward, and the rounding error."""
 
     central: Vector
     ahead: Vector
@@ -51,34 +51,34 @@ class _Difference(NamedTuple):
 
 @check(
     "derivatives.directional",
-    "Directional derivatives are those of the outputs",
+    "Directional derivatives are correct",
     Clause("2.1.9", "This function computes the directional derivatives of an FMU."),
-    "Compare the derivatives with differences, or do not say providesDirectionalDerivative.",
+    "Compare the derivatives with differences, or set providesDirectionalDerivative to false.",
     needs=("run.finite",),
     time_factor=3.0,
 )
 def directional(subject: Subject) -> CheckOutcome:
-    """They agree with central differences at most of several points, along each input and mixed ones."""
+    """Check directional derivatives against central differences, along each input and mixed directions."""
     claimed = [k for k in subject.kinds if subject.has_capability("providesDirectionalDerivative", k)]
     if not claimed:
-        return skipped("It does not say providesDirectionalDerivative.")
+        return skipped("providesDirectionalDerivative is not set.")
     found: list[_Slope] = []
     try:
         if "CoSimulation" in claimed:
             found += _slopes(in_initialization(subject, _POINTS))
-    except CallError as error:  # "at communication points", says the schema
+    except CallError as error:  # the schema requires them at communication points only
         if not error.call.startswith(_FUNCTION):
             raise
         return warned(f"In initialization mode {error}")
     if "ModelExchange" in claimed:
         found += _of_model(subject)
     if not found:
-        return skipped("No derivative of a Real output by a Real input could be asked for.")
+        return skipped("No directional derivative of a Real output by a Real input can be requested.")
     return _judged(found)
 
 
 def _of_model(subject: Subject) -> list[_Slope]:
-    """Those in event mode; none where it is another call that goes wrong, which is for another check."""
+    """Return the slopes in event mode. If another call fails, return none: another check reports it."""
     try:
         return in_fresh_process(_slopes_of_model, subject)
     except (CallError, EndedError) as error:
@@ -110,19 +110,19 @@ def _at(point: Point) -> Iterator[_Slope]:
 
 
 def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
-    """Slopes along a direction, of the unknowns that may depend on all of it."""
+    """Yield slopes along a direction, of the unknowns that may depend on all of its knowns."""
     given = point.directional(list(seed), list(seed.values()))
     size = min(point.scale(name) / abs(by) for name, by in seed.items() if by)
     try:
         wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
-    except CallError:  # beyond what the FMU takes
+    except CallError:  # outside of the values that the FMU accepts
         return
-    # where two differences do not agree, noise or curvature has a part in them
+    # noise or curvature makes the two differences disagree
     doubt = 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
     kinked = np.abs(narrow.ahead - narrow.behind) > _KINK * np.abs(narrow.central) + doubt
     for i, dependency in enumerate(point.dependencies):
-        told = all(not dependency.excludes(name) for name in seed)
-        if told and np.isfinite(doubt[i]) and not kinked[i]:
+        may_depend = all(not dependency.excludes(name) for name in seed)
+        if may_depend and np.isfinite(doubt[i]) and not kinked[i]:
             wanted, got = float(narrow.central[i]), float(given[i])
             right = abs(got - wanted) <= _AGREE * max(abs(got), abs(wanted)) + doubt[i]
             yield _Slope(dependency.unknown, direction, point.where, got, wanted, bool(right))
@@ -137,7 +137,7 @@ def _difference(point: Point, seed: dict[str, float], size: float) -> _Differenc
 
 
 def _judged(found: list[_Slope]) -> CheckOutcome:
-    """Failed where a derivative is wrong at most of the points that it was asked for at."""
+    """Fail if a derivative is wrong at most of the points where it was requested."""
     pairs: dict[tuple[str, str], list[_Slope]] = {}
     for slope in found:
         pairs.setdefault((slope.unknown, slope.direction), []).append(slope)
@@ -157,27 +157,27 @@ def _judged(found: list[_Slope]) -> CheckOutcome:
 def _line(slope: _Slope) -> str:
     return (
         f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.given:.6g}, "
-        f"but differences give {slope.difference:.6g}."
+        f"the finite difference is {slope.difference:.6g}."
     )
 
 
 _MARGIN = 0.05
-"""Of the largest derivative of an output, by which one may be beside the differences around it."""
+"""Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
 
 
 @check(
     "derivatives.outputs",
-    "Derivatives of outputs are their slopes",
+    "Output derivatives match the slopes of the outputs",
     Clause("4.2.1", "Retrieves the n-th derivative of output values."),
-    "Give the slope at the end of the step, or say maxOutputDerivativeOrder = 0.",
+    "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
     needs=("run.finite",),
 )
 def of_outputs(subject: Subject) -> CheckOutcome:
-    """fmi2GetRealOutputDerivatives gives what lies between the slopes before and after, at most points."""
+    """Check that fmi2GetRealOutputDerivatives is between the slopes before and after, at most points."""
     if subject.kinds[0] != "CoSimulation":
-        return skipped("It is no FMU for Co-Simulation.")
+        return skipped("The FMU is not for Co-Simulation.")
     if not subject.find_kind_element("CoSimulation").maxOutputDerivativeOrder:
-        return skipped("It says maxOutputDerivativeOrder = 0.")
+        return skipped("maxOutputDerivativeOrder is 0.")
     names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
     if not names:
         return skipped("It has no continuous output.")
@@ -187,15 +187,15 @@ def of_outputs(subject: Subject) -> CheckOutcome:
     wrong = [name for name, part in zip(names, beside.mean(axis=0), strict=True) if part > 0.5]
     if wrong:
         return warned(
-            f"{len(wrong)} of {len(names)} output derivatives are not the slopes of their outputs, "
-            f"such as that of {wrong[0]}.",
-            details=tuple(f"That of {name} is not." for name in wrong),
+            f"{len(wrong)} of {len(names)} output derivatives do not match the slopes of their outputs, "
+            f"for example that of {wrong[0]}.",
+            details=tuple(f"The derivative of {name} does not match." for name in wrong),
         )
-    return passed(f"The derivatives of {len(names)} outputs are their slopes.")
+    return passed(f"The derivatives of {len(names)} outputs match their slopes.")
 
 
 def _slopes_on_the_way(subject: Subject, names: list[str]) -> tuple[Vector, Vector, Vector]:
-    """Times, outputs and derivatives of a run whose inputs stand still: a jump has no slope."""
+    """Return times, outputs and derivatives of a run with constant inputs: a jump has no slope."""
     instance, course = HostedInstance(subject), make_experiment(subject, 40)
     instance.initialize(course.at(0), float(course.times[0]))
     references = [instance.reference(n) for n in names]
@@ -213,7 +213,7 @@ def _slopes_on_the_way(subject: Subject, names: list[str]) -> tuple[Vector, Vect
 
 
 def _beside(given: Vector, slopes: Vector) -> Vector:
-    """Where a derivative lies beside the slopes of the steps before and after it."""
+    """Return where a derivative is outside of the slopes of the steps before and after it."""
     inner = given[1:-1]
     low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
     margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12

@@ -1,4 +1,4 @@
-"""The model description: readable, and as the schema wants it."""
+"""Checks of the model description: readable, valid, consistent."""
 
 from functools import cache
 from importlib.resources import as_file, files
@@ -19,28 +19,28 @@ _ROOT = "fmiModelDescription"
     "description.readable",
     "The model description can be read",
     Clause("2.3", "modelDescription.xml // Description of FMU (required file)"),
-    "Export the FMU again; `modelDescription.xml` has to be well-formed XML of FMI 2.0.",
+    "Export the FMU again. `modelDescription.xml` must be well-formed XML for FMI 2.0.",
     needs=("archive.safe",),
 )
 def readable(subject: Subject) -> CheckOutcome:
-    """There is one, it is XML of FMI 2.0, and says what the FMU is for."""
+    """Check that the model description exists, is XML for FMI 2.0, and declares the FMU's kinds."""
     if not (subject.folder / DESCRIPTION).is_file():
-        return failed(f"It has no {DESCRIPTION}.")
+        return failed(f"The FMU has no {DESCRIPTION}.")
     try:
         root = subject.tree
     except MemoryError:
         raise
-    except Exception as error:  # lxml has its own, and what it is given is hostile
+    except Exception as error:  # lxml has many kinds, and the file may be hostile
         return failed(f"{DESCRIPTION} cannot be read: {shorten_sentence(str(error)).rstrip('.')}.")
     if root.tag != _ROOT:
         return failed(
-            shorten_sentence(f"{DESCRIPTION} begins with the element {root.tag}; it should be {_ROOT}.")
+            shorten_sentence(f"The root element of {DESCRIPTION} is {root.tag}; it must be {_ROOT}.")
         )
     version = root.get("fmiVersion")
     if version != "2.0":
         return _other_version(version)
     if root.getroottree().docinfo.internalDTD is not None:
-        return failed(f"{DESCRIPTION} has a document type definition, which the FMI does not know.")
+        return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
     if not subject.kinds:
         return failed(f"{DESCRIPTION} has neither a CoSimulation nor a ModelExchange element.")
     return passed(
@@ -50,26 +50,26 @@ def readable(subject: Subject) -> CheckOutcome:
 
 def _other_version(version: str | None) -> CheckOutcome:
     if version is None:
-        return failed(f"{DESCRIPTION} does not say of which version of the FMI it is (fmiVersion).")
+        return failed(f"{DESCRIPTION} has no fmiVersion.")
     return failed(
-        shorten_sentence(f"It is an FMI {version} FMU; this verifies FMI 2.0."),
-        hint="Use a tool for its version of the FMI, or export the model for FMI 2.0.",
+        shorten_sentence(f"It is an FMI {version} FMU; only FMI 2.0 is supported."),
+        hint="Use a tool for its FMI version, or export the model for FMI 2.0.",
     )
 
 
 @check(
     "description.schema",
-    "The model description is as the schema wants it",
+    "The model description is valid against the schema",
     Clause("2.2", "The normative definition are the above mentioned schema files."),
-    "The lines are those of `modelDescription.xml`; the schema files come with the standard.",
+    "Line numbers refer to `modelDescription.xml`. The schema files come with the standard.",
     needs=("description.readable",),
 )
 def schema(subject: Subject) -> CheckOutcome:
-    """It validates against the XML schema of FMI 2.0."""
+    """Validate the model description against the XML schema of FMI 2.0."""
     found = _schema()
     found.validate(subject.tree)
     problems = [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in found.error_log]
-    return judge_problems(problems, "It is valid by the XML schema of FMI 2.0.")
+    return judge_problems(problems, "The model description is valid against the XML schema of FMI 2.0.")
 
 
 @cache
@@ -86,32 +86,32 @@ def _schema() -> Any:
     needs=("description.readable",),
 )
 def encoding(subject: Subject) -> CheckOutcome:
-    """It is in UTF-8, and says so."""
+    """Check that the encoding is UTF-8 and declared in the first line."""
     said = subject.tree.getroottree().docinfo.encoding or "UTF-8"
     start = (subject.folder / DESCRIPTION).read_bytes()[:200]
     if said.upper() not in ("UTF-8", "UTF8"):
-        return failed(shorten_sentence(f"It is in {said}."))
+        return failed(shorten_sentence(f"The encoding is {said}; it must be UTF-8."))
     if b"encoding" not in start.partition(b"?>")[0]:
-        return judge_problems((), "", ["Its first line does not say how it is encoded."])
-    return passed("It is in UTF-8.")
+        return judge_problems((), "", ["The first line does not declare the encoding."])
+    return passed("The encoding is UTF-8.")
 
 
 @check(
     "description.capabilities",
-    "What it claims goes together",
+    "Capability flags are consistent",
     Clause("4.3.1", "If this is the case, then flag canGetAndSetFMUstate must be true as well."),
-    "An FMU that serializes its state has to give and take it too.",
+    "An FMU that can serialize its state must also support getting and setting it.",
     needs=("description.schema",),
 )
 def capabilities(subject: Subject) -> CheckOutcome:
-    """Nothing is claimed that needs a capability which is not."""
+    """Check that the capabilities which others require are declared too."""
     elements = [(kind, subject.tree.find(kind)) for kind in subject.kinds]
     problems = [
-        f"{kind} claims canSerializeFMUstate, but not canGetAndSetFMUstate."
+        f"{kind} declares canSerializeFMUstate, but not canGetAndSetFMUstate."
         for kind, element in elements
         if _true(element, "canSerializeFMUstate") and not _true(element, "canGetAndSetFMUstate")
     ]
-    return judge_problems(problems, "What it claims goes together.")
+    return judge_problems(problems, "The capability flags are consistent.")
 
 
 def _true(element: Any, flag: str) -> bool:
@@ -120,35 +120,36 @@ def _true(element: Any, flag: str) -> bool:
 
 @check(
     "description.categories",
-    "Log categories have names of their own",
+    "Log categories have unique names",
     Clause(
         "2.2.4",
         'The "name" attribute of "Category" must be unique with respect to all other elements of the '
         "LogCategories list.",
     ),
-    "Leave one of the categories out.",
+    "Remove or rename one of the categories.",
     needs=("description.schema",),
 )
 def categories(subject: Subject) -> CheckOutcome:
-    """No two log categories have the same name."""
+    """Check that log categories have different names."""
     names = [e.get("name") for e in subject.tree.iterfind("LogCategories/Category")]
-    problems = [f"More than one log category is called {name}." for name in find_repeated(names)]
+    problems = [f"More than one log category has the name {name}." for name in find_repeated(names)]
     return judge_problems(problems, f"{len(names)} log categories have different names.")
 
 
 @check(
     "description.identifier",
-    "The model identifier can name C functions",
+    "The model identifier is a C identifier",
     Clause("fmi2ModelDescription.xsd", 'Short class name according to C-syntax, e.g. "A_B_C".'),
-    "Use letters, digits and underscores only, and no digit first.",
+    "Use only letters, digits and underscores, and begin with a letter or underscore.",
     needs=("description.schema",),
 )
 def identifier(subject: Subject) -> CheckOutcome:
-    """The modelIdentifier is a name of the language C, and so no path either."""
+    """Check that each modelIdentifier is a C identifier, and therefore no path either."""
     given = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     problems = [
-        f"The modelIdentifier '{name}' of {kind} is no name of the language C."
+        f"The modelIdentifier '{name}' of {kind} is not a C identifier."
         for kind, name in given.items()
         if not (name.isascii() and name.isidentifier())
     ]
-    return judge_problems(problems, shorten_sentence(f"It is {' and '.join(sorted(set(given.values())))}."))
+    names = " and ".join(sorted(set(given.values())))
+    return judge_problems(problems, shorten_sentence(f"The model identifier is {names}."))

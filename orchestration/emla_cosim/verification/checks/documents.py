@@ -1,4 +1,4 @@
-"""Documents: what a person needs to know of an FMU, and may do with it."""
+"""Check the documentation and licence of an FMU."""
 
 from ..check import check
 from ..messages import judge_problems
@@ -8,7 +8,7 @@ from ..verdict import CheckOutcome, Clause
 
 @check(
     "documents.present",
-    "It brings documentation and a licence",
+    "The FMU has documentation and a licence",
     Clause(
         "2.3",
         "It is strongly recommended to include all license and copyright related information in the licenses "
@@ -18,7 +18,7 @@ from ..verdict import CheckOutcome, Clause
     needs=("description.readable",),
 )
 def present(subject: Subject) -> CheckOutcome:
-    """There is a first page, and a licence or its name."""
+    """Check that there are a start page and a licence, or the name of one."""
     folder = subject.folder / "documentation"
     doubts = []
     if not (folder / "index.html").is_file():
@@ -26,5 +26,5 @@ def present(subject: Subject) -> CheckOutcome:
         doubts.append(f"documentation/index.html is missing{f'; there is {others[0]}' if others else ''}.")
     licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
     if not any(p.is_file() for p in licences) and not subject.tree.get("license"):
-        doubts.append("Nobody says under which licence it may be used.")
-    return judge_problems((), "It has a first page, and a licence.", doubts)
+        doubts.append("The FMU names no licence.")
+    return judge_problems((), "The FMU has a start page and a licence.", doubts)

@@ -1,4 +1,4 @@
-"""The same run, its values exchanged and its steps cut in another way."""
+"""Check that a run does not depend on the order of values and the length of steps."""
 
 from collections.abc import Sequence
 
@@ -22,19 +22,19 @@ from ._sameness import compare_runs, differing
         "Set parameters, inputs, start values and re-initialize caching of variables that depend on these "
         "variables",
     ),
-    "Compute from what is set when the step begins, and let no call that gets a value change anything.",
+    "Use the values set before the step begins. Calls that get a value must not change the state.",
     needs=("run.deterministic",),
     time_factor=4.0,
 )
 def order(subject: Subject) -> CheckOutcome:
-    """Inputs set and outputs read one by one, forwards, backwards, and twice, change nothing."""
+    """Check that setting inputs and reading outputs one by one, in both orders, gives the same run."""
     wanted = run_alone(subject)
     for what, backwards in (("one by one", False), ("one by one in reverse", True)):
         found = in_fresh_process(_one_by_one, subject, make_experiment(subject), backwards)
         outcome = compare_runs(found, wanted, f"A run with values exchanged {what}")
         if outcome.verdict != Verdict.PASSED:
             return outcome
-    return passed(f"Values set and got one by one, in both orders, gave the same {len(wanted.times)} rows.")
+    return passed(f"Exchanging values one by one, in both orders, gave the same {len(wanted.times)} rows.")
 
 
 def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
@@ -68,21 +68,21 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Output
 
 @check(
     "steps.split",
-    "Two half steps are one step",
+    "Two half steps equal one step",
     Clause("4.3.1", "The slave can handle variable communication step size."),
-    "Integrate with shorter steps inside, or say canHandleVariableCommunicationStepSize = false.",
+    "Integrate with shorter internal steps, or set canHandleVariableCommunicationStepSize to false.",
     needs=("run.deterministic", "run.finite"),
     time_factor=4.0,
 )
 def split(subject: Subject) -> CheckOutcome:
-    """Half steps with the inputs held are taken, and end where whole ones do."""
+    """Check that half steps with held inputs work and end where whole ones do."""
     if subject.kinds[0] != "CoSimulation":
-        return skipped("A model is integrated by its host.")
+        return skipped("The FMU is for Model Exchange: the host integrates it.")
     if not subject.has_capability("canHandleVariableCommunicationStepSize"):
-        return skipped("It does not say canHandleVariableCommunicationStepSize.")
+        return skipped("canHandleVariableCommunicationStepSize is not set.")
     course = make_experiment(subject)
     whole, halves = run_alone(subject, course), run_alone(subject, _halved(course))
-    rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # where it asks to end the run
+    rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # the FMU may end the run early
     every_other = OutputTrajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
     far, most = differing(whole, every_other, rows)
     if far:
@@ -90,12 +90,12 @@ def split(subject: Subject) -> CheckOutcome:
         return warned(
             f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}",
             details=lines,
-            hint="Take shorter steps inside, unless a state is sampled once per step on purpose.",
+            hint="Use shorter internal steps, unless a state is sampled once per step on purpose.",
         )
-    return passed(f"Half steps end within {most:.1g} of the range where whole ones do.")
+    return passed(f"Half steps and whole steps agree within {most:.1g} of each output's range.")
 
 
 def _halved(course: Experiment) -> Experiment:
-    """The same inputs, held for two half steps."""
+    """Return the experiment with half steps; inputs are held for two of them."""
     times = course.times[0] + 0.5 * course.step * np.arange(2 * len(course.times) - 1)
     return Experiment(times, {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()})

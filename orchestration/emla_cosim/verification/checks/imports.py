@@ -1,4 +1,4 @@
-"""What a library needs of the system that it is loaded on."""
+"""Check the dependencies of libraries on the system."""
 
 import ctypes
 import re
@@ -22,14 +22,14 @@ _EVERYWHERE = re.compile(
     """,
     re.VERBOSE | re.IGNORECASE,
 )
-"""Libraries that a plain system has: GNU/Linux, macOS, Windows."""
+"""Libraries of a minimal GNU/Linux, macOS or Windows."""
 _UNDEFINED = 0
-"""The section of symbols that are to be found elsewhere."""
+"""Section index of symbols that other libraries define."""
 
 
 @check(
     "binaries.imports",
-    "Libraries need nothing unusual",
+    "Libraries need only standard system libraries",
     Clause(
         "2.3",
         "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio C "
@@ -39,15 +39,15 @@ _UNDEFINED = 0
     needs=("binaries.symbols",),
 )
 def imports(subject: Subject) -> CheckOutcome:
-    """Every library and function that is needed is there on any system, or shipped."""
+    """Check that every needed library and function is standard or shipped with the FMU."""
     found = [
         (one, binary) for one in list_libraries(subject) if (binary := parse_library(one.path)) is not None
     ]
     if not found:
-        return skipped("There are no binaries that can be read.")
+        return skipped("There are no readable binaries.")
     doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
     return judge_problems(
-        (), f"Nothing unusual is needed by {join_few_names([str(one) for one, _ in found])}.", doubts
+        (), f"{join_few_names([str(one) for one, _ in found])} need only standard libraries.", doubts
     )
 
 
@@ -56,11 +56,11 @@ def _needed(library: Library, binary: Any) -> Iterator[str]:
     names = [name.rpartition("/")[2] for name in list_needed_libraries(binary)]
     unusual = [n or "''" for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
     if unusual:
-        yield f"{library} needs {join_few_names(unusual)}, which not every system has."
+        yield f"{library} needs {join_few_names(unusual)}, which some systems do not have."
 
 
 def _undefined(library: Library, binary: Any) -> Iterator[str]:
-    """Functions that a library for Linux expects its host to have, as no library that it names has them."""
+    """Yield a warning about functions that a Linux library needs, but that no library it links has."""
     import lief
 
     if not isinstance(binary, lief.ELF.Binary):
@@ -74,7 +74,7 @@ def _undefined(library: Library, binary: Any) -> Iterator[str]:
     elif any(not _EVERYWHERE.fullmatch(name) for name in list_needed_libraries(binary)):
         return
     if open_ones:
-        yield f"{library} needs {join_few_names(open_ones)}, which no library that it names has."
+        yield f"{library} needs {join_few_names(open_ones)}, which none of its linked libraries has."
 
 
 def _versioned(symbol: Any) -> bool:
@@ -82,7 +82,7 @@ def _versioned(symbol: Any) -> bool:
 
 
 def _handle(name: str) -> Any:
-    """A library of this system; None where it has none of the name."""
+    """Load a library of this system. Return None if there is none with this name."""
     if not _EVERYWHERE.fullmatch(name):
         return None
     try:

@@ -1,4 +1,4 @@
-"""Instances: made, one beside the other, reset, and freed."""
+"""Checks of instances: creation, independence, reset, memory."""
 
 import gc
 import os
@@ -33,66 +33,66 @@ _FREED = Clause(
 
 @check(
     "instance.created",
-    "An instance can be made and freed",
+    "An instance can be created and freed",
     Clause("2.1.5", "The function returns a new instance of an FMU."),
-    "The log says why; a GUID in the library that is not that of modelDescription.xml is the usual reason.",
+    "See the log. Often, the GUID in the library is not that of modelDescription.xml.",
     needs=("binaries.loads",),
 )
 def created(subject: Subject) -> CheckOutcome:
-    """fmi2Instantiate gives an instance, and fmi2FreeInstance takes it back."""
+    """Check that fmi2Instantiate returns an instance and fmi2FreeInstance frees it."""
     HostedInstance(subject).free()
-    return passed("An instance was made and freed.")
+    return passed("An instance was created and freed.")
 
 
 @check(
     "instance.guid",
     "A wrong GUID is refused",
     Clause("2.1.5", "It must be identical to the one stored inside the fmi2Instantiate function."),
-    "Compare the argument fmuGUID with the GUID that the library was compiled for, and return NULL.",
+    "Compare the argument fmuGUID with the GUID of the library, and return NULL if they differ.",
     needs=("instance.created",),
 )
 def guid(subject: Subject) -> CheckOutcome:
-    """An instance of another model is not made by mistake."""
+    """Check that fmi2Instantiate refuses a GUID of another model."""
     wrong = "{00000000-0000-0000-0000-000000000000}"
     try:
         HostedInstance(subject, guid=wrong)
     except CallError:
         return passed("fmi2Instantiate refused a wrong GUID.")
-    return warned(f"fmi2Instantiate made an instance for the GUID {wrong}, which is not that of the FMU.")
+    return warned(f"fmi2Instantiate created an instance for the GUID {wrong}, which is not that of the FMU.")
 
 
-_ONLY_ONCE = "It says canBeInstantiatedOnlyOncePerProcess."
+_ONLY_ONCE = "canBeInstantiatedOnlyOncePerProcess is set."
 _BATCHES = 5
 _WARM_UP = 0.02
-"""Seconds of cycles before memory is measured; each batch is as long."""
+"""Duration in s of the cycles before memory is measured, and of each batch."""
 
 _FEWEST = 10
-"""Cycles of a batch, unless they take long."""
+"""Fewest cycles of a batch, unless they are slow."""
 
 _LEAK = 200.0
-"""Bytes per cycle that nobody needs to look for."""
+"""Bytes per cycle below which growth is ignored."""
 
 _SERIOUS = 2.0**14
-"""Bytes per cycle that a host with many instances would notice."""
+"""Bytes per cycle from which the check fails: hosts with many instances notice."""
 
 _PAGES = 2.0**13
-"""Bytes by which each batch has to grow, so that a page here or there is no leak."""
+"""Bytes by which each batch must grow. A few pages are not a leak."""
 
 
 @check(
     "instance.cycles",
-    "Instances give their memory back",
+    "Instances free their memory",
     _FREED,
-    "Run it in a memory checker, such as valgrind, and free in fmi2FreeInstance what it allocated.",
+    "Run the FMU in a memory checker such as valgrind. Free all memory in fmi2FreeInstance.",
     needs=("run.completes",),
     time_factor=4.0,
 )
 def cycles(subject: Subject) -> CheckOutcome:
-    """Instances made, run, reset and freed again and again do not let the process grow."""
+    """Check that the process does not grow while instances are created, run, reset and freed."""
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     if not Path("/proc/self/statm").exists():
-        return skipped("This system does not tell how much memory a process has.")
+        return skipped("This system does not report how much memory a process uses.")
     instance, course = HostedInstance(subject), make_experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
@@ -100,18 +100,18 @@ def cycles(subject: Subject) -> CheckOutcome:
         _cycle(instance, course)
         count += 1
     grown = _growth(instance, course, count)
-    if _leaks(grown, count):  # once more, and longer, before it is said
+    if _leaks(grown, count):  # measure again, for longer, to be sure
         count *= 2
         grown = _growth(instance, course, count)
     figures = {"bytes_per_cycle": float(np.median(grown)) / count, "cycles": _BATCHES * count}
     if _leaks(grown, count):
-        told = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
-        return told(
+        judge = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
+        return judge(
             f"The process grew by {figures['bytes_per_cycle']:,.0f} bytes with each of {figures['cycles']} "
-            "instances that were made, run, reset, run again, terminated and freed.",
+            "instances that were created, run, reset, run again, terminated and freed.",
             figures=figures,
         )
-    return passed(f"{figures['cycles']} instances were made, run, reset and freed.", figures=figures)
+    return passed(f"{figures['cycles']} instances were created, run, reset and freed.", figures=figures)
 
 
 def _cycle(instance: HostedInstance, course: Experiment) -> None:
@@ -124,7 +124,7 @@ def _cycle(instance: HostedInstance, course: Experiment) -> None:
 
 
 def _growth(instance: HostedInstance, course: Experiment, count: int) -> list[float]:
-    """Bytes by which each batch lets the process grow."""
+    """Return the bytes by which the process grows in each batch."""
     used = [_used()]
     for _ in range(_BATCHES):
         for _ in range(count):
@@ -139,7 +139,7 @@ def _leaks(grown: list[float], count: int) -> bool:
 
 
 def _used() -> float:
-    """Bytes of this process that are in memory, without what Python would collect sooner or later."""
+    """Return the resident memory of this process in bytes, after a garbage collection."""
     gc.collect()
     return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
@@ -148,25 +148,25 @@ def _used() -> float:
     "instance.independent",
     "Instances share nothing",
     _SEVERAL,
-    "Keep what evolves in the instance, not in static variables, or say canBeInstantiatedOnlyOncePerProcess.",
+    "Keep states in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
     time_factor=6.0,
 )
 def independent(subject: Subject) -> CheckOutcome:
-    """Two instances that take turns, and one after them, give what each gives alone."""
+    """Check that two instances that take turns, and one after them, give the same as each alone."""
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     courses = _courses(subject, 2)
     wanted = [run_alone(subject, course) for course in courses]
     found = in_fresh_process(_in_turns, subject, courses)
-    beside = "An instance beside another one"
-    outcomes = [compare_runs(f, w, beside) for f, w in zip(found, wanted, strict=False)]
+    what = "An instance that runs with another one"
+    outcomes = [compare_runs(f, w, what) for f, w in zip(found, wanted, strict=False)]
     outcomes.append(compare_runs(found[-1], wanted[0], "An instance after others"))
-    return _worst(outcomes) or passed("Two instances that took turns gave what each gives alone.")
+    return _worst(outcomes) or passed("Two instances that took turns gave the same as each alone.")
 
 
 def _courses(subject: Subject, count: int) -> list[Experiment]:
-    """Experiments that begin with different inputs."""
+    """Return experiments that begin with different inputs."""
     course = make_experiment(subject)
     shift = max(1, len(course.times) // (count + 1))
     return [
@@ -176,7 +176,7 @@ def _courses(subject: Subject, count: int) -> list[Experiment]:
 
 
 def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
-    """Each of as many instances as courses begins some steps after the one before; one more after all."""
+    """Run one instance for each course, each some steps behind the one before, and one more at the end."""
     instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
     names = outputs(subject)
     rows: list[list[list[float]]] = [[] for _ in courses]
@@ -216,26 +216,26 @@ _THREADS = 3
 
 @check(
     "instance.threads",
-    "Instances may run in threads",
+    "Instances can run in threads",
     Clause("2.1", "FMI functions of one instance do not need to be thread-safe."),
-    "Keep buffers in the instance; hosts that run each instance in a thread of its own are common.",
+    "Keep buffers in the instance. Many hosts run each instance in its own thread.",
     needs=("instance.independent",),
     time_factor=9.0,
 )
 def threads(subject: Subject) -> CheckOutcome:
-    """Instances, each in a thread, give what each gives alone; the standard does not promise it."""
+    """Check that instances in threads give the same as each alone. The standard does not require it."""
     courses = _courses(subject, _THREADS)
     wanted = [run_alone(subject, course) for course in courses]
     try:
         found = in_fresh_process(_in_threads, subject, courses)
     except (CallError, EndedError) as error:
-        return warned(f"With {_THREADS} instances, each in a thread: {error}")
+        return warned(f"With {_THREADS} instances, each in its own thread: {error}")
     outcomes = [compare_runs(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
     worse = _worst(outcomes)
     return (
         replace(worse, verdict=Verdict.WARNING)
         if worse
-        else passed(f"{_THREADS} instances, each in a thread, gave what each gives alone.")
+        else passed(f"{_THREADS} instances, each in its own thread, gave the same as each alone.")
     )
 
 
@@ -247,22 +247,22 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTraje
 
 @check(
     "instance.reset",
-    "Reset makes an instance new",
+    "Reset restores the initial state",
     Clause("2.1.6", "The FMU goes into the same state as if fmi2Instantiate would have been called."),
-    "Let fmi2Reset set every variable and every hidden state as fmi2Instantiate does.",
+    "fmi2Reset must set every variable and hidden state as fmi2Instantiate does.",
     needs=("run.deterministic",),
     time_factor=5.0,
 )
 def reset(subject: Subject) -> CheckOutcome:
-    """A run after fmi2Reset is that of a new instance, made after an equal first run."""
+    """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
     wanted = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
     return compare_runs(in_fresh_process(_twice, subject, True), wanted, "A run after fmi2Reset")
 
 
 def _twice(subject: Subject, again: bool) -> OutputTrajectory:
-    """The second of two runs, of the same instance or of a second one.
+    """Return the second of two runs, of the same instance (`again`) or of a second one.
 
-    What is left in static variables is left in both cases; that is no matter of the reset.
+    Static variables keep their values in both cases, since fmi2Reset does not concern them.
     """
     course = make_experiment(subject)
     instance = HostedInstance(subject)

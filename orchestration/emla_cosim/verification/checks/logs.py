@@ -1,4 +1,4 @@
-"""What an FMU says, and where."""
+"""Check the log messages of an FMU."""
 
 import ctypes
 import os
@@ -27,14 +27,14 @@ _STEPS = 10
 
 @check(
     "log.categories",
-    "Messages come only when they are asked for",
+    "Debug messages follow the logging settings",
     Clause("2.1.5", "If loggingOn=fmi2True, debug logging is enabled, otherwise it is switched off."),
-    "Look at loggingOn and at the categories before the logger is called with fmi2OK; print nothing.",
+    "Check loggingOn and the categories before you call the logger with fmi2OK. Do not print.",
     needs=("run.completes",),
     time_factor=2.0,
 )
 def categories(subject: Subject) -> CheckOutcome:
-    """Debug messages come in the categories that are on, and nothing goes to standard output."""
+    """Check that debug messages are only in enabled categories, and that nothing is printed."""
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
     alone = [c for c in declared if c != _ALL][:_MOST_CATEGORIES]
     asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
@@ -45,14 +45,14 @@ def categories(subject: Subject) -> CheckOutcome:
     for category, lines in zip(alone, apart, strict=True):
         for line in lines:
             if line.status == OK and line.category != category:
-                where = f"With {category} alone switched on it logs in {_category(line)}"
+                where = f"With only {category} enabled it logs in {_category(line)}"
                 return failed(f"{where}: {format_message(line.text)}")
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
         return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
     if printed:
         return warned(f"It writes to standard output: {format_message(printed)}")
-    return passed(f"{len(everything)} messages came when they were asked for, in {len(declared)} categories.")
+    return passed(f"{len(everything)} messages in {len(declared)} categories follow the logging settings.")
 
 
 def _category(line: LogLine) -> str:
@@ -60,7 +60,7 @@ def _category(line: LogLine) -> str:
 
 
 def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[LogLine]], str]:
-    """Messages of short runs, one for each way to switch logging, and the first line that is printed."""
+    """Return the messages of a short run with each logging setting, and the first line that is printed."""
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
         found = [in_separate_process(_run, subject, logging, names) for logging, names in asked]
@@ -81,7 +81,7 @@ def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
 
 
 def _flush() -> None:
-    """What C and Python keep for later."""
+    """Flush the output buffers of C and Python."""
     if sys.stdout is not None:
         sys.stdout.flush()
     flush: Any = getattr(ctypes.CDLL(None), "fflush", None)

@@ -1,4 +1,4 @@
-"""The part of an FMU that is for Model Exchange, where it has one for Co-Simulation too."""
+"""Checks of Model Exchange: integration, and agreement with Co-Simulation."""
 
 from ..check import check
 from ..host.experiment import make_experiment
@@ -17,14 +17,14 @@ from ._sameness import differing
         "Every implementation of the FMI must support calling sequences of the functions according to the "
         "following state chart",
     ),
-    "Integrate the model with another tool, and look at the call that goes wrong.",
+    "Integrate the model with another tool and look at the call that fails.",
     needs=("instance.created",),
     time_factor=2.0,
 )
 def runs(subject: Subject) -> CheckOutcome:
-    """It is initialized, its events are done, a solver integrates it, and it is terminated and freed."""
+    """Check that the model can be initialized, integrated with events, terminated and freed."""
     if "ModelExchange" not in subject.kinds:
-        return skipped("It is not for Model Exchange.")
+        return skipped("The FMU is not for Model Exchange.")
     instance, course = HostedInstance(subject, kind="ModelExchange"), make_experiment(subject)
     found = run_instance(instance, course)
     instance.close()
@@ -34,23 +34,24 @@ def runs(subject: Subject) -> CheckOutcome:
 
 @check(
     "model_exchange.agrees",
-    "The model and the slave give the same",
+    "Model Exchange and Co-Simulation agree",
     Clause("2.2.1", "different types of models are included in the FMU"),
-    "Integrate with shorter steps inside, or say in the documentation what the two parts do differently.",
+    "Integrate with shorter internal steps, or document how the two differ.",
     needs=("model_exchange.runs", "run.finite"),
     time_factor=3.0,
 )
 def agrees(subject: Subject) -> CheckOutcome:
-    """Both parts go the same way; the standard does not ask for it, but who uses one for the other does."""
+    """Check that both kinds give the same outputs. The standard does not require it, but users expect it."""
     if "CoSimulation" not in subject.kinds:
-        return skipped("It is not for Co-Simulation.")
+        return skipped("The FMU is not for Co-Simulation.")
     slave, model = run_alone(subject, kind="CoSimulation"), run_alone(subject, kind="ModelExchange")
-    rows = min(len(slave.times), len(model.times))  # where one asks to end the run
+    rows = min(len(slave.times), len(model.times))  # one may end the run early
     far, most = differing(model, slave, rows)
     if far:
         lines = tuple(f"{line}." for line in far)
         return warned(
-            f"{len(far)} of {len(slave.names)} outputs differ between model and slave: {lines[0]}",
+            f"{len(far)} of {len(slave.names)} outputs differ between Model Exchange and Co-Simulation: "
+            f"{lines[0]}",
             details=lines,
         )
-    return passed(f"Both parts agree within {most:.1g} of each output's range.")
+    return passed(f"Both kinds agree within {most:.1g} of each output's range.")

@@ -1,4 +1,4 @@
-"""Results against references."""
+"""Compare results with references, and record references."""
 
 from ...base.errors import CommandError
 from ...recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
@@ -22,30 +22,30 @@ _RULES = Clause(
     "reference.agrees",
     "Outputs stay within the tubes around their references",
     _RULES,
-    "The plot shows where; if the change is meant, make the reference anew, else look for what changed.",
+    "The plot shows where. If the change is intended, record the reference again.",
     needs=("run.completes",),
     time_factor=6.0,
 )
 def agrees(subject: Subject) -> CheckOutcome:
-    """Run along the reference files, every column stays within its tolerance in value and time."""
+    """Run the FMU along its reference files and check every column against its tube."""
     folder = reference_folder(subject.path, subject.settings.reference)
     name = subject.path.stem
     if folder is None:
         given = subject.settings.reference
-        if given is not None:  # somebody expects one
-            return warned(f"There is no {name}_ref.csv in {given}.", hint="See how the folder is laid out.")
-        return skipped(f"There is no {name}_ref.csv beside the FMU.")
+        if given is not None:
+            return warned(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
+        return skipped(f"There is no {name}_ref.csv next to the FMU.")
     try:
         reference = read_reference(folder, name)
         return _judged(subject, reference)
     except CommandError as error:
-        return failed(sentence(error), hint="Mend the reference files.")
+        return failed(sentence(error), hint="Correct the reference files.")
 
 
 def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
     strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
     if strange:
-        raise CommandError(f"the reference has the column '{strange[0]}', which is no variable of the FMU.")
+        raise CommandError(f"the reference has the column '{strange[0]}', but the FMU has no such variable.")
     found = run_reference(subject, reference)
     wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
     comparisons = tuple(
@@ -65,25 +65,25 @@ def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
         more = tuple(describe_departure(c) + "." for c in left[1:])
         return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
     if not comparisons:
-        return failed("The reference has no column but time.")
+        return failed("The reference has only the column time.")
     closest = max(comparisons, key=lambda c: c.worst / c.tube.value if c.tube.value else 0.0)
     return passed(
-        f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its edge, "
-        f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of what is allowed.",
+        f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its limit, "
+        f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of the tolerance.",
         comparisons=comparisons,
     )
 
 
 @check(
     "reference.recorded",
-    "Reference files are made of a run",
+    "Reference files are recorded from a run",
     _RULES,
-    "The sentence says what does not fit.",
+    "The message says what to correct.",
     needs=("run.completes",),
     time_factor=30.0,
 )
 def recorded(subject: Subject) -> CheckOutcome:
-    """The FMU is run as the settings say, and what it does is kept."""
+    """Run the FMU as the settings say and write its reference files."""
     recording = subject.settings.recording
     assert recording is not None
     try:

@@ -1,4 +1,4 @@
-"""Runs through the default experiment."""
+"""Checks with runs of the default experiment."""
 
 import math
 import time
@@ -20,11 +20,11 @@ from ._sameness import compare_runs
     "run.completes",
     "The default experiment runs",
     Clause("2.1.3", "returned by all functions to indicate the success of the function call"),
-    "The log says why; try the FMU with the step size and the start values that its author uses.",
+    "See the log. Try the FMU with the step size and start values that its author uses.",
     needs=("instance.created",),
 )
 def completes(subject: Subject) -> CheckOutcome:
-    """It can be initialized, stepped with inputs that move, terminated and freed."""
+    """Check that the FMU can be initialized, stepped with varying inputs, terminated and freed."""
     instance, course = HostedInstance(subject), make_experiment(subject)
     found = run_instance(instance, course)
     instance.close()
@@ -33,18 +33,18 @@ def completes(subject: Subject) -> CheckOutcome:
         return warned(
             f"It asked to end the run after {done} of {len(course.times) - 1} steps of {course.step:g} s."
         )
-    return passed(f"{done} steps of {course.step:g} s were done.")
+    return passed(f"{done} steps of {course.step:g} s were completed.")
 
 
 @check(
     "run.finite",
-    "Outputs are numbers all along",
+    "Outputs are always finite",
     Clause("2.1.3", "fmi2OK – all well"),
-    "A step that gives no numbers should answer fmi2Discard or fmi2Error, and say in the log why.",
+    "A step without finite results should return fmi2Discard or fmi2Error, and log the reason.",
     needs=("run.completes",),
 )
 def finite(subject: Subject) -> CheckOutcome:
-    """No output becomes NaN or infinite while calls are answered with fmi2OK."""
+    """Check that no output is NaN or infinite while calls return fmi2OK."""
     found = run_instance(HostedInstance(subject), make_experiment(subject))
     wrong = ~np.isfinite(found.values)
     if wrong.any():
@@ -58,11 +58,11 @@ def finite(subject: Subject) -> CheckOutcome:
     "run.ranges",
     "Outputs stay between their min and max",
     Clause("2.2.7", "Minimum value of variable"),
-    "Widen min and max in modelDescription.xml, or limit what the model gives.",
+    "Widen min and max in modelDescription.xml, or limit the output.",
     needs=("run.finite",),
 )
 def ranges(subject: Subject) -> CheckOutcome:
-    """No output leaves the range that is declared for it; the standard leaves it open what happens then."""
+    """Check that outputs stay in their declared ranges. The standard does not define what happens outside."""
     found = run_alone(subject)
     details = [
         line
@@ -73,7 +73,7 @@ def ranges(subject: Subject) -> CheckOutcome:
         return warned(
             f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details)
         )
-    return passed(f"{len(found.names)} outputs stay within what is declared for them.")
+    return passed(f"{len(found.names)} outputs stay within their declared ranges.")
 
 
 def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTrajectory) -> str:
@@ -91,17 +91,17 @@ def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTraje
     "run.deterministic",
     "Two runs are the same",
     Clause("run.deterministic", "The same inputs give the same outputs.", document="emla verify"),
-    "Initialize all memory, seed random numbers by a parameter, and do not look at clocks or addresses.",
+    "Initialize all memory, seed random numbers by a parameter, and do not use clocks or addresses.",
     needs=("run.completes",),
     time_factor=3.0,
 )
 def deterministic(subject: Subject) -> CheckOutcome:
-    """Two processes with other addresses, in other seconds, whose fresh memory holds other junk, agree.
+    """Check that two processes agree that differ in addresses, clock second and junk in fresh memory.
 
-    The standard has no sentence for it; but nothing can be compared with a run that is another each time.
+    The standard does not require it, but a run that is not repeatable cannot be compared with anything.
     """
     first = in_fresh_process(_run_in_junk, subject, FIRST)
-    time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # for whoever takes the second as a seed
+    time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # FMUs may use the clock second as a seed
     second = in_fresh_process(_run_in_junk, subject, SECOND)
     return compare_runs(second, first, "A second run")
 

@@ -1,4 +1,4 @@
-"""What fmpy says of the model description, where no other check has found anything."""
+"""Run FMPy's validator on the model description if no other check reports a problem."""
 
 import fmpy
 from fmpy.validation import validate_model_description
@@ -25,7 +25,7 @@ _SAY_IT_BETTER = (
 
 @check(
     "description.semantics",
-    "FMPy finds nothing else",
+    "FMPy reports no further problem",
     Clause(
         "2.2",
         "All static information related to an FMU is stored in the text file modelDescription.xml in XML "
@@ -35,9 +35,9 @@ _SAY_IT_BETTER = (
     needs=("description.schema",),
 )
 def semantics(subject: Subject) -> CheckOutcome:
-    """What FMPy's validator says that no other check does."""
+    """Report problems that only FMPy's validator finds."""
     if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
-        return passed("Other checks have findings, which FMPy's would repeat.")
+        return passed("Other checks report problems; FMPy would repeat them.")
     try:
         read = subject.description
     except MemoryError:
@@ -45,5 +45,5 @@ def semantics(subject: Subject) -> CheckOutcome:
     except Exception as error:
         return warned(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
     found = validate_model_description(read, validate_model_structure=True)
-    doubts = [f"FMPy says: {line.strip().rstrip('.')}." for line in found]
-    return judge_problems((), f"FMPy {fmpy.__version__} finds nothing else.", doubts)
+    doubts = [f"FMPy reports: {line.strip().rstrip('.')}." for line in found]
+    return judge_problems((), f"FMPy {fmpy.__version__} reports no further problem.", doubts)

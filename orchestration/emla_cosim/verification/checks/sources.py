@@ -1,4 +1,4 @@
-"""Sources: what is shipped as C compiles."""
+"""Check that the C sources of an FMU compile."""
 
 import os
 import re
@@ -29,25 +29,25 @@ _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or director
         "2.3",
         "// all needed C sources and C header files to compile and link the FMU",
     ),
-    "List every file that is compiled, and only those, in SourceFiles, and ship what they include.",
+    "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
     needs=("description.schema",),
     time_factor=6.0,
 )
 def compile_(subject: Subject) -> CheckOutcome:
-    """All listed source files are there, with their headers, and compile and link to a library."""
+    """Check that all listed source files exist, with their headers, and compile and link to a library."""
     folder = subject.folder / "sources"
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
-            return warned("It ships sources, but does not say which of them to compile (SourceFiles).")
-        return skipped("It ships no sources.")
+            return warned("The FMU has sources, but SourceFiles does not list which to compile.")
+        return skipped("The FMU has no sources.")
     if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
         return judge_problems([f"The source file {name} is not in `sources`." for name in missing], "")
     if (folder / _BUILD_DESCRIPTION).is_file():
-        return skipped(f"{_BUILD_DESCRIPTION} says how its sources are compiled, which is not done here.")
+        return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
     for names in {tuple(names) for names in lists.values() if names}:
         if any(Path(name).suffix not in _C for name in names):
-            return skipped("Not all of its sources are C.")
+            return skipped("Not all of the sources are C.")
         if (outcome := _compiled(folder, names)) is not None:
             return outcome
     return passed(
@@ -65,7 +65,7 @@ def _inside(folder: Path, name: str) -> bool:
 
 
 def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
-    """What the compiler has against these files; None for nothing."""
+    """Compile and link these files. Return None on success."""
     with (
         tempfile.TemporaryDirectory(dir=folder.parent.parent) as scratch,
         as_file(files("fmpy") / "c-code") as headers,
@@ -82,10 +82,13 @@ def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
                 text=True,
                 errors="replace",
                 check=False,
-                env={**os.environ, "TMPDIR": scratch},  # whose files go, however the compiler ends
+                env={
+                    **os.environ,
+                    "TMPDIR": scratch,
+                },  # removed with the folder, even if the compiler crashes
             )
         except OSError as error:
-            return skipped(f"There is no compiler that runs here: {error.strerror}.")
+            return skipped(f"No compiler can be run: {error.strerror}.")
     if done.returncode == 0:
         return None
     said = _ERROR.search(done.stderr)
@@ -96,11 +99,11 @@ def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
     missing = _MISSING.search(done.stderr)
     if missing and _shipped(folder, missing[1]):
         return failed(sentence)
-    return warned(sentence)  # it may need options that only its documentation says
+    return warned(sentence)  # it may need compiler options that only its documentation lists
 
 
 def _shipped(folder: Path, header: str) -> bool:
-    """Whether a header should have come with the FMU: it is included by its name in quotes."""
+    """Return whether the FMU should have this header: its sources include it by a name in quotes."""
     include = re.compile(rb'#\s*include\s*"' + re.escape(header.encode()) + rb'"')
     return any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]"))
 

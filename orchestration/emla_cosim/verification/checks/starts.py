@@ -1,4 +1,4 @@
-"""Start values: there where they have to be, and within their ranges."""
+"""Checks of start values: present where required, and within their ranges."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,15 +14,15 @@ _NUMERIC = ("Real", "Integer", "Enumeration")
 
 @check(
     "variables.start",
-    "Variables have start values where they need them",
+    "Variables have the required start values",
     Clause(
         "2.2.7", 'If initial = "exact" or "approx", or causality = "input", a start value must be provided.'
     ),
-    "Give a start value, or take it away; `initial` says which, and has a default by the table in 2.2.7.",
+    "Add or remove the start value as `initial` requires. Its defaults are in the table of section 2.2.7.",
     needs=("description.schema",),
 )
 def presence(subject: Subject) -> CheckOutcome:
-    """There is a start value exactly where the standard wants one."""
+    """Check that variables have a start value if and only if the standard requires one."""
     variables = [v for v in subject.declared.variables if v.possible]
     problems = [p for v in variables for p in _misplaced(v)]
     return judge_problems(
@@ -46,11 +46,11 @@ def _misplaced(variable: DeclaredVariable) -> Iterator[str]:
     "variables.range",
     "Start values are within their ranges",
     Clause("fmi2ScalarVariable.xsd", "max >= start >= min required"),
-    "Correct the start value, or min and max; nominal has to be positive.",
+    "Correct the start value, or min and max. nominal must be positive.",
     needs=("description.types",),
 )
 def ranges(subject: Subject) -> CheckOutcome:
-    """Start values are finite, within min and max, and items of their enumerations."""
+    """Check that start values are finite, within min and max, and items of their enumerations."""
     declared = subject.declared
     numeric = [v for v in declared.variables if v.type in _NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
@@ -65,7 +65,7 @@ def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterato
     given = variable.attributes
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
     if not math.isfinite(values.get("start", 0.0)):
-        yield f"The start value of {variable} is {given['start']}, which is not allowed in files of the FMI."
+        yield f"The start value of {variable} is {given['start']}, which FMI does not allow."
         return
     low, high = values.get("min", -math.inf), values.get("max", math.inf)
     start = values.get("start", low)
@@ -75,9 +75,9 @@ def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterato
         end = f"below its min {low:g}" if start < low else f"above its max {high:g}"
         yield f"The start value {start:g} of {variable} is {end}."
     elif variable.type == "Enumeration" and "start" in values and start not in items[given["declaredType"]]:
-        yield f"The start value {start:g} of {variable} is no item of {given['declaredType']}."
+        yield f"The start value {start:g} of {variable} is not an item of {given['declaredType']}."
     if values.get("nominal", 1.0) <= 0.0:
-        yield f"{variable} has the nominal {values['nominal']:g}, which has to be positive."
+        yield f"{variable} has the nominal {values['nominal']:g}; it must be positive."
 
 
 def _endless(variable: DeclaredVariable) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""FMU states: got, set, freed, and written as bytes."""
+"""Checks of FMU states: get, set, free, serialize."""
 
 import contextlib
 import ctypes
@@ -15,14 +15,14 @@ from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, wa
 from ._sameness import compare_runs
 
 _ALLOWED = 1e-3
-"""Of an output's range: what a solver inside may do that starts anew where a state is set."""
+"""Allowed effect of an internal solver that restarts when a state is set, relative to an output's range."""
 
-_HINT = "Copy all that evolves, and all that was set: hidden states, random numbers, delays, the phase."
+_HINT = "Copy everything that changes or was set: hidden states, random numbers, delays, the phase."
 
 
 @check(
     "state.restored",
-    "A state that is set is the state that was got",
+    "A saved state is restored",
     Clause(
         "2.1.8",
         "fmi2SetFMUstate copies the content of the previously copied FMUstate back and uses it as "
@@ -33,9 +33,9 @@ _HINT = "Copy all that evolves, and all that was set: hidden states, random numb
     time_factor=4.0,
 )
 def restored(subject: Subject) -> CheckOutcome:
-    """From a state that was got and set, several times and at several instants, the run goes on the same."""
+    """Check that a run from a restored state continues as before, at several times, twice each."""
     if not subject.has_capability("canGetAndSetFMUstate"):
-        return skipped("It does not say canGetAndSetFMUstate.")
+        return skipped("canGetAndSetFMUstate is not set.")
     instance, course = HostedInstance(subject), make_experiment(subject)
     steps = len(course.times) - 1
     instants = sorted({0, steps // 3, 2 * steps // 3})
@@ -50,7 +50,7 @@ def restored(subject: Subject) -> CheckOutcome:
             break
     instance.close()
     return worst or passed(
-        f"States of {len(instants)} instants were got, set twice and freed; runs went on the same."
+        f"States at {len(instants)} times were saved, restored twice and freed; runs continued the same."
     )
 
 
@@ -73,43 +73,43 @@ def _again(instance: HostedInstance, course: Experiment, first: int, last: int) 
 
 
 _LARGEST = 2**28
-"""Bytes of a state that nobody sends anywhere."""
+"""Largest plausible size of a state in bytes."""
 
 
 @check(
     "state.serialized",
-    "A state survives as bytes",
+    "A serialized state is restored",
     Clause(
         "2.1.8",
         "fmi2DeSerializeFMUstate deserializes the byte vector serializedState of length size, constructs "
         "a copy of the FMU state and returns FMUstate, the pointer to this copy.",
     ),
-    _HINT + " Check the size and a version before bytes are taken for a state.",
+    _HINT + " Check the size and a version before you accept bytes as a state.",
     needs=("state.restored",),
     time_factor=3.0,
 )
 def serialized(subject: Subject) -> CheckOutcome:
-    """A new instance that is given the bytes of another one's state goes on the same."""
+    """Check that a new instance continues the same from the serialized state of another one."""
     if not subject.has_capability("canSerializeFMUstate"):
-        return skipped("It does not say canSerializeFMUstate.")
+        return skipped("canSerializeFMUstate is not set.")
     course = make_experiment(subject)
     middle = (len(course.times) - 1) // 2
     whole = run_alone(subject, course)
     data = in_fresh_process(_bytes_at, subject, course, middle)
     if isinstance(data, int):
-        return failed(f"fmi2SerializedFMUstateSize says {data} bytes, which is no size of a state.")
+        return failed(f"fmi2SerializedFMUstateSize returned {data} bytes, which is not a plausible size.")
     if len(whole.times) <= middle + 1:
-        return skipped("It asked to end the run before its state could be taken.")
+        return skipped("It asked to end the run before its state could be saved.")
     found = in_fresh_process(_from_bytes, subject, course, middle, data)
     wanted = OutputTrajectory(whole.times[middle:], whole.names, whole.values[middle:])
     outcome = compare_runs(
-        found, wanted, f"A run from the bytes of the state of t = {course.times[middle]:.9g} s", _ALLOWED
+        found, wanted, f"A run from the serialized state of t = {course.times[middle]:.9g} s", _ALLOWED
     )
     return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
 
 
 def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
-    """A state's bytes, or its size where that is none."""
+    """Return a state's bytes, or the reported size if it is not plausible."""
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course, 0, middle)
@@ -135,7 +135,7 @@ def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) 
 
 
 def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
-    """Bytes that were cut, or changed, are refused, or at least do no harm."""
+    """Check that truncated or changed bytes do not crash the FMU."""
     random = np.random.default_rng(1)
     cases = {"half of the bytes": data[: len(data) // 2], "one byte": data[:1]}
     for k in range(4):
@@ -148,11 +148,13 @@ def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
             in_fresh_process(_take, subject, part)
     except EndedError as error:
         return warned(f"{error.call} ends the process ({error.how}).")
-    return passed(f"A new instance went on from {len(data)} bytes as the old one; damaged bytes did no harm.")
+    return passed(
+        f"A new instance continued from {len(data)} bytes like the old one; damaged bytes did no harm."
+    )
 
 
 def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
-    """Go on from each of these as far as it goes."""
+    """Continue from each of these states until a call fails."""
     course = make_experiment(subject, 2)
     for name, data in cases:
         instance = HostedInstance(subject)

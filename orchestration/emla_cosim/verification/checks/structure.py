@@ -1,4 +1,4 @@
-"""The model structure: what is computed, and from what."""
+"""Checks of the model structure: outputs, derivatives, initial unknowns, dependencies."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -9,7 +9,7 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Clause
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
-"""Kinds of dependencies that are for Real unknowns only."""
+"""Kinds of dependencies that only Real unknowns can have."""
 
 
 @check(
@@ -21,11 +21,11 @@ _LINEAR = ("constant", "fixed", "tunable", "discrete")
         'corresponding ScalarVariable must have causality = "output" (and every variable with '
         'causality="output" must be listed here).',
     ),
-    "ModelStructure/Outputs has one Unknown for each output; index counts ScalarVariables from 1.",
+    "ModelStructure/Outputs needs one Unknown for each output. index counts ScalarVariables from 1.",
     needs=("description.schema",),
 )
 def outputs(subject: Subject) -> CheckOutcome:
-    """ModelStructure/Outputs has every output, once, and nothing else."""
+    """Check that ModelStructure/Outputs lists every output once, and nothing else."""
     declared = subject.declared
     wanted = {v.index for v in declared.variables if v.causality == "output"}
     problems = [
@@ -37,17 +37,17 @@ def outputs(subject: Subject) -> CheckOutcome:
 
 @check(
     "structure.derivatives",
-    "State derivatives are what they should be",
+    "State derivatives refer to continuous states",
     Clause(
         "2.2.7",
         "All ScalarVariables listed in this element must have attribute derivative (in order that the "
         "continuous-time states are uniquely defined).",
     ),
-    "Give the variable the attribute `derivative` with the index of its state, counted from 1.",
+    "Set the attribute `derivative` of the variable to the index of its state, counted from 1.",
     needs=("description.schema",),
 )
 def derivatives(subject: Subject) -> CheckOutcome:
-    """Each of ModelStructure/Derivatives is the derivative of a continuous state of its own."""
+    """Check that each of ModelStructure/Derivatives is the derivative of a different continuous state."""
     declared = subject.declared
     problems = [
         *_listing("Derivatives", declared.derivatives, declared),
@@ -58,11 +58,11 @@ def derivatives(subject: Subject) -> CheckOutcome:
 
 
 def _no_derivatives(declared: Declarations) -> Iterator[str]:
-    """What in the list gives no state of its own."""
+    """Yield problems with the states of the listed derivatives."""
     listed_ones = [v for u in declared.derivatives if (v := declared.variable(u.index)) is not None]
     for variable in listed_ones:
         if "derivative" not in variable.own:
-            yield f"{variable} is listed in Derivatives, but is no derivative of a variable."
+            yield f"{variable} is listed in Derivatives, but has no attribute `derivative`."
         elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
             yield from _no_state(state)
     states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
@@ -74,7 +74,7 @@ def _no_state(state: DeclaredVariable) -> Iterator[str]:
     if state.causality not in ("local", "output") or state.variability != "continuous":
         yield (
             f"The state {state} is {state.variability} and {state.causality}; "
-            "it has to be continuous, and local or an output."
+            "it must be continuous, and local or an output."
         )
 
 
@@ -84,7 +84,7 @@ def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator
     index = int(variable.own["derivative"])
     of = declared.variable(index)
     if of is None:
-        yield f"{variable} is the derivative of variable {index}; there are {len(declared.variables)}."
+        yield f"{variable} is the derivative of variable {index}; there are only {len(declared.variables)}."
     elif of.index == variable.index:
         yield f"{variable} is its own derivative."
     elif of.type != "Real":
@@ -104,7 +104,7 @@ def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator
     needs=("structure.derivatives",),
 )
 def initial_unknowns(subject: Subject) -> CheckOutcome:
-    """ModelStructure/InitialUnknowns has what initialization computes, once, by ascending index."""
+    """Check that InitialUnknowns lists what initialization computes, once, by ascending index."""
     declared = subject.declared
     found = [u.index for u in declared.initial_unknowns]
     doubtful = {v.index for v in declared.variables if not v.possible}
@@ -117,7 +117,7 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
         k = next(k for k in range(1, len(found)) if found[k] < found[k - 1])
         problems.append(
             f"InitialUnknowns has {declared.variable(found[k])} after {declared.variable(found[k - 1])}, "
-            "whose index is greater."
+            "which has a greater index."
         )
     return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
 
@@ -136,12 +136,12 @@ def _initially_unknown(declared: Declarations) -> set[int]:
     "structure.dependencies",
     "Dependencies are on variables that are known",
     Clause("2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."),
-    "`dependencies` are indices of inputs, states and the independent variable, in InitialUnknowns also of "
-    "what is `exact`; `dependenciesKind` has one word for each.",
+    "`dependencies` lists indices of inputs, states and the independent variable; in InitialUnknowns also "
+    "of `exact` variables. `dependenciesKind` has one word for each.",
     needs=("structure.derivatives",),
 )
 def dependencies(subject: Subject) -> CheckOutcome:
-    """Dependencies exist, ascend, have a kind each or none, and are on knowns."""
+    """Check that dependencies exist, ascend, refer to knowns, and have a kind each or none."""
     declared = subject.declared
     known = declared.states() | _free(declared)
     exact = _free(declared) | {v.index for v in declared.variables if v.initial == "exact"}
@@ -168,9 +168,9 @@ def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> I
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
-        yield f"{who} depends on variable {beyond[0]}; there are {len(declared.variables)}."
+        yield f"{who} depends on variable {beyond[0]}; there are only {len(declared.variables)}."
     elif indices is not None and list(indices) != sorted(set(indices)):
-        yield f"The dependencies of {who} do not ascend."
+        yield f"The dependencies of {who} are not in ascending order."
     if kinds is None:
         return
     if len(indices or ()) != len(kinds) or indices is None:
@@ -195,10 +195,10 @@ def _unknown_knowns(
 
 
 def _listing(name: str, unknowns: Sequence[DeclaredUnknown], declared: Declarations) -> Iterator[str]:
-    """What is wrong with indices, whatever they mean."""
+    """Yield problems with the indices of a list: unknown or repeated ones."""
     for unknown in unknowns:
         if declared.variable(unknown.index) is None:
-            yield f"{name} lists variable {unknown.index}; there are {len(declared.variables)}."
+            yield f"{name} lists variable {unknown.index}; there are only {len(declared.variables)}."
     for twice in find_repeated(str(u.index) for u in unknowns):
         yield f"{name} lists {declared.variable(int(twice)) or twice} more than once."
 
@@ -210,7 +210,7 @@ def _compared(
     declared: Declarations,
     doubtful: Iterable[int] = (),
 ) -> Iterator[str]:
-    """What of the wanted indices is missing, and what is there besides those and the doubtful ones."""
+    """Yield wanted indices that are missing, and listed ones that are neither wanted nor doubtful."""
     found = {u.index for u in unknowns}
     if missing := sorted(wanted - found):
         yield f"{name} lacks {join_few_names(_names(missing, declared))}."

@@ -1,4 +1,4 @@
-"""Whole systems: they run, and still do what a run that was kept did."""
+"""Checks of whole systems: they run, and agree with an earlier run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +11,12 @@ from ..settings import Settings
 from ..verdict import CheckOutcome, Clause, failed, passed
 
 _DOCUMENT = "EMLA-Cosim, docs/verify.md"
-_PATIENCE, _ROOM = 60.0, 4.0
+_TIME_FACTOR, _MEMORY_FACTOR = 60.0, 4.0
 
 
 @dataclass(frozen=True)
 class WholeSystem:
-    """An SSP, and how it is to be examined."""
+    """An SSP and the settings for its checks."""
 
     path: Path
     settings: Settings
@@ -26,31 +26,31 @@ class WholeSystem:
     "system.runs",
     "The system runs to its stop time",
     Clause("Systems", "A system runs from its start time to its stop time.", _DOCUMENT),
-    "`emla run` of the same file shows more.",
-    time_factor=_PATIENCE,
-    memory_factor=_ROOM,
+    "Run the same file with `emla run` to see more.",
+    time_factor=_TIME_FACTOR,
+    memory_factor=_MEMORY_FACTOR,
 )
 def runs(system: WholeSystem) -> CheckOutcome:
-    """All FMUs can be connected and stepped."""
+    """Check that all FMUs can be connected and stepped."""
     return _simulated(system, {})
 
 
 @check(
     "system.agrees",
-    "All signals stay within the tubes around those of a run that was kept",
+    "All signals stay within the tubes around an earlier run",
     Clause("Systems", "Every signal of both runs stays within the tube around the earlier one.", _DOCUMENT),
-    "The signal that left first is nearest to the reason; see what drives it.",
-    time_factor=_PATIENCE,
-    memory_factor=_ROOM,
+    "Begin with the signal that left its tube first, and look at its inputs.",
+    time_factor=_TIME_FACTOR,
+    memory_factor=_MEMORY_FACTOR,
 )
 def agrees(system: WholeSystem) -> CheckOutcome:
-    """The system does what it did."""
+    """Compare the system with an earlier run."""
     settings = system.settings
     return _simulated(system, {"reference": settings.reference, "tolerance": settings.tolerance})
 
 
 def _simulated(system: WholeSystem, options: dict[str, Any]) -> CheckOutcome:
-    from ...study.loading import load  # which knows all there is
+    from ...study.loading import load  # imports most of the project
 
     try:
         with load(system.path).prepare() as simulation:
@@ -64,4 +64,4 @@ def _simulated(system: WholeSystem, options: dict[str, Any]) -> CheckOutcome:
     if result.problem is not None:
         return failed(sentence(result.problem), **more)
     agree = f"; {len(result.comparisons)} signals stay within their tubes" if result.comparisons else ""
-    return passed(f"{result.steps} steps were done, {result.simulated_s:g} s{agree}.", **more)
+    return passed(f"{result.steps} steps were completed, {result.simulated_s:g} s{agree}.", **more)

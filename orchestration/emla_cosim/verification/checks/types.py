@@ -1,4 +1,4 @@
-"""Types: SimpleTypes, and the variables declared with them."""
+"""Checks of SimpleTypes and the variables declared with them."""
 
 from collections.abc import Iterator
 
@@ -11,22 +11,22 @@ from ..verdict import CheckOutcome, Clause
 
 @check(
     "description.types",
-    "Types are defined, and used for what they are",
+    "Types are defined and used correctly",
     Clause("2.2.7", "If present, name of type defined with TypeDefinitions / SimpleType."),
-    "Define every type once, with a name that no variable has, and of the type of its variables.",
+    "Define every type once, with a name that no variable has, and with the type of its variables.",
     needs=("description.schema",),
 )
 def types(subject: Subject) -> CheckOutcome:
-    """Every declared type is defined once, and is of the variable's own type."""
+    """Check that every declared type is defined once and matches the type of its variables."""
     declared = subject.declared
     problems = [*_names(declared), *_uses(declared), *(p for t in declared.types for p in _items(t))]
-    return judge_problems(problems, f"{len(declared.types)} types are defined and used as they should be.")
+    return judge_problems(problems, f"{len(declared.types)} types are defined and used correctly.")
 
 
 def _names(declared: Declarations) -> Iterator[str]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield f"More than one SimpleType is called {name}."
+        yield f"More than one SimpleType has the name {name}."
     for one in declared.types:
         if one.name in variables:
             yield f"The SimpleType {one.name} has the name of a variable."
@@ -39,7 +39,7 @@ def _uses(declared: Declarations) -> Iterator[str]:
         if name is None:
             continue
         if name not in by_name:
-            yield f"{variable} is declared as {name}, which is no SimpleType."
+            yield f"{variable} is declared as {name}, which is not a SimpleType."
         elif by_name[name].type != variable.type:
             other = by_name[name].type
             yield f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."

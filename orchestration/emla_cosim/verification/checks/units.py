@@ -1,4 +1,4 @@
-"""Units: defined where they are used, and what their names say."""
+"""Checks of units: defined, and consistent with their names."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -11,7 +11,7 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Clause
 
 _CLOSE = 1e-4
-"""Relative difference of factors that are meant to be the same: some are written with few digits."""
+"""Relative tolerance of equal factors: some are written with few digits."""
 _TURN = 2.0 * math.pi
 _RAD = BASE_UNITS.index("rad")
 
@@ -23,11 +23,11 @@ _RAD = BASE_UNITS.index("rad")
         "2.2.3",
         "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations.",
     ),
-    "Add a `Unit` to `UnitDefinitions` for every unit that a variable or type has, with its exponents.",
+    "Add a `Unit` with exponents to `UnitDefinitions` for every unit of a variable or type.",
     needs=("description.schema",),
 )
 def defined(subject: Subject) -> CheckOutcome:
-    """Every unit that is used is defined, once, and every display unit belongs to a unit."""
+    """Check that every used unit is defined once, and that every display unit belongs to a unit."""
     declared = subject.declared
     problems = [*_repeated(declared), *_undefined(declared)]
     return judge_problems(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
@@ -55,32 +55,32 @@ def _undefined(declared: Declarations) -> Iterator[str]:
 def _bare(declared: Declarations) -> Iterator[str]:
     bare = [u.name for u in declared.units if u.base is None]
     if bare:
-        yield f"Nobody says what the unit {join_few_names(bare)} is made of (BaseUnit)."
+        yield f"The unit {join_few_names(bare)} has no BaseUnit."
     for variable in declared.variables:
         shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
         if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
-            yield f"The display unit {shown!r} of {variable} is not defined, and is ignored."
+            yield f"The display unit {shown!r} of {variable} is not defined and is ignored."
 
 
 @check(
     "units.consistent",
-    "Units are what their names say",
+    "Units match their names",
     Clause(
         "2.2.2",
         "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
         "utilizing the conversion factor and offset attributes:",
     ),
-    "Correct the exponents and the factor, or the name; masters convert connected values by them.",
+    "Correct the exponents and the factor, or the name. Masters convert connected values with them.",
     needs=("units.defined",),
 )
 def consistent(subject: Subject) -> CheckOutcome:
-    """Exponents and factors of units with well-known names are right, and those of their display units."""
+    """Check exponents and factors of units with well-known names, and of their display units."""
     units = subject.declared.units
     problems = [p for unit in units for p in (*_finite(unit), *_wrong(unit), *_wrong_display(unit))]
     doubts = [d for unit in units for d in _offset(unit)]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
-        problems, f"{known} of {len(units)} units have well-known names, and are what these say.", doubts
+        problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
     )
 
 
@@ -101,14 +101,14 @@ def _wrong(unit: DeclaredUnit) -> Iterator[str]:
         return
     exponents, by_name = _exponents(unit.base), known.exponents or ()
     if exponents[:_RAD] != by_name[:_RAD]:
-        yield f"The unit {unit.name} is said to be {_told(exponents)}, but is {_told(by_name)}."
+        yield f"The unit {unit.name} is declared as {_format(exponents)}, but it is {_format(by_name)}."
         return
     factor = _number(unit.base, "factor", 1.0)
     turns = exponents[_RAD] - by_name[_RAD]
     powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
     allowed = [known.factor * _TURN**k for k in powers]
     if not any(_same(factor, one) for one in allowed):
-        yield f"The unit {unit.name} has the factor {factor:g}, but is {known.factor:g} {_told(exponents)}."
+        yield f"The unit {unit.name} has the factor {factor:g}; it is {known.factor:g} {_format(exponents)}."
 
 
 def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
@@ -122,9 +122,9 @@ def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
         turning = counts_turns(unit.name) or counts_turns(display["name"])
         allowed = [right * _TURN**k for k in ((-1, 0, 1) if turning else (0,))]
         if (mine.exponents or ())[:_RAD] != (theirs.exponents or ())[:_RAD]:
-            yield f"{display['name']} is no display unit of {unit.name}: it measures something else."
+            yield f"{display['name']} cannot be a display unit of {unit.name}: it has another dimension."
         elif not any(_same(factor, one) for one in allowed):
-            yield f"1 {unit.name} is shown as {factor:g} {display['name']}, but is {right:g}."
+            yield f"1 {unit.name} is displayed as {factor:g} {display['name']}, but is {right:g}."
 
 
 def _offset(unit: DeclaredUnit) -> Iterator[str]:
@@ -132,7 +132,7 @@ def _offset(unit: DeclaredUnit) -> Iterator[str]:
     if known is not None and unit.base is not None:
         offset = _number(unit.base, "offset", 0.0)
         if abs(offset - known.offset) > _CLOSE * abs(known.offset):
-            yield f"The unit {unit.name} has the offset {offset:g}; by its name it is {known.offset:g}."
+            yield f"The unit {unit.name} has the offset {offset:g}, but its name means {known.offset:g}."
 
 
 @check(
@@ -142,11 +142,11 @@ def _offset(unit: DeclaredUnit) -> Iterator[str]:
         "2.2.7",
         'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
     ),
-    "Give the derivative the unit of its variable divided by `s`, with the same factor.",
+    "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
     needs=("units.consistent", "structure.derivatives"),
 )
 def derivatives(subject: Subject) -> CheckOutcome:
-    """Where both have units, that of der(x) is that of x per second."""
+    """Check that the unit of der(x) is that of x per second, if both have units."""
     declared = subject.declared
     pairs = [
         (v, of)
@@ -154,19 +154,19 @@ def derivatives(subject: Subject) -> CheckOutcome:
         if (of := declared.variable(int(v.own.get("derivative", 0)))) is not None
     ]
     if any(v.causality == "independent" and v.unit not in (None, "s") for v in declared.variables):
-        pairs = []  # they are per something else
+        pairs = []  # derivatives by something other than time
     problems, doubts = [], []
     for variable, of in pairs:
         exponents, factors = _agree(declared, variable, of)
         if not (exponents and factors):
-            told = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
-            (doubts if exponents else problems).append(told)
-    fine = f"{len(pairs)} derivatives have units that agree with their variables'."
+            line = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
+            (doubts if exponents else problems).append(line)
+    fine = f"The units of {len(pairs)} derivatives agree with those of their variables."
     return judge_problems(problems, fine, doubts)
 
 
 def _agree(declared: Declarations, derivative: DeclaredVariable, of: DeclaredVariable) -> tuple[bool, bool]:
-    """Whether exponents and factors of their units agree, as far as both are known."""
+    """Return whether exponents and whether factors of their units agree; True if one is unknown."""
     bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
     if len(bases) < 2 or bases[0] is None or bases[1] is None:
         return True, True
@@ -181,8 +181,8 @@ def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, 
     return tuple(found)
 
 
-def _told(exponents: tuple[int, ...]) -> str:
-    """Exponents in words: `kg m2 s-2`."""
+def _format(exponents: tuple[int, ...]) -> str:
+    """Format exponents: `kg m2 s-2`."""
     pairs = zip(BASE_UNITS, exponents, strict=True)
     return " ".join(f"{base}{power if power != 1 else ''}" for base, power in pairs if power) or "1"
 

@@ -1,4 +1,4 @@
-"""Variables: their names, what they are, and which of them are one."""
+"""Checks of variables: names, attributes, aliases."""
 
 import re
 from collections import defaultdict
@@ -19,32 +19,32 @@ _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 
 @check(
     "variables.names",
-    "Variables have names of their own",
+    "Variables have unique names",
     Clause("2.2.9", "The names must be unique, non-empty strings."),
-    "Rename them; with variableNamingConvention `flat` every name is allowed.",
+    "Rename them. With variableNamingConvention `flat`, every name is allowed.",
     needs=("description.schema",),
 )
 def names(subject: Subject) -> CheckOutcome:
-    """Names are unique, and structured where the FMU says that they are."""
+    """Check that names are unique, and structured if the FMU declares it."""
     found = [v.name for v in subject.declared.variables]
-    problems = [f"More than one variable is called {name}." for name in find_repeated(found)]
+    problems = [f"More than one variable has the name {name}." for name in find_repeated(found)]
     problems += [f"Variable {i} has no name." for i, name in enumerate(found, start=1) if not name]
     if subject.tree.get("variableNamingConvention") == "structured":
         problems += [
-            f"{name} is no structured name." for name in found if name and not _STRUCTURED.fullmatch(name)
+            f"{name} is not a structured name." for name in found if name and not _STRUCTURED.fullmatch(name)
         ]
-    return judge_problems(problems, f"{len(found)} variables have names of their own.")
+    return judge_problems(problems, f"{len(found)} variables have unique names.")
 
 
 @check(
     "variables.attributes",
-    "Variables can be what they say",
+    "Attributes of variables are compatible",
     Clause("2.2.7", "The following combinations of variability/causality settings are allowed:"),
-    "The tables of section 2.2.7 say what goes together; the default of variability is `continuous`.",
+    "The tables in section 2.2.7 list the combinations. The default of variability is `continuous`.",
     needs=("description.schema",),
 )
 def attributes(subject: Subject) -> CheckOutcome:
-    """Causality, variability, initial and type of every variable go together."""
+    """Check that causality, variability, initial and type of every variable are compatible."""
     declared = subject.declared
     problems = [p for v in declared.variables for p in _impossible(v)]
     independent = [v.name for v in declared.variables if v.causality == "independent"]
@@ -52,13 +52,13 @@ def attributes(subject: Subject) -> CheckOutcome:
         problems.append(f"Both {independent[0]} and {independent[1]} are independent.")
     if "ModelExchange" not in subject.kinds:
         problems += [p for v in declared.variables for p in _exchanged(v)]
-    return judge_problems(problems, f"{len(declared.variables)} variables can be what they say.")
+    return judge_problems(problems, f"{len(declared.variables)} variables have compatible attributes.")
 
 
 def _impossible(variable: DeclaredVariable) -> Iterator[str]:
     what = f"{variable} is {variable.variability} and {_article(variable.causality)}"
     if variable.initials is None:
-        yield f"{what}, which do not go together."
+        yield f"{what}, which the standard does not allow."
     elif not variable.possible:
         yield f"{what}; its initial cannot be {variable.given_initial}."
     if variable.variability == "continuous" and variable.type != "Real":
@@ -80,20 +80,20 @@ def _article(causality: str) -> str:
 
 @check(
     "variables.aliases",
-    "Variables with one value reference can be one variable",
+    "Variables with the same value reference are compatible",
     Clause(
         "2.2.7",
         "At most one variable of the same alias set of variables with variability ≠ constant can have a "
         "start attribute.",
     ),
-    "Give them value references of their own, or the same unit, and a start value to one of them only.",
+    "Use different value references, or the same unit and only one start value.",
     needs=("description.schema",),
 )
 def aliases(subject: Subject) -> CheckOutcome:
-    """Variables of one value reference agree in unit and constancy, and one of them at most is set."""
+    """Check that aliases agree in unit and constancy, and that at most one has a start value."""
     sets = _alias_sets(subject.declared)
     problems = [p for several in sets for p in _apart(several)]
-    return judge_problems(problems, f"{len(sets)} value references are shared, by variables that can be one.")
+    return judge_problems(problems, f"{len(sets)} value references are shared, by compatible variables.")
 
 
 def _alias_sets(declared: Declarations) -> list[list[DeclaredVariable]]:
@@ -113,12 +113,12 @@ def _apart(several: Sequence[DeclaredVariable]) -> Iterator[str]:
     constant = [v for v in several if v.variability == "constant"]
     started = [v.name for v in several if v.start is not None and v.variability != "constant"]
     if len(started) > 1:
-        yield f"{started[0]} and {started[1]} have one value reference, and a start value each."
+        yield f"{started[0]} and {started[1]} have the same value reference, but both have a start value."
     if constant and len(constant) < len(several):
-        yield f"{both} have one value reference, but only some of them are constant."
+        yield f"{both} have the same value reference, but only some of them are constant."
     elif len({v.start for v in constant}) > 1:
-        yield f"{both} have one value reference, and constant values that differ."
+        yield f"{both} have the same value reference, but different constant values."
     if started and any(v.causality == "independent" for v in several):
         yield f"{started[0]} has the value reference of the independent variable."
     if len({v.unit for v in several}) > 1:
-        yield f"{both} have one value reference, but units that differ."
+        yield f"{both} have the same value reference, but different units."

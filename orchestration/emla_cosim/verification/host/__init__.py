@@ -1,1 +1,1 @@
-"""Calls of an FMU under examination, each noted before it is made."""
+"""Call an FMU under examination. Every call is noted first, so that a crash can be attributed."""

@@ -1,4 +1,4 @@
-"""What the model structure says depends on what."""
+"""Read the dependencies that the model structure declares."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ from ..subject import Subject
 
 @dataclass(frozen=True)
 class Dependency:
-    """An unknown, and the names of the variables that it may depend on; None where they are not told."""
+    """An unknown and the names of its dependencies; None if they are not declared."""
 
     unknown: str
     on: frozenset[str] | None
 
     def excludes(self, name: str) -> bool:
-        """Whether the unknown is said not to depend on a variable."""
+        """Return whether the declaration excludes a dependency on a variable."""
         return self.on is not None and name not in self.on
 
 
 def at_initialization(subject: Subject) -> list[Dependency]:
-    """Outputs among the initial unknowns, and what they depend on in initialization mode."""
+    """Return the dependencies of outputs in initialization mode."""
     return [d for d in _read(subject.description.initialUnknowns) if _is_output(subject, d.unknown)]
 
 
 def at_events(subject: Subject) -> list[Dependency]:
-    """Outputs and derivatives of states, and what they depend on in event and continuous-time mode."""
+    """Return the dependencies of outputs and state derivatives in event and continuous-time mode."""
     return _read([*subject.description.outputs, *subject.description.derivatives])
 
 

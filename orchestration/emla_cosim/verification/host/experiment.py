@@ -1,4 +1,4 @@
-"""A run that any FMU can be asked for: its times, and inputs that move within their ranges."""
+"""The experiment for dynamic checks: communication points, and inputs that vary within their ranges."""
 
 import math
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from ...base.arrays import Vector
 from ..subject import Subject
 
 MOST_STEPS = 100
-"""Of one run; what goes wrong later than that, a reference shows."""
+"""Most steps of one run. References reveal later problems."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Communication points in s, and the value of every moved input at each of them."""
+    """Communication points in s, and the values of the inputs at each of them."""
 
     times: Vector
     inputs: dict[str, Vector]
@@ -27,12 +27,12 @@ class Experiment:
         return float(self.times[1] - self.times[0])
 
     def at(self, k: int) -> dict[str, float]:
-        """Inputs by name at a point."""
+        """Return the inputs by name at communication point `k`."""
         return {name: float(values[k]) for name, values in self.inputs.items()}
 
 
 def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
-    """The beginning of the FMU's default experiment, with its step, and at most so many of them."""
+    """Return the first steps of the FMU's default experiment, at most `steps`."""
     start, step, count = span(subject)
     times = start + step * np.arange(min(steps, count) + 1, dtype=np.float64)
     inputs = subject.of_causality("input")
@@ -40,7 +40,7 @@ def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
 
 
 def span(subject: Subject) -> tuple[float, float, int]:
-    """Start and step in s, and the number of steps, of the FMU's default experiment."""
+    """Return the start and step in s, and the number of steps, of the FMU's default experiment."""
     given = subject.description.defaultExperiment
     start = parse_number(given.startTime if given else None, 0.0)
     stop = parse_number(given.stopTime if given else None, start + 1.0)
@@ -51,7 +51,7 @@ def span(subject: Subject) -> tuple[float, float, int]:
 
 
 def parse_number(value: Any, otherwise: float) -> float:
-    """What an attribute of the model description says, or something else where it is no finite number."""
+    """Convert an attribute to a number; return `otherwise` if it is not finite."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -60,7 +60,7 @@ def parse_number(value: Any, otherwise: float) -> float:
 
 
 def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
-    """A sine around the start value, of a tenth of the range, and with a period of its own."""
+    """Return a sine around the start value, a tenth of the range wide, with a different period per input."""
     middle = parse_number(variable.start, 0.0)
     low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
     typical = abs(parse_number(variable.nominal, middle or 1.0))

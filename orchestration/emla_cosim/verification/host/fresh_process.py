@@ -1,4 +1,4 @@
-"""A part of a check in a process that has not loaded the FMU yet: nothing is left of what was before."""
+"""Run a part of a check in a process that has not loaded the FMU yet."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from ..subprocess_run import last_note
 
 
 class EndedError(Exception):
-    """The process ended, as a sentence; `call` is what it was doing, `how` the way it ended."""
+    """The process ended. `call` is its last call, `how` the signal or exit code."""
 
     def __init__(self, call: str, how: str) -> None:
         super().__init__(call, how)
@@ -20,9 +20,10 @@ class EndedError(Exception):
 
 
 def in_fresh_process(do: Callable[..., Any], *arguments: Any) -> Any:
-    """What `do` returns, or raises, in another process, which belongs to the check as this one does.
+    """Call `do` in a new process that belongs to the same check. Return its result or raise its exception.
 
-    Raises EndedError where it ends without either.
+    Raises:
+        EndedError: The process ended during the call.
     """
     child = Child(_answer, do, arguments)
     try:
@@ -39,14 +40,14 @@ def in_fresh_process(do: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def in_separate_process(do: Callable[..., Any], subject: Subject, *arguments: Any) -> Any:
-    """What `do` returns, called here; in another process where only one instance may be made in each."""
+    """Call `do` here, or in a new process if the FMU allows only one instance per process."""
     return (
         in_fresh_process(do, subject, *arguments) if is_single_instance(subject) else do(subject, *arguments)
     )
 
 
 def is_single_instance(subject: Subject) -> bool:
-    """Whether a process can have but one instance."""
+    """Return whether the FMU allows only one instance per process."""
     return subject.has_capability("canBeInstantiatedOnlyOncePerProcess")
 
 

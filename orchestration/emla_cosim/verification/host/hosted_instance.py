@@ -1,4 +1,4 @@
-"""One instance of an FMU: every call is noted before it is made, and checked after it."""
+"""One instance of an FMU. Every call is noted before and checked after."""
 
 import time as clock
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,16 +17,16 @@ from .log import LOG, format_message
 
 
 class CallError(Exception):
-    """A call that was refused, as a sentence: `fmi2DoStep at t = 1 s answered fmi2Error: ...`."""
+    """A call that failed. Message: `fmi2DoStep at t = 1 s answered fmi2Error: ...`."""
 
     def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
-        name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no status"
+        name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is not a valid status"
         super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
         self.call, self.status = call, status
 
     def __reduce__(self) -> Any:
-        """Its sentence goes with it to another process, not the lines that it was made of."""
+        """Pickle the message instead of the log lines."""
         return _rebuild_error, (str(self), self.call, self.status)
 
 
@@ -37,10 +37,10 @@ def _rebuild_error(sentence: str, call: str, status: int) -> CallError:
 
 
 class HostedInstance(FmiInstance):
-    """An instance, from its instantiation until `close`; it has to be the only user of its name.
+    """An instance, from its instantiation until `close`. Its name must be unique in the process.
 
-    `kind` is `CoSimulation` or `ModelExchange`, the first that the FMU has by default. `terminated`
-    tells that the FMU asked to end the run. `circumstance` is said with every call: ` with u = nan`.
+    `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
+    after the FMU asked to end the run. `circumstance` is added to the note of every call: ` with u = nan`.
     """
 
     circumstance = ""
@@ -53,13 +53,13 @@ class HostedInstance(FmiInstance):
         logging: bool = False,
         guid: str | None = None,
     ) -> None:
-        """Load the library and instantiate; raises CallError where that fails."""
+        """Load the library and instantiate. Raise CallError on failure."""
         self.subject, self.name = subject, name
         self.kind = kind or subject.kinds[0]
         library = subject.library(self.kind)
         note("loading its library")
         try:
-            assert library is not None, "There is none for this machine."
+            assert library is not None, "There is no library for this machine."
             self.fmu = load(
                 self.kind,
                 library,
@@ -72,12 +72,12 @@ class HostedInstance(FmiInstance):
                 f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
             ) from error
         self.fmu.instance, self.fmu.instanceName = self, name
-        # one for all instances of this object: fmpy's solver keeps some of its memory when it goes
+        # one for all instances of this object: fmpy's solver leaks memory when it is deleted
         self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.instantiate(logging)
 
     def instantiate(self, logging: bool = False) -> None:
-        """Instantiate anew, after `free`, with the library that is loaded."""
+        """Instantiate again after `free`, with the loaded library."""
         self.terminated = False
         try:
             self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
@@ -85,12 +85,12 @@ class HostedInstance(FmiInstance):
             raise _null(LOG.of(self.name)) from error
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
-        """Note what is called next."""
+        """Note the next call."""
         at = f" at t = {arguments[1]:.9g} s" if function == "fmi2DoStep" else ""
         note(f"{function}{at}{self.circumstance}")
 
     def error(self, call: str, status: int) -> CallError:
-        """The error of a call that returned this status."""
+        """Return the error for a call with this status."""
         return CallError(call, status, LOG.of(self.name, WARNING))
 
     def initialize(
@@ -102,7 +102,7 @@ class HostedInstance(FmiInstance):
         self.exit_initialization()
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode; a model is in event mode then, its first events done."""
+        """Leave initialization mode. For Model Exchange, handle the first events and stay in event mode."""
         super().exit_initialization()
         if self._integration is not None:
             with self.calling():
@@ -110,19 +110,19 @@ class HostedInstance(FmiInstance):
             self.terminated = self._integration.terminated
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Set variables by name, those of one type in one call, in the order given."""
+        """Set variables by name, in this order, with one call for each type."""
         with self.calling():
             self.set_typed([(self.subject.variables[name], value) for name, value in values.items()])
 
     def get(self, names: Iterable[str]) -> list[Any]:
-        """Values of variables by name, those of one type in one call."""
+        """Return the values of variables by name, with one call for each type."""
         with self.calling():
             return self.get_typed([self.subject.variables[name] for name in names])
 
     def step(self, time: float, length: float) -> None:
-        """Step from `time` by `length`, both in s; CallError also for a step that is discarded.
+        """Step from `time` by `length`, both in s. Raise CallError also for a discarded step.
 
-        A model is integrated, and is in event mode afterwards as it was before.
+        For Model Exchange, integrate, from event mode to event mode.
         """
         with self.calling():
             if self._integration is not None:
@@ -149,7 +149,7 @@ class HostedInstance(FmiInstance):
         self.terminated = integration.terminated
 
     def _wait(self) -> None:
-        """Until a pending step is done."""
+        """Wait until a pending step is completed."""
         answer = c_int(PENDING)
         while answer.value == PENDING:
             clock.sleep(0.001)
@@ -158,23 +158,23 @@ class HostedInstance(FmiInstance):
             raise FMICallException("fmi2DoStep", answer.value)
 
     def reset(self) -> None:
-        """Become as it was when it was new."""
+        """Reset the instance to its initial state."""
         super().reset()
         self.terminated = False
 
     def close(self) -> None:
-        """Terminate and free it; the library stays loaded."""
+        """Terminate and free the instance. The library stays loaded."""
         with self.calling():
             self.fmu.terminate()
         self.free()
 
     def reference(self, name: str) -> int:
-        """Value reference of a variable."""
+        """Return the value reference of a variable."""
         return self.subject.variables[name].valueReference
 
 
 def _null(lines: Iterable[LogLine]) -> CallError:
-    """That there is no instance, and what was said of it."""
+    """Return the error for a failed instantiation, with the last log messages."""
     said = " ".join(line.text for line in list(lines)[-2:])
     error = CallError("fmi2Instantiate", ERROR)
     error.args = (f"fmi2Instantiate answered NULL{f': {format_message(said)}' if said else '.'}",)

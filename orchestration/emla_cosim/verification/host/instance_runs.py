@@ -1,4 +1,4 @@
-"""An instance taken through an experiment, and what it gave."""
+"""Run an instance through an experiment and collect its outputs."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +18,7 @@ NUMERIC = ("Real", "Integer", "Boolean", "Enumeration")
 class OutputTrajectory:
     """Values of outputs at communication points: a row for each of `times`, a column for each name.
 
-    It is shorter than its experiment where the FMU asked to end the run.
+    It is shorter than its experiment if the FMU asked to end the run.
     """
 
     times: Vector
@@ -26,11 +26,11 @@ class OutputTrajectory:
     values: Vector
 
     def same(self, other: "OutputTrajectory") -> bool:
-        """Whether both are the same to the last bit."""
+        """Return whether both are bitwise equal."""
         return self.values.tobytes() == other.values.tobytes()
 
     def first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
-        """Name and time in s of the first value that is not the same to the last bit."""
+        """Return the name and time in s of the first value that is not bitwise equal."""
         rows = min(len(self.times), len(other.times))
         differs = self.values[:rows].view(np.int64) != other.values[:rows].view(np.int64)
         if not differs.any():
@@ -39,20 +39,20 @@ class OutputTrajectory:
         return self.names[int(np.argmax(differs[k]))], float(self.times[k])
 
     def until(self, rows: int) -> "OutputTrajectory":
-        """Its beginning, at most so many rows."""
+        """Return the first rows."""
         return OutputTrajectory(self.times[:rows], self.names, self.values[:rows])
 
     def distance(self, other: "OutputTrajectory") -> Vector:
-        """The largest difference of each output, in parts of the range that it has in both.
+        """Return the largest difference of each output, relative to its range in both runs.
 
-        NaN counts as infinitely far from everything but NaN, and so does the end of a run.
+        The distance of NaN to anything but NaN is infinite. So is that of runs of different length.
         """
         if len(self.times) != len(other.times):
             return np.full(len(self.names), np.inf)
         both = np.concatenate([self.values, other.values])
         with np.errstate(invalid="ignore", over="ignore"):
             known = np.where(np.isfinite(both), both, 0.0)
-            # an output that hardly moves is measured by how large it is
+            # an output that hardly moves is scaled by its magnitude
             scale = np.maximum(np.ptp(known, axis=0), 1e-6 * np.abs(known).max(axis=0))
             apart = np.abs(self.values - other.values)
             apart[self.values == other.values] = 0.0
@@ -68,7 +68,7 @@ def outputs(subject: Subject) -> list[str]:
 
 
 def run_instance(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
-    """Initialize an instance with the first inputs, and take it through an experiment."""
+    """Initialize an instance with the first inputs and run it through an experiment."""
     instance.initialize(course.at(0), float(course.times[0]), None)
     return step_instance(instance, course)
 
@@ -80,9 +80,9 @@ def step_instance(
     last: int | None = None,
     names: list[str] | None = None,
 ) -> OutputTrajectory:
-    """Take an instance that is at the communication point `first` on to `last`, the end by default.
+    """Step an instance from the communication point `first` to `last`; default: to the end.
 
-    `names` are the variables to read, by default all outputs.
+    `names` are the variables to read; default: all outputs.
     """
     names = outputs(instance.subject) if names is None else names
     rows: list[list[Any]] = [instance.get(names)]
@@ -100,7 +100,7 @@ def step_instance(
 def run_alone(
     subject: Subject, course: Experiment | None = None, kind: str | None = None
 ) -> OutputTrajectory:
-    """What an instance gives that has a process to itself."""
+    """Run an instance in its own process."""
     return in_fresh_process(_whole_run, subject, course or make_experiment(subject), kind)
 
 

@@ -1,4 +1,4 @@
-"""A model for Model Exchange, integrated from one communication point to the next, events included."""
+"""Integrate a Model Exchange FMU between communication points, with its events."""
 
 import ctypes
 import math
@@ -13,45 +13,45 @@ from ...fmu.instance import DISCARD
 from ..subject import Subject
 
 RELATIVE_TOLERANCE = 1e-9
-"""Of the integration, which starts anew at each communication point and adds up what each start costs."""
+"""Tight, since the solver restarts at each communication point and the errors add up."""
 
 _MOST_STEPS = 50_000
-"""Of the solver, from one communication point to the next."""
+"""Most solver steps between two communication points."""
 
 _MOST_ITERATIONS = 1000
-"""Of one event, and events from one communication point to the next."""
+"""Most iterations of one event, and most events between two communication points."""
 
 
 class _NoInput:
     """Inputs are held over a step."""
 
     def apply(self, time: float) -> None:
-        """Nothing changes."""
+        """Do nothing."""
 
 
 class _Solver(CVodeSolver):
-    """fmpy's solver, for models that may refuse a call."""
+    """fmpy's solver, extended for models that refuse a call."""
 
     refused: FMICallException | None = None
 
     def advance(self, time: float, until: float) -> tuple[bool, float]:
-        """Whether an event was found, and how far it came; raises RuntimeError where it gives up."""
+        """Return whether there was an event, and the time reached. Raise RuntimeError on failure."""
         self.refused = None
         try:
             found, _, reached = self.step(time, until)
-        except (RuntimeError, TypeError) as error:  # the latter where there is nothing to say
+        except (RuntimeError, TypeError) as error:  # TypeError if CVode has no message
             raise self.refused or RuntimeError(f"the solver gave up ({error})") from error
         return bool(found), float(reached)
 
     def f(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Derivatives, or that the solver should try a shorter step."""
-        return self._told(super().f, arguments)
+        """Compute derivatives, or ask the solver for a shorter step."""
+        return self._call(super().f, arguments)
 
     def g(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Event indicators."""
-        return self._told(super().g, arguments)
+        """Compute event indicators."""
+        return self._call(super().g, arguments)
 
-    def _told(self, call: Callable[..., int], arguments: tuple[Any, ...]) -> int:
+    def _call(self, call: Callable[..., int], arguments: tuple[Any, ...]) -> int:
         try:
             return call(*arguments)
         except FMICallException as error:
@@ -60,14 +60,14 @@ class _Solver(CVodeSolver):
 
 
 class Integration:
-    """Takes a model on with CVode. Between steps the model is in event mode.
+    """Integrates a model with CVode. Between steps the model is in event mode.
 
-    `fmu` is fmpy's object, which may have one instance after another. `terminated` tells that the
+    `fmu` is fmpy's object, which may have one instance after another. `terminated` is true after the
     model asked to end the run.
     """
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
-        """Prepare to integrate; nothing is called before `begin`."""
+        """Prepare to integrate. This calls no function of the FMU."""
         self.terminated = False
         self._fmu = fmu
         self._states = int(subject.description.numberOfContinuousStates)
@@ -77,12 +77,12 @@ class Integration:
         self._solver: Any = None
 
     def begin(self) -> None:
-        """Do the events of the initialization, which has just ended."""
+        """Handle the events of the initialization."""
         self.terminated = False
         self._do_events()
 
     def step(self, time: float, length: float) -> None:
-        """Integrate from `time` by `length`, both in s; raises RuntimeError where the solver gives up."""
+        """Integrate from `time` by `length`, both in s. Raise RuntimeError if the solver fails."""
         end = time + length
         self._do_events()
         for _ in range(_MOST_ITERATIONS):
@@ -95,7 +95,7 @@ class Integration:
         raise RuntimeError(f"it has more than {_MOST_ITERATIONS} events up to t = {time:.9g} s")
 
     def _to_event(self, time: float, end: float) -> float:
-        """Integrate until an event or the end; when that is."""
+        """Integrate until an event or the end, and return the time reached."""
         solver = self._restart_solver(time)
         close = 1e-12 * max(abs(end), end - time)
         while time < end:
@@ -121,11 +121,11 @@ class Integration:
             if not needed or terminate:
                 break
         else:
-            raise FMICallException("fmi2NewDiscreteStates, asked for again and again,", 3)
+            raise FMICallException("fmi2NewDiscreteStates, called repeatedly,", 3)
         self._next_event = time if defined else math.inf
 
     def _restart_solver(self, time: float) -> Any:
-        """The solver, without memory of what was before `time`."""
+        """Restart the solver at `time`."""
         if self._solver is None:
             fmu = self._fmu
             self._solver = _Solver(
@@ -146,7 +146,7 @@ class Integration:
         return self._solver
 
     def _nominals(self, values: Any, count: int) -> None:
-        """Nominal values of the states, 1 where the model gives none that a tolerance can be made of."""
+        """Read the nominal values of the states; use 1 for those that are not finite and positive."""
         self._fmu.getNominalsOfContinuousStates(values, count)
         found = np.ctypeslib.as_array(ctypes.cast(values, ctypes.POINTER(ctypes.c_double)), (count,))
         found[~(np.isfinite(found) & (found > 0.0))] = 1.0

@@ -1,10 +1,10 @@
-"""Everything that instances say through the FMI logger."""
+"""Collect the messages that instances send to the FMI logger."""
 
 from ...fmu.log import FmuLog, LogLine
 
 
 def format_message(text: str) -> str:
-    """What an FMU says, as the end of a sentence."""
+    """Format a message of an FMU as one line that ends with a period."""
     line = " ".join(text.split())
     return line if line.endswith((".", "!", "?")) else f"{line}."
 
@@ -17,13 +17,13 @@ class Log(FmuLog):
         self.lines: list[LogLine] = []
 
     def of(self, instance: str, status: int = 0) -> list[LogLine]:
-        """Messages of an instance, with this status or a worse one."""
+        """Return the messages of an instance with this status or a worse one."""
         return [line for line in self.lines if line.instance == instance and line.status >= status]
 
     def take(self, line: LogLine) -> None:
-        """Keep a message."""
+        """Store a message."""
         self.lines.append(line)
 
 
 LOG = Log()
-"""That of this process, which every check has to itself."""
+"""The log of this process."""

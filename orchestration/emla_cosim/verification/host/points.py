@@ -1,4 +1,4 @@
-"""Places at which the equations of an FMU can be asked for values and derivatives, again and again."""
+"""Points at which an FMU can be evaluated repeatedly for values and derivatives."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,14 +16,14 @@ from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
 
 _STEPS = 20
-"""Of a model's run on which it is asked."""
+"""Steps of the run for Model Exchange."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """An instance in a mode in which knowns may be set and unknowns got in any order.
+    """An instance in a mode that allows setting knowns and getting unknowns in any order.
 
-    `values` are those of the knowns. Whoever changes a known sets it back.
+    `values` are those of the knowns. Methods that change a known restore it.
     """
 
     instance: HostedInstance
@@ -38,14 +38,14 @@ class Point:
         return [d.unknown for d in self.dependencies]
 
     def scale(self, known: str) -> float:
-        """How large a change of a known is neither lost nor far away."""
+        """Return the typical magnitude of a known, from which step sizes derive."""
         variable = self.instance.subject.variables[known]
         nominal = abs(parse_number(variable.nominal, 0.0))
         width = 0.1 * (parse_number(variable.max, math.inf) - parse_number(variable.min, -math.inf))
         return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
 
     def evaluate_shifted(self, changes: dict[str, float]) -> Vector:
-        """Values of the unknowns with some knowns changed by so much; they are set back before it returns."""
+        """Return the unknowns with some knowns changed by these amounts. Restore the knowns."""
         old = {name: self.values[name] for name in changes}
         self.instance.set({name: old[name] + by for name, by in changes.items()})
         try:
@@ -54,7 +54,7 @@ class Point:
             self.instance.set(old)
 
     def directional(self, knowns: Sequence[str], seed: Sequence[float]) -> Vector:
-        """What fmi2GetDirectionalDerivative says of the unknowns."""
+        """Return the result of fmi2GetDirectionalDerivative for the unknowns."""
         unknowns = [self.instance.reference(n) for n in self.unknowns]
         with self.instance.calling():
             call: Any = self.instance.fmu.getDirectionalDerivative
@@ -62,7 +62,7 @@ class Point:
 
 
 def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
-    """Instances in initialization mode, with inputs of several times of the experiment."""
+    """Yield instances in initialization mode, with the inputs at several times of the experiment."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
     places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
@@ -78,7 +78,7 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
 
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
-    """A model in event mode, at several times of the experiment."""
+    """Yield a model in event mode at several times of the experiment."""
     course = make_experiment(subject, _STEPS)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     instance = HostedInstance(subject, kind="ModelExchange")

@@ -1,1 +1,1 @@
-"""Reference files of FMUs: found, read, followed and made."""
+"""Read, follow and record the reference files of FMUs."""

@@ -1,4 +1,4 @@
-"""Inputs that shake an FMU within the ranges that it declares."""
+"""Generate inputs that excite an FMU within its declared ranges."""
 
 import math
 from collections.abc import Callable
@@ -12,32 +12,32 @@ from ..subject import Subject
 
 
 def _steps(phase: Vector, number: int) -> Vector:
-    """Up, back, down and back, each input at times of its own."""
+    """Step up, back, down and back, at different times for each input."""
     levels = np.array([0.0, 1.0, 0.0, -1.0])
     return levels[np.floor(4.0 * phase * (1.0 + 0.25 * (number % 4))).astype(int) % 4]
 
 
 def _ramps(phase: Vector, number: int) -> Vector:
-    """Up, down and back, with slopes of each input's own."""
+    """Ramp up, down and back, with different slopes for each input."""
     turns = (1.0 + 0.25 * (number % 4)) * phase
     return 2.0 * np.abs(2.0 * ((turns - 0.25) % 1.0) - 1.0) - 1.0
 
 
 def _chirps(phase: Vector, number: int) -> Vector:
-    """Sines that become quicker, from one to ten and more periods."""
+    """Sweep a sine from 1 to at least 10 periods per run."""
     last = 10.0 + 2.0 * (number % 4)
     return np.sin(2.0 * math.pi * (phase + 0.5 * (last - 1.0) * phase**2))
 
 
 SHAPES: dict[str, Callable[[Vector, int], Vector]] = {"steps": _steps, "ramps": _ramps, "chirps": _chirps}
-"""What inputs can do, by name: values from -1 to 1 over a run, from 0 to 1, for the input of a number."""
+"""Shapes by name: functions of the phase (0 to 1) and the input's number, with values from -1 to 1."""
 
 
 def excite_inputs(subject: Subject, shape: str, times: Vector) -> dict[str, Vector]:
-    """Columns of all inputs that are numbers, `time` in s first, within their ranges.
+    """Return columns for all numeric inputs, `time` in s first, within their ranges.
 
-    Reals move by a quarter of their range around its middle, or by a tenth of what is nominal around
-    the start value; whole numbers and truths take the values that they may have.
+    Reals move by a quarter of their range around its middle, or else by a tenth of the nominal value
+    around the start value. Integers, enumerations and Booleans take their allowed values.
     """
     phase = (times - times[0]) / (times[-1] - times[0])
     found = {"time": times}

@@ -1,4 +1,4 @@
-"""An FMU run along a reference: the same inputs, start values and times."""
+"""Run an FMU with the inputs, start values and times of a reference."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,16 +16,16 @@ from ..subject import Subject
 from .reference_files import ReferenceSolution
 
 _SLIVER = 1e-6
-"""Of a step: how far times may be off that are meant to be the same."""
+"""Tolerance for equal times, relative to a step."""
 
 
 def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
-    """The communication points of a reference, and its inputs there; CommandError where they do not fit."""
+    """Return the communication points of a reference and its inputs. Raise CommandError on a mismatch."""
     step = reference.step or min(span(subject)[1], _interval(reference))
     count = round((reference.stop - reference.start) / step)
     if count < 1 or abs(reference.start + count * step - reference.stop) > 1e-3 * step:
         raise CommandError(
-            f"the reference goes from {reference.start:g} s to {reference.stop:g} s, which are no whole "
+            f"the reference covers {reference.start:g} s to {reference.stop:g} s, which is not a whole "
             f"number of steps of {step:g} s."
         )
     times = np.asarray(reference.start + step * np.arange(count + 1), dtype=np.float64)
@@ -33,9 +33,9 @@ def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
 
 
 def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) -> dict[str, Vector]:
-    """Columns of inputs at these times in s; CommandError for one that is no input of the FMU.
+    """Return the input columns at these times in s. Raise CommandError if a column is not an input.
 
-    Continuous ones are linear between rows, others hold what the last row says.
+    Continuous inputs are linear between rows. Others hold the value of the last row.
     """
     found = {}
     for name, values in columns.items():
@@ -43,15 +43,17 @@ def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) ->
         if name == "time":
             continue
         if variable is None or variable.causality != "input":
-            raise CommandError(f"the inputs have the column '{name}', which is no input of the FMU.")
+            raise CommandError(f"the inputs have the column '{name}', but the FMU has no such input.")
         found[name] = _sampled(variable, columns["time"], values, times)
     return found
 
 
 def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTrajectory:
-    """What the FMU gives for the columns of a reference that it has, at the latter's intervals.
+    """Run the FMU along a reference. Return the columns of the reference, at its output interval.
 
-    Raises CallError, CommandError.
+    Raises:
+        CallError: A call failed.
+        CommandError: The reference does not match the FMU.
     """
     along = build_course(subject, reference)
     instance = HostedInstance(subject)
@@ -65,7 +67,7 @@ def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTraje
 
 
 def read_start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Start values of their variables' types; CommandError for what cannot be set."""
+    """Convert start values to the types of their variables. Raise CommandError for invalid ones."""
     typed = convert_start_values(subject.path.stem, subject.interface, given)
     return {str(variable.name): value for variable, value in typed}
 

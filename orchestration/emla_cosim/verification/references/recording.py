@@ -1,4 +1,4 @@
-"""Reference files made of a run of the FMU itself, to see later whether it still does the same."""
+"""Record reference files from a run of the FMU itself, to detect later changes."""
 
 import csv
 from collections.abc import Iterable
@@ -21,35 +21,35 @@ from .playback import inputs_at, read_start_values, run_reference
 from .reference_files import ReferenceSolution, read_columns
 
 MOST_STEPS = 100_000
-"""Of a run that is recorded."""
+"""Most steps of a recorded run."""
 
 _ROWS = 1000
-"""Of generated inputs and of the recorded outputs, about, unless a step is said."""
+"""Approximate number of rows of generated inputs and recorded outputs."""
 
 
 def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
-    """Raise CommandError where files are there that would be overwritten, or cannot be written.
+    """Raise CommandError if files exist and must not be overwritten, or cannot be written.
 
-    Also for start values and inputs that FMUs do not have, where their model descriptions can be read.
+    Check also that the FMUs have the start values and inputs, if their model descriptions are readable.
     """
     try:
         recording.folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise CommandError(f"the folder '{recording.folder}' cannot be made: {reason}.") from error
+        raise CommandError(f"the folder '{recording.folder}' cannot be created: {reason}.") from error
     written: set[Path] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
             place = resolve_output_path(path, "the reference")
             if path in written:
-                raise CommandError(f"two FMUs are called {fmu.stem}; record one at a time.")
+                raise CommandError(f"two FMUs have the name {fmu.stem}; record one at a time.")
             if place.exists() and not recording.overwrite:
-                raise CommandError(f"there is '{path}' already; --overwrite replaces it.")
+                raise CommandError(f"'{path}' already exists; to replace it, add --overwrite.")
             written.add(path)
         subject = Subject(fmu, recording.folder)
         try:
             _ = subject.description
-        except Exception:  # which the checks tell better
+        except Exception:  # the checks report it with more detail
             continue
         _course(subject, recording)
         read_start_values(subject, recording.values)
@@ -58,9 +58,12 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
 
 
 def record_reference(subject: Subject, recording: Recording) -> list[Path]:
-    """Run the FMU and write its reference files, which are returned.
+    """Run the FMU, write its reference files, and return their paths.
 
-    Raises CallError where the FMU refuses a call, CommandError for inputs that do not fit, OSError.
+    Raises:
+        CallError: A call failed.
+        CommandError: The inputs do not match the FMU.
+        OSError: A file cannot be written.
     """
     start, step, count = _course(subject, recording)
     stop = start + count * step
@@ -84,7 +87,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     }
     if len(inputs) > 1:
         texts["in.csv"] = _csv(inputs)
-    else:  # what an earlier recording left would be taken for its inputs
+    else:  # the file of an earlier recording would be used as inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     return [
         _write_text(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()
@@ -92,7 +95,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
 
 
 def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
-    """Start and step in s, and the number of steps; CommandError where they do not fit."""
+    """Return start and step in s, and the number of steps. Raise CommandError for invalid settings."""
     start, step, count = span(subject)
     if recording.step is not None:
         if not recording.step > 0.0:
@@ -104,7 +107,7 @@ def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
         count = max(1, round((recording.stop - start) / step))
     if count > MOST_STEPS:
         raise CommandError(
-            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
+            f"{count} steps of {step:g} s are too many to record; set --stop-time or --step-size."
         )
     return start, step, count
 
@@ -116,7 +119,7 @@ def _write_text(path: Path, text: str) -> Path:
 
 
 def _csv(columns: dict[str, Vector]) -> str:
-    """Columns as text, numbers with the digits that bring back the same double."""
+    """Format columns as CSV, numbers with all digits of a double."""
     text = StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -147,7 +150,7 @@ def _value(value: Any) -> str:
 
 
 def _quote(text: str) -> str:
-    """A text as TOML has it."""
+    """Format a text as a TOML string."""
     return '"' + "".join(_escape(letter) for letter in text) + '"'
 
 

@@ -1,8 +1,8 @@
-"""Reference files beside an FMU, in the form of the FMI cross-check.
+"""Read reference files in the format of the FMI cross-check.
 
-`<Model>_ref.csv` is the solution, `<Model>_in.csv` drives the inputs, if there are any, and
-`<Model>_ref.opt` holds times. What these cannot say stands in `<Model>_ref.toml`: start values (`set`), how
-wide tubes are (`tolerance`), and what made the reference (`made_by`).
+`<Model>_ref.csv` is the solution, `<Model>_in.csv` has the inputs, if there are any, and
+`<Model>_ref.opt` has times. `<Model>_ref.toml` has start values (`set`), the width of tubes (`tolerance`),
+and the origin of the reference (`made_by`).
 """
 
 import tomllib
@@ -20,17 +20,26 @@ from ...base.values import convert_value
 from ...recorders.tubes.tolerance import Tolerance, parse_tolerances
 
 _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
-"""Entries of `_ref.opt` that say how to run the FMU, all in s; a step of 0 leaves it to the solver."""
+"""Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
 
 _KEYS = ("made_by", "set", "tolerance")
 
 
 @dataclass(frozen=True)
 class ReferenceSolution:
-    """A solution, and what it belongs to: columns by name, `time` in s first; times of the run in s.
+    """A reference solution with its inputs and settings.
 
-    `interval` is the time between the solution's rows, where they are further apart than a `step`; a
-    solution says nothing between its rows. Both are None where nobody says.
+    Attributes:
+        folder: Folder of the files.
+        solution: Columns by name, `time` in s first.
+        inputs: Columns by name, `time` in s first; empty if there are none.
+        start: Start time in s.
+        stop: Stop time in s.
+        step: Communication step in s; None if the files have none.
+        interval: Time in s between rows of the solution, if longer than `step`; None if the files have none.
+        start_values: Start values by name.
+        tolerance: Tolerances by name or pattern.
+        made_by: Origin of the reference.
     """
 
     folder: Path
@@ -46,21 +55,21 @@ class ReferenceSolution:
 
 
 def reference_folder(fmu: Path, given: Path | None) -> Path | None:
-    """The folder with the references of an FMU file; None where there is none.
+    """Return the folder with the references of an FMU, or None.
 
-    That is `given`, or a folder of the FMU's name in it; without one the FMU's own, or the one around it.
+    Look in `given` and in its subfolder with the FMU's name; by default in the FMU's folder and its parent.
     """
     around = (fmu.parent, fmu.parent.parent) if given is None else (given, given / fmu.stem)
     return next((f for f in around if solution_file(f, fmu.stem).is_file()), None)
 
 
 def solution_file(folder: Path, name: str) -> Path:
-    """The file of the solution."""
+    """Return the path of the solution."""
     return folder / f"{name}_ref.csv"
 
 
 def read_reference(folder: Path, name: str) -> ReferenceSolution:
-    """Read the reference files of this name; CommandError for whatever is wrong with them."""
+    """Read the reference files with this name. Raise CommandError if they are invalid."""
     solution = read_columns(solution_file(folder, name), "the reference")
     given = folder / f"{name}_in.csv"
     options = _options(folder / f"{name}_ref.opt")
@@ -80,11 +89,16 @@ def read_reference(folder: Path, name: str) -> ReferenceSolution:
 
 
 def read_columns(path: Path, what: str) -> dict[str, Vector]:
-    """The columns of a CSV file by name, `time` first; CommandError says `what` it should have been.
+    """Read the columns of a CSV file by name, `time` first.
 
-    Times must not go back; those of an event may be there twice.
+    Args:
+        path: The file.
+        what: Name of the file in messages: `the inputs`.
+
+    Raises:
+        CommandError: The file is not a table of numbers, or times decrease. Times of events may repeat.
     """
-    from ...recorders.csv_file import (  # which loads polars; not every FMU has files
+    from ...recorders.csv_file import (  # loads polars, which FMUs without references do not need
         read_column_names,
         read_csv,
     )
@@ -94,24 +108,24 @@ def read_columns(path: Path, what: str) -> dict[str, Vector]:
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be read: {error.strerror or error}.") from error
     except Exception as error:  # polars has many kinds
-        raise CommandError(f"{what} '{path}' is no table of numbers: {_line(error)}.") from error
+        raise CommandError(f"{what} '{path}' is not a table of numbers: {_line(error)}.") from error
     if next(iter(found), None) != "time":
         raise CommandError(f"{what} '{path}' must have 'time' as its first column.")
     time = found["time"]
     if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
-        raise CommandError(f"{what} '{path}' must have rows, with times that do not go back.")
+        raise CommandError(f"{what} '{path}' must have rows, with times that do not decrease.")
     return found
 
 
 def _options(path: Path) -> dict[str, float]:
-    """The entries of a `_ref.opt` file; none where there is no such file."""
+    """Read the entries of a `_ref.opt` file; return none if the file does not exist."""
     if not path.is_file():
         return {}
     found = {}
     for line in read_text(path, "the options of the reference").splitlines():
         name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
         if name not in _OPTIONS:
-            continue  # RelTol is what the reference's solver was told, and no tolerance of comparisons
+            continue  # RelTol is the tolerance of the reference's solver, not one for comparisons
         try:
             found[name] = float(value)
         except ValueError:
@@ -122,16 +136,16 @@ def _options(path: Path) -> dict[str, float]:
 
 
 def _about(path: Path) -> dict[str, Any]:
-    """What the TOML file beside the reference says; nothing where there is none."""
+    """Read the TOML file of the reference; return nothing if it does not exist."""
     if not path.is_file():
         return {}
     where = f"'{path}'"
     try:
         table = tomllib.loads(read_text(path, "what belongs to the reference"))
     except tomllib.TOMLDecodeError as error:
-        raise CommandError(f"{where} is no TOML: {error}.") from error
+        raise CommandError(f"{where} is not valid TOML: {error}.") from error
     if wrong := [key for key in table if key not in _KEYS]:
-        raise CommandError(f"{where} has '{wrong[0]}'; it may have {', '.join(_KEYS)}.")
+        raise CommandError(f"{where} has the unknown key '{wrong[0]}'; allowed are {', '.join(_KEYS)}.")
     return {
         "start_values": convert_value(table.get("set", {}), Mapping[str, Any], f"'set' of {where}"),
         "tolerance": parse_tolerances(table.get("tolerance", {}), where),
