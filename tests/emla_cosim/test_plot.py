@@ -150,14 +150,14 @@ def test_a_record_that_is_none_leaves_units_unknown(content: str, tmp_path: Path
 WRONG = [
     (["nowhere"], "the run, 'nowhere', is not there."),
     (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
-    (["a", "--signals", "y"], "no signal is called 'y'; there are x."),
+    (["a", "--signals", "y"], "no signal matches 'y'; there are x."),
     (["a", "--from", "3"], "there are no rows to draw at these times."),
     (["a", "--from", "nan"], "--from is 'nan'; it must be a number, or a number and a unit"),
     (["a", "--from", "9 h"], "there are no rows to draw at these times."),
     (["a", "--from", "1", "--to", "1"], "the picture begins at 1 s, which must be before its end, 1 s."),
-    (["a", "--output", "a/results.csv"], "the picture 'a/results.csv' must end in .png."),
+    (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png."),
     (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
-    (["a", "--output", "no/b.png"], "the picture 'no/b.png' cannot be written: there is no folder 'no'."),
+    (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
     (["header"], "there are no rows to draw at these times."),
     (["text"], "the run, 'text/results.parquet', cannot be read: "),
     (["a"] * 13, "13 runs cannot be told apart; a picture shows up to 12."),
@@ -181,7 +181,7 @@ def test_what_is_wrong_is_said_in_one_sentence(arguments: list[str], said: str, 
 def test_a_table_that_is_called_as_a_picture_is_not_written_over(emla: Emla) -> None:
     Path("b.png").write_text("time,x\n1,2\n")
     text = sentence(emla("plot", "b.png", "--output", "./b.png"), 2)
-    assert "the picture 'b.png' is read too; write it to another file." in text
+    assert "the plot 'b.png' is read too; write it to another file." in text
     assert emla("plot", "b.png").exit_code == 0 and Path("plot.png").read_bytes().startswith(b"\x89PNG")
 
 

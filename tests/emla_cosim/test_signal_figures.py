@@ -111,7 +111,7 @@ def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -
         "N",
     ]
     text = sentence(emla("run", str(package), "--require", "gantry.slide.place.peak>0"), 2)
-    assert "there is no figure 'gantry.slide.place.peak' to require" in text
+    assert "there is no metric 'gantry.slide.place.peak' to require" in text
 
 
 def test_of_many_signals_the_first_have_a_row(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,7 +160,7 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--starts", "0"), "starts is 0; it must be a whole number of 1 to 100"),
         (("--tie-break", "-1"), "the tie-break weight -1 must be 0"),
         (("--tie-break", "nan"), "the tie-break weight nan must be 0"),
-        (("--set", "t_M"), "--set t_M lacks a name or a value"),
+        (("--set", "t_M"), "--set t_M has no name or no value"),
         (("--set", "tM=3"), "there is no 'tM' in a problem; did you mean 't_M'?"),
         (("--set", "machine.lift=3"), "did you mean 'machine.lift_m'?"),
         (("--set", "machine=3"), "there is no 'machine' in a problem"),
