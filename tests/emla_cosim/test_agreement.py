@@ -112,7 +112,7 @@ def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Pat
     changed = ("--set", "lift.plant.motor.R_s=0.2")
     other = emla("run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed)
     assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)
-    assert "left at / s" in other.stdout
+    assert "left tube at / s" in other.stdout
     record = json.loads((tmp_path / "c" / "run.json").read_text())
     assert record["status"] != "completed" and record["reference"]["left"]
     assert (

@@ -363,7 +363,7 @@ def test_what_an_isolated_fmu_refuses_is_told_as_ever(package: Path) -> None:
 
 
 def test_isolate_takes_names_patterns_and_all(package: Path, server: CommandServer, tmp_path: Path) -> None:
-    with pytest.raises(ec.CommandError, match=r"no component is called 'j\.bat'; did you mean j\.bad"):
+    with pytest.raises(ec.CommandError, match=r"no component matches 'j\.bat'; did you mean j\.bad"):
         load(package).prepare(isolate=["j.bat"])
     file = tmp_path / "isolated.toml"
     file.write_text(f'system = "{package}"\nisolate = true\n')

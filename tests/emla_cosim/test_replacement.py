@@ -102,10 +102,10 @@ def test_an_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_f
     result = ran(emla, "theirs", *replaced)
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
     assert rows(result) == []
-    assert "EmlaPlant.fmu as lift.plant: all 55 variables fit (--show-fit lists them)" in result.stderr
+    assert "EmlaPlant.fmu as lift.plant: all 55 variables match (--show-fit lists them)" in result.stderr
     shown = ran(emla, "theirs", *replaced, "--show-fit")
     assert rows(shown) == [["", "55 more", "", "same name and unit"]]
-    assert "variables fit" not in shown.stderr
+    assert "variables match" not in shown.stderr
     assert record("theirs")["components"]["lift.plant"]["fmu"] == str(other)
     assert record("theirs")["components"]["tilt.plant"]["fmu"] != str(other)
 

@@ -14,7 +14,7 @@ from emla_cosim.fmu.models import fmu_path
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 
-SAME = "results.csv is that of out, to the last bit"
+SAME = "results.csv is the same as that of out, to the last bit"
 SHORT = ("--stop-time", "0.002", "--no-plots", "--output", "out")
 
 
@@ -107,7 +107,10 @@ def test_one_sentence_says_what_is_not_as_it_was(emla: Emla, fmu_folder: Path) -
     changed_record(older)
     result = rerun(emla, fmu_folder, "--no-plots")
     (line,) = (x for x in result.stdout.splitlines() if x.startswith("Differences from"))
-    assert line.startswith("Differences from out/run.json: numpy ") and " instead of 1.0, the content of '" in line
+    assert (
+        line.startswith("Differences from out/run.json: numpy ")
+        and " instead of 1.0, the content of '" in line
+    )
     assert "mine.toml', the FMU of lift.plant and " in line and line.endswith("the setting step_size_s.")
     assert "differs from that of out" in result.stdout
     Path("mine.toml").unlink()

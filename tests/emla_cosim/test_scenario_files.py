@@ -139,7 +139,7 @@ def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tm
 
 def test_an_animation_can_be_asked_for(emla: Emla) -> None:
     write(f"{SHORT}animate = true\n")
-    assert "has nothing to animate" in sentence(emla("run", "my.toml"), 2)
+    assert "cannot be animated" in sentence(emla("run", "my.toml"), 2)
 
 
 def test_these_are_all_keys(emla: Emla) -> None:

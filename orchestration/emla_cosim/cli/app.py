@@ -136,7 +136,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=_SETTINGS,
-    epilog="Begin with: emla run study",
+    epilog="Start with: emla run study",
 )
 
 

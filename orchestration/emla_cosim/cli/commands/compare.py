@@ -175,7 +175,7 @@ def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
     """Show the missed criteria first, then the tables and the files."""
     lines = describe_lost_joints(result)
     if lines:
-        show(f"[bold red]Not met: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
+        show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
         shown = lines[:_MOST_LOST]
         if len(lines) > len(shown):
             shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")
