@@ -232,7 +232,7 @@ class Options:
         commands=(RUN,),
     )
     real_time: float | None = _stepping(
-        help="Limit the speed to so many simulated seconds per second. Default: no limit.",
+        help="Largest speed, in simulated seconds per second. Default: no limit.",
         flag="--realtime",
         metavar="FACTOR",
         record="real_time_factor",
@@ -290,7 +290,7 @@ class Options:
     require: Sequence[str] = _output(
         [],
         help="Fail unless this condition holds, such as 'lift.position_error_m < 2e-5' (repeatable).",
-        metavar="'FIGURE < VALUE'",
+        metavar="'METRIC < VALUE'",
         commands=(RUN, SWEEP),
         in_sweep=SAME,
     )
@@ -311,7 +311,7 @@ class Options:
     )
     plots: bool = _shown(True, help="Draw plots into the output folder.")
     animate: bool = _shown(
-        False, help="Write an animation of the manipulator, animation.gif.", commands=(RUN,)
+        False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
     )
     report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
     checkpoint: Path | None = _output(

@@ -162,7 +162,7 @@ def _repeatable(value: Any, takes: type | None) -> Any:
 
 
 def _content(path: Path) -> dict[str, str | None]:
-    """Return a file with the hash of its content, or None for the hash if it cannot be read."""
+    """Return a file with the hash of its content, which is None if it cannot be read."""
     return {"file": str(path), "sha256": hash_if_readable(path)}
 
 

@@ -71,7 +71,7 @@ def command(
         list[str] | None,
         typer.Option(
             help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
-            metavar="FIGURE",
+            metavar="METRIC",
             rich_help_panel="What comes out",
         ),
     ] = None,
