@@ -1,4 +1,4 @@
-"""Show the actuators of a scenario before the run: data sheet, derived model and warnings."""
+"""Show the actuators of a scenario before the run: data sheet, derived model and notes."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from ...views.terminal import print_line
 
 
 def show_actuators(scenario: Scenario) -> Sequence[str]:
-    """Show the non-default actuators of a scenario with their warnings, and return these warnings."""
+    """Show the non-default actuators of a scenario with their notes, and return these notes."""
     own = {joint: one for joint, one in scenario.options.actuator.items() if isinstance(one, Actuator)}
     for joint, one in own.items():
         print_line(f"{joint} has {one.title or one.label}:")

@@ -25,7 +25,7 @@ OPTIONS = COMPARE
 """Options of the command."""
 
 _MOST_LOST = 12
-"""Missed criteria to show; the file has all of them."""
+"""Most joints that were not held to show; the file has all of them."""
 
 _WHO = "What is compared"
 
@@ -129,12 +129,11 @@ def command(
 def _check_certificate(controllers: str | None, *others: Any) -> None:
     """Raise CommandError for options that a certificate does not support."""
     if controllers not in (None, "rsba"):
-        raise CommandError(
-            f"certificate supports only the controller rsba; it does not apply to {controllers}."
-        )
+        raise CommandError(f"--table certificate supports only the controller rsba, not {controllers}.")
     if any(other is not None for other in others):
         raise CommandError(
-            "certificate does not support --seeds, --reserves, --resolution, --scheduler and --workers."
+            "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
+            "and --workers."
         )
 
 
@@ -172,7 +171,7 @@ def _numbers(text: str | None) -> list[float] | None:
 
 
 def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
-    """Show the missed criteria first, then the tables and the files."""
+    """Show the joints that were not held, then the tables and the files."""
     lines = describe_lost_joints(result)
     if lines:
         show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)

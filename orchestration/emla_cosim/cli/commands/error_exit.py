@@ -27,7 +27,7 @@ def exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(error.exit_code) from error
         except OSError as error:  # of a file or folder that cannot be used now
             reason = error.strerror or error
-            show_error(f"cannot use '{error.filename}': {reason}." if error.filename else f"{reason}.")
+            show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
             raise typer.Exit(1) from error
         except KeyboardInterrupt as error:
             show_interrupted()

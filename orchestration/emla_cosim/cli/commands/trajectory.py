@@ -117,5 +117,5 @@ def _default_path() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CosimError(f"cannot write the output folder '{folder}': {error.strerror}.") from error
+        raise CosimError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
     return folder / "trajectory.json"

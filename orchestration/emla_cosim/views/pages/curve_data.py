@@ -9,7 +9,7 @@ import numpy as np
 from ...base.arrays import Vector
 
 _BUCKETS = 400
-"""Sections of a curve that keep only their extremes, about half as many as a plot has pixels."""
+"""Number of sections of a curve that keep only their extremes: half the width of a plot in pixels."""
 
 _HUGE = 1e150
 """Larger values are not drawn: no axis can show them beside others."""
