@@ -90,7 +90,7 @@ def test_one_with_a_geometry_that_nobody_knows_is_not_drawn(tmp_path: Path) -> N
     run = replayed()
     for wrong in ({}, {n: x for n, x in run.parameters.items() if not n.endswith("lift.a")}):
         assert drawn(replace(run, parameters=wrong), tmp_path) == set()
-    with pytest.raises(RunError, match="cannot be animated"):
+    with pytest.raises(RunError, match="nothing to animate"):
         film(replace(run, parameters={}))
 
 
