@@ -69,7 +69,7 @@ def test_a_result_can_be_compared_later(simulation: ec.Simulation, kept: Path) -
 
 
 def test_what_was_required_and_what_disagrees_are_both_told(simulation: ec.Simulation, kept: Path) -> None:
-    with pytest.raises(RunError, match=r"not as required: run\.steps < 3.*signals do not agree"):
+    with pytest.raises(RunError, match=r"requirements not met: run\.steps < 3.*signals do not agree"):
         simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
 
 
@@ -86,7 +86,7 @@ def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, 
         (None, "does not exist"),
         ("", "must have 'time' as its first column, and signals"),
         ("time\n0\n", "must have 'time' as its first column, and signals"),
-        ("time,other.x\n0,1\n", "has none of the signals that are recorded; it has other.x and 0 more"),
+        ("time,other.x\n0,1\n", "has none of the recorded signals; it has other.x and 0 more"),
     ],
 )
 def test_a_run_that_cannot_be_compared_is_told_before_anything_runs(
@@ -112,7 +112,7 @@ def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Pat
     changed = ("--set", "lift.plant.motor.R_s=0.2")
     other = emla("run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed)
     assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)
-    assert "left at / s" in other.stdout
+    assert "left tube at / s" in other.stdout
     record = json.loads((tmp_path / "c" / "run.json").read_text())
     assert record["status"] != "completed" and record["reference"]["left"]
     assert (

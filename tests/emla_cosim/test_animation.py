@@ -74,5 +74,6 @@ def test_signals_that_are_not_kept_are_named() -> None:
     with pytest.raises(CommandError) as found:
         check_animated("it", names, names[2:])
     assert (
-        str(found.value) == "an animation needs signals that are not kept: lift.plant.x_L and tilt.plant.x_L."
+        str(found.value)
+        == "an animation needs signals that are not recorded: lift.plant.x_L and tilt.plant.x_L."
     )

@@ -105,8 +105,8 @@ def test_the_command_certifies_sets_side_by_side(emla: Emla, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--controllers", "foc"), "the proof is of rsba alone; there is no certificate of foc"),
-        (("--workers", "2"), "a certificate takes no seeds, reserves, resolution"),
+        (("--controllers", "foc"), "certificate supports only the controller rsba"),
+        (("--workers", "2"), "certificate does not support --seeds"),
         (("--gains", "soft"), "'soft'"),
     ],
 )

@@ -97,9 +97,9 @@ def test_completion_is_installed_in_the_users_home(tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize(
     ("home", "shell", "reason"),
     [
-        ("/dev/null", "/bin/bash", "cannot be installed for bash"),
-        ("/proc/none", "/bin/zsh", "cannot be installed for "),
-        ("/tmp", "/bin/none", "there is completion for bash"),
+        ("/dev/null", "/bin/bash", "cannot install completion for bash"),
+        ("/proc/none", "/bin/zsh", "cannot install completion for "),
+        ("/tmp", "/bin/none", "supported shells: bash"),
     ],
 )
 def test_what_keeps_it_from_being_installed_is_told_in_one_sentence(

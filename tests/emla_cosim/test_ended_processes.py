@@ -167,7 +167,7 @@ def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
     if stepped == "error control" and fault is not Fault.SEGFAULT_GET_REAL:
         call = call.partition(" at ")[0]  # its steps are of its own choice
     assert f"j.bad ended {'its' if isolated else 'the'} process in {call}" in sentence
-    assert f"Error: {record(tmp_path)['status']} What was computed is in out." == sentence
+    assert f"Error: {record(tmp_path)['status']} The results so far are in out." == sentence
     rows = table(tmp_path)
     assert rows[:4].equals(whole(package, **STEPPED[stepped])[:4])
     assert len(rows) == 4 or stepped == "error control"  # which ends between two rows that are due
@@ -363,7 +363,7 @@ def test_what_an_isolated_fmu_refuses_is_told_as_ever(package: Path) -> None:
 
 
 def test_isolate_takes_names_patterns_and_all(package: Path, server: CommandServer, tmp_path: Path) -> None:
-    with pytest.raises(ec.CommandError, match=r"no component is called 'j\.bat'; did you mean j\.bad"):
+    with pytest.raises(ec.CommandError, match=r"no component matches 'j\.bat'; did you mean j\.bad"):
         load(package).prepare(isolate=["j.bat"])
     file = tmp_path / "isolated.toml"
     file.write_text(f'system = "{package}"\nisolate = true\n')

@@ -241,7 +241,7 @@ def test_a_failure_is_one_sentence_of_the_command(
     assert result.exit_code == 1
     errors = [line for line in result.stderr.splitlines() if line.startswith("Error:")]
     assert errors == [
-        f"Error: the run ended at t = 0.3 s: {ENDINGS[Fault.ERROR].sentence} What was computed is in {out}."
+        f"Error: the run ended at t = 0.3 s: {ENDINGS[Fault.ERROR].sentence} The results so far are in {out}."
     ]
     assert names(out) == {"results.csv", "metrics.json", "run.json"}
 
@@ -530,7 +530,7 @@ def test_ctrl_c_ends_a_compiled_run_between_two_steps(fmu_folder: Path, tmp_path
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 1, errors
-    assert re.search(r"Error: interrupted at t = \S+ s\. What was computed is in out\.", errors)
+    assert re.search(r"Error: interrupted at t = \S+ s\. The results so far are in out\.", errors)
     assert "Traceback" not in errors
     record = json.loads((tmp_path / "out/run.json").read_text())
     assert record["stepping"]["compiled"] and record["status"].startswith("interrupted at t = ")

@@ -328,7 +328,7 @@ def test_controllers_of_the_user_are_compared_on_the_same_terms(fmu_folder: Path
         (("--reserves", "0,1"), "must be parts of current and voltage from 0 to 0.9"),
         (("--reserves", "a,b"), "the reserves are 'a,b'; they must be two numbers"),
         (("--seeds", "-1"), "the number of seeds is -1; it must be from 0 to 1000"),
-        (("--table", "certificate", "--seeds", "2"), "a certificate takes no seeds"),
+        (("--table", "certificate", "--seeds", "2"), "certificate does not support --seeds"),
     ],
 )
 def test_wrong_terms_are_one_sentence(

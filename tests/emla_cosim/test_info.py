@@ -156,7 +156,7 @@ def test_a_word_is_looked_for_in_descriptions_and_nothing_found_is_told(study: e
     words = study.matching("pole pairs")
     assert {v.fmu_name.rpartition(".")[2] for v in words.variables} == {"N_p"}
     assert len(study.matching("pole pairs", "*.x_L").variables) > len(words.variables)
-    with pytest.raises(CommandError, match=r"no variable of study fits 'nonsense\*'"):
+    with pytest.raises(CommandError, match=r"no variable of study matches 'nonsense\*'"):
         study.matching("*.x_L", "nonsense*")
     with pytest.raises(CommandError, match=r"did you mean lift\.plant\.x_L"):
         study["lift.plant.xL"]

@@ -307,7 +307,7 @@ def test_what_is_recorded_is_json(measured: Path) -> None:
 def test_a_closed_simulation_cannot_get_other_data(fmu_folder: Path, measured: Path) -> None:
     with (
         lift(fmu_folder).prepare() as simulation,
-        pytest.raises(CommandError, match="belongs to what is prep"),
+        pytest.raises(CommandError, match="cannot change between runs"),
     ):
         simulation.run(input=[ec.Input(measured)])
 

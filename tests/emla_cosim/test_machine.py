@@ -251,7 +251,11 @@ def test_a_scenario_file_names_a_trajectory_beside_itself(tmp_path: Path) -> Non
         ("hdrm-replay", None, "the trajectory 't.json' cannot be read: No such file or directory."),
         ("hdrm-merged", "{", "the trajectory 't.json' is not JSON: "),
         ("hdrm-coupled", '{"degree": 5}', "the trajectory 't.json' cannot be used: it lacks 'knots'; "),
-        ("study", "{}", "'study' follows no trajectory; --trajectory is for hdrm-coupled, hdrm-merged and"),
+        (
+            "study",
+            "{}",
+            "'study' does not follow a trajectory; --trajectory is for hdrm-coupled, hdrm-merged and",
+        ),
     ],
 )
 def test_what_is_no_trajectory_is_one_sentence(

@@ -179,7 +179,7 @@ def test_recorders_are_a_list_of_recorders(lift: ec.Simulation) -> None:
         (table, "must be a list"),
         (3, "must be a list"),
         ([None], "None is no Recorder"),
-        ([table, table], "handed in twice"),
+        ([table, table], "has a recorder twice"),
     ):
         with pytest.raises(ec.CommandError, match=words):
             lift.run(recorders=wrong)  # pyright: ignore[reportArgumentType]

@@ -148,7 +148,7 @@ def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path
     record = json.loads((tmp_path / "[red]/run.json").read_text())
     assert record["settings"]["set"] == {f"{name}.plant.motor.R_s": 0.15}
     refused = emla("run", "my.toml", "--signals", f"{name}.gone")
-    assert f"no signal is called '{name}.gone'" in sentence(refused, 2)
+    assert f"no signal matches '{name}.gone'" in sentence(refused, 2)
 
 
 @pytest.mark.parametrize("name", UNSEEN)

@@ -78,7 +78,7 @@ def test_joints_show_where_they_are_and_should_be(tmp_path: Path) -> None:
     place = kept(tmp_path / "a", columns, {})
     axes, notes = drawn(place)
     assert [list(curves(x)) for x in axes] == [["lift.plant.x_L", "lift.reference.x_d"]]
-    assert notes == ["2 of 4 signals are drawn; --signals chooses others."]
+    assert notes == ["2 of 4 signals are plotted; --signals selects others."]
     roles = {"j.x_L": "p", "j.x_d": "lift.plant.v_L"}
     (place / "run.json").write_text(json.dumps({"settings": {"roles": roles}}))
     assert {"p", "lift.plant.v_L"} <= curves(drawn(place)[0][0]).keys()
@@ -114,11 +114,11 @@ def test_a_condensed_curve_keeps_both_edges_of_every_gap(gaps: list[tuple[int, i
 def test_many_signals_are_bounded(tmp_path: Path) -> None:
     columns = {"time": [0, 1], **{f"s{i}.{'n' * 300}": [i, i] for i in range(1000)}}
     place = kept(tmp_path / "a", columns)
-    with pytest.raises(ec.CommandError, match=r"1000 signals take 167 panels, and a picture has up to 24;"):
+    with pytest.raises(ec.CommandError, match=r"1000 signals need 167 panels, but a plot has at most 24;"):
         drawn(place, patterns=["*"])
     axes, notes = drawn(place)
     assert len(axes) == MOST_PANELS
-    assert notes == ["144 of 1000 signals are drawn; --signals chooses others."]
+    assert notes == ["144 of 1000 signals are plotted; --signals selects others."]
     assert len(drawn(place, place)[0]) == MOST_PANELS
 
 
@@ -150,17 +150,17 @@ def test_a_record_that_is_none_leaves_units_unknown(content: str, tmp_path: Path
 WRONG = [
     (["nowhere"], "the run, 'nowhere', does not exist."),
     (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
-    (["a", "--signals", "y"], "no signal is called 'y'; there are x."),
-    (["a", "--from", "3"], "there are no rows to draw at these times."),
+    (["a", "--signals", "y"], "no signal matches 'y'; there are x."),
+    (["a", "--from", "3"], "there are no rows to plot between these times."),
     (["a", "--from", "nan"], "--from is 'nan'; it must be a number, or a number and a unit"),
-    (["a", "--from", "9 h"], "there are no rows to draw at these times."),
-    (["a", "--from", "1", "--to", "1"], "the picture begins at 1 s, which must be before its end, 1 s."),
-    (["a", "--output", "a/results.csv"], "the picture 'a/results.csv' must end in .png."),
+    (["a", "--from", "9 h"], "there are no rows to plot between these times."),
+    (["a", "--from", "1", "--to", "1"], "the plot begins at 1 s, which must be before its end, 1 s."),
+    (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png."),
     (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
-    (["a", "--output", "no/b.png"], "the picture 'no/b.png' cannot be written: there is no folder 'no'."),
-    (["header"], "there are no rows to draw at these times."),
+    (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
+    (["header"], "there are no rows to plot between these times."),
     (["text"], "the run, 'text/results.parquet', cannot be read: "),
-    (["a"] * 13, "13 runs cannot be told apart; a picture shows up to 12."),
+    (["a"] * 13, "13 runs are too many: a plot shows up to 12."),
 ]
 
 
@@ -181,7 +181,7 @@ def test_what_is_wrong_is_said_in_one_sentence(arguments: list[str], said: str, 
 def test_a_table_that_is_called_as_a_picture_is_not_written_over(emla: Emla) -> None:
     Path("b.png").write_text("time,x\n1,2\n")
     text = sentence(emla("plot", "b.png", "--output", "./b.png"), 2)
-    assert "the picture 'b.png' is also read. Choose another file." in text
+    assert "the plot 'b.png' is also read. Choose another file." in text
     assert emla("plot", "b.png").exit_code == 0 and Path("plot.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -50,9 +50,9 @@ def test_a_run_that_is_not_as_required_names_all_that_fails_and_keeps_its_result
     text = sentence(emla(*RUN, *requiring(*wanted)), 1)
     joint = json.loads(Path("o/metrics.json").read_text())["joints"]["lift"]
     assert text == (
-        "Error: not as required: lift.position_error_m < 1e-09, but it is "
+        "Error: requirements not met: lift.position_error_m < 1e-09, but it is "
         f"{joint['position_error_m']:.6g}; lift.held == false, but it is true. "
-        "What was computed is in o."
+        "The results so far are in o."
     )
     assert "torque_peak" not in text
     assert len(Path("o/results.csv").read_text().splitlines()) == 402
@@ -67,24 +67,24 @@ def test_a_missing_figure_fails(emla: Emla) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "must be FIGURE"),
-        ("lift.held", "must be FIGURE"),
-        ("lift.position_error_m <", "must be FIGURE"),
-        ("< 3", "must be FIGURE"),
-        ("lift.position_error_m = 3", "must be FIGURE"),
-        ("0 < lift.position_error_m < 3", "must be FIGURE"),
-        ("lift.position_error_m < 20 µm", "must be FIGURE"),
-        ("lift.position_error_m < nan", "must be FIGURE"),
-        ("lift.position_error_m < 1e999", "must be FIGURE"),
-        ("lift.held < true", "true and false take == or !="),
+        ("", "Write METRIC"),
+        ("lift.held", "Write METRIC"),
+        ("lift.position_error_m <", "Write METRIC"),
+        ("< 3", "Write METRIC"),
+        ("lift.position_error_m = 3", "Write METRIC"),
+        ("0 < lift.position_error_m < 3", "Write METRIC"),
+        ("lift.position_error_m < 20 µm", "Write METRIC"),
+        ("lift.position_error_m < nan", "Write METRIC"),
+        ("lift.position_error_m < 1e999", "Write METRIC"),
+        ("lift.held < true", "use == or != with true and false"),
         ("lift.held == 1", "lift.held is true or false"),
         ("lift.position_error_m != false", "lift.position_error_m is a number"),
         ("lift.position_eror_m < 1", "did you mean lift.position_error_m"),
-        ("tilt.position_error_m < 1", "there is no figure 'tilt.position_error_m'"),
-        ("lift.trip == false", "there is no figure 'lift.trip'"),
-        ("lift.converged == true", "'converged' is called 'lift.held' now: docs/metrics.md."),
-        ("lift.left_limits == false", "'left_limits' is called 'lift.trip' now"),
-        ("lift.saturated_after_convergence < 1", "is called 'lift.saturated_after_settling' now"),
+        ("tilt.position_error_m < 1", "there is no metric 'tilt.position_error_m'"),
+        ("lift.trip == false", "there is no metric 'lift.trip'"),
+        ("lift.converged == true", "'converged' is now called 'lift.held': docs/metrics.md."),
+        ("lift.left_limits == false", "'left_limits' is now called 'lift.trip'"),
+        ("lift.saturated_after_convergence < 1", "is now called 'lift.saturated_after_settling'"),
         ("lift." + "x" * 200 + " < 1", "there are lift.held,"),
     ],
 )
@@ -107,19 +107,21 @@ def test_a_scenario_file_can_require_and_the_command_overrides(emla: Emla) -> No
 
 
 def test_in_python_a_run_raises_and_an_attempt_tells(lift: ec.Simulation) -> None:
-    with pytest.raises(ec.RunError, match=r"^not as required: lift\.held == false, but it is true\.$") as e:
+    with pytest.raises(
+        ec.RunError, match=r"^requirements not met: lift\.held == false, but it is true\.$"
+    ) as e:
         lift.run(require=["lift.held == false"])
     result = e.value.fields["result"]
     assert result.metrics["joints"]["lift"]["held"] is True and len(result.time) == 401
     assert lift.attempt(require=["run.steps != 4000"]).problem == (
-        "not as required: run.steps != 4000, but it is 4000."
+        "requirements not met: run.steps != 4000, but it is 4000."
     )
     assert lift.attempt(require=["run.steps == 4000"]).problem is None
     lift.start(require=["lift.held == true"])
     lift.advance(0.1)
     with pytest.raises(ec.RunError, match=r"lift\.held == true, but it is false"):
         lift.finish()
-    with pytest.raises(CommandError, match="there is no figure"):
+    with pytest.raises(CommandError, match="there is no metric"):
         lift.run(require=["lift.speed < 1"])
     assert lift.run().problem is None
 
@@ -133,7 +135,7 @@ def test_an_interrupted_run_is_not_as_required(lift: ec.Simulation) -> None:
                 signal.raise_signal(signal.SIGINT)
             self.asked = True
 
-    with pytest.raises(ec.RunError, match=r"before it could be judged whether run\.steps > 0\.$"):
+    with pytest.raises(ec.RunError, match=r"before these requirements could be checked: run\.steps > 0\.$"):
         lift.run(require=["run.steps > 0"], recorders=[Interrupt()], stop_time=50.0)
 
 
@@ -160,7 +162,7 @@ def test_requirements_compare_as_python_does(
     met = figure is not None and not math.isnan(figure) and SIGNS[sign](figure, value)
     assert (sentence_ is None) == met
     if not met:
-        assert str(sentence_).startswith(f"not as required: {name} {sign} ")
+        assert str(sentence_).startswith(f"requirements not met: {name} {sign} ")
 
 
 @given(st.text(max_size=40))

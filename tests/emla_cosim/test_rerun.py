@@ -14,7 +14,7 @@ from emla_cosim.fmu.models import fmu_path
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 
-SAME = "results.csv is that of out, to the last bit"
+SAME = "results.csv is the same as that of out, to the last bit"
 SHORT = ("--stop-time", "0.002", "--no-plots", "--output", "out")
 
 
@@ -38,7 +38,7 @@ def test_a_run_is_repeated_to_the_last_bit_beside_it(emla: Emla, fmu_folder: Pat
     result = rerun(emla, fmu_folder, "--no-plots")
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines()[-1] == SAME
-    assert "Not as in" not in result.stdout
+    assert "Differences from" not in result.stdout
     assert Path("out-again/results.csv").read_bytes() == before["results.csv"]
     assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == before
     record, again = (json.loads(Path(f"{name}/run.json").read_text()) for name in ("out", "out-again"))
@@ -67,7 +67,7 @@ def test_files_are_found_again_from_another_folder(
     for name in runs:
         result = emla("rerun", f"../{name}/run.json", "--fmus", str(fmu_folder), "--no-plots")
         assert result.exit_code == 0, result.output
-        assert "to the last bit" in result.stdout and "Not as in" not in result.stdout
+        assert "to the last bit" in result.stdout and "Differences from" not in result.stdout
         again = tmp_path / f"{name}-again/results.csv"
         assert again.read_bytes() == (tmp_path / name / "results.csv").read_bytes()
 
@@ -76,7 +76,7 @@ def test_options_win_over_those_of_the_record_and_tables_are_merged(emla: Emla, 
     assert emla("run", "lift", *SHORT, "--set", "lift.plant.motor.R_s=0.2").exit_code == 0
     result = rerun(emla, fmu_folder, "--step-size", "5e-5", "--set", "lift.plant.motor.L_q=1e-3", *SHORT[2:3])
     assert result.exit_code == 0, result.output
-    assert "to the last bit" not in result.stdout and "Not as in" not in result.stdout
+    assert "to the last bit" not in result.stdout and "Differences from" not in result.stdout
     settings = json.loads(Path("out-again/run.json").read_text())["settings"]
     assert (settings["step_size_s"], settings["stop_time_s"]) == (5e-5, 0.002)
     assert settings["set"] == {"lift.plant.motor.R_s": "0.2", "lift.plant.motor.L_q": "1e-3"}
@@ -106,8 +106,11 @@ def test_one_sentence_says_what_is_not_as_it_was(emla: Emla, fmu_folder: Path) -
 
     changed_record(older)
     result = rerun(emla, fmu_folder, "--no-plots")
-    (line,) = (x for x in result.stdout.splitlines() if x.startswith("Not as in"))
-    assert line.startswith("Not as in out/run.json: numpy ") and " instead of 1.0, the content of '" in line
+    (line,) = (x for x in result.stdout.splitlines() if x.startswith("Differences from"))
+    assert (
+        line.startswith("Differences from out/run.json: numpy ")
+        and " instead of 1.0, the content of '" in line
+    )
     assert "mine.toml', the FMU of lift.plant and " in line and line.endswith("the setting step_size_s.")
     assert "differs from that of out" in result.stdout
     Path("mine.toml").unlink()
@@ -144,8 +147,8 @@ def test_objects_of_python_are_told_unless_something_takes_their_place(
         ("", "is not JSON"),
         ("[" * 100_000, "is not JSON"),
         ('{"a": ' + "9" * 5000 + "}", "is not JSON"),
-        ("[]", "is none of a run"),
-        ("{}", "is none of a run"),
+        ("[]", "is not the record of a run"),
+        ("{}", "is not the record of a run"),
         ('{"settings": {}}', "does not say which scenario"),
         ('{"settings": {}, "source": 1}', "the source 1; it must be"),
         ('{"settings": {}, "source": "run.json", "changed": {}}', "the source 'run.json'"),
@@ -212,5 +215,5 @@ def test_data_and_actuators_are_found_again_and_what_became_of_them_is_told(emla
     with Path("load.csv").open("a") as stream:
         stream.write("9.000,0.000,20.00\n")
     told = emla("rerun", "out", "--no-plots").stdout
-    assert "Not as in" in told
+    assert "Differences from" in told
     assert f"the content of '{Path('load.csv').absolute()}'" in told

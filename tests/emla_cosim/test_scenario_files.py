@@ -139,13 +139,13 @@ def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tm
 
 def test_an_animation_can_be_asked_for(emla: Emla) -> None:
     write(f"{SHORT}animate = true\n")
-    assert "has nothing to animate" in sentence(emla("run", "my.toml"), 2)
+    assert "cannot be animated" in sentence(emla("run", "my.toml"), 2)
 
 
 def test_these_are_all_keys(emla: Emla) -> None:
     write(f"{SHORT}qqqqqq = 1\n")
     text = sentence(emla("run", "my.toml"), 2)
-    named = re.search(r"it may have (.*)\.$", text)
+    named = re.search(r"known keys: (.*)\.$", text)
     assert named is not None
     assert set(re.split(r", | and ", named[1])) == {*SETTINGS, *ELSEWHERE}
 
@@ -325,7 +325,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ('system = "lift"\nalgorithm = "euler"\n', ["no algorithm 'euler'"]),
         ('system = "lift"\nsignals = "lift.*"\n', ["'signals'", "must be a list"]),
         ('system = "lift"\nsignals = [1]\n', ["'0' in 'signals'", "is 1; it must be a text"]),
-        ('system = "lift"\nsignals = ["lift.*", "tilt.*"]\n', ["no signal is called 'tilt.*'"]),
+        ('system = "lift"\nsignals = ["lift.*", "tilt.*"]\n', ["no signal matches 'tilt.*'"]),
         ('system = "lift"\norder = "lift.plant"\n', ["'order'", "must be a list"]),
         ('system = "lift"\nset = 1\n', ["'set'", "must be a table"]),
         (
@@ -479,10 +479,10 @@ def test_signals_are_chosen_by_patterns(emla: Emla, patterns: list[str], expecte
 def test_a_pattern_without_a_signal(emla: Emla) -> None:
     for pattern, words in (
         ("lift.plant.xL", "did you mean lift.plant.x_L"),
-        ("crane.*", "results have all without."),
+        ("crane.*", "without --signals, all are kept."),
     ):
         text = sentence(emla("run", "lift", "--signals", "lift.plant.*", "--signals", pattern), 2)
-        assert f"no signal is called '{pattern}'; {words}" in text
+        assert f"no signal matches '{pattern}'; {words}" in text
 
 
 def test_names_with_dots_need_no_quotes() -> None:

@@ -27,7 +27,7 @@ def outline(count: int, recorded: Sequence[int]) -> Outline:
 
 
 def taken(rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]) -> dict[str, dict[str, float]]:
-    """The figures of rows that come in blocks of these sizes, each to another one that goes on."""
+    """The metrics of rows that come in blocks of these sizes, each to another one that goes on."""
     about = outline(rows.shape[1] - 1, recorded)
     memory, at = None, 0
     for size in (*sizes, len(rows)):
@@ -111,7 +111,7 @@ def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -
         "N",
     ]
     text = sentence(emla("run", str(package), "--require", "gantry.slide.place.peak>0"), 2)
-    assert "there is no figure 'gantry.slide.place.peak' to require" in text
+    assert "there is no metric 'gantry.slide.place.peak' to require" in text
 
 
 def test_of_many_signals_the_first_have_a_row(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,4 +119,4 @@ def test_of_many_signals_the_first_have_a_row(emla: Emla, monkeypatch: pytest.Mo
     shown = emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o").stdout
     names = list(json.loads(Path("o/metrics.json").read_text())["signals"])
     assert names[19] in shown and names[20] not in shown
-    assert f"The figures of {len(names) - 20} more signals are in metrics.json." in shown
+    assert f"The metrics of {len(names) - 20} more signals are in metrics.json." in shown

@@ -17,7 +17,7 @@ from tests.support.commands import Emla, sentence
 
 DESCRIPTION = "modelDescription.xml"
 EXPERIMENT = '<DefaultExperiment startTime="0" stopTime="10.0" tolerance="1e-06" stepSize="0.001" />'
-NO_STOP = "the FMU does not say when to stop; it runs for 10 s without --stop-time"
+NO_STOP = "the FMU has no stop time; without --stop-time it runs for 10 s"
 
 
 @pytest.fixture(scope="module")

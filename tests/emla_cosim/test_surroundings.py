@@ -173,7 +173,7 @@ def test_a_loop_that_cannot_be_kept_is_compiled_and_that_is_said_once(
     elif place == "read-only":
         (cache / "code").mkdir(parents=True)
         subprocess.run(["mount", "-t", "tmpfs", "-o", "ro", "none", cache / "code"], check=False)
-    words = "The compiled loop could not be kept, the next run has to compile it again: "
+    words = "The compiled loop could not be stored; the next run compiles it again: "
     try:
         done = ended(fmu_folder, tmp_path, *RUN, environment={"EMLA_COSIM_CACHE": str(cache)})
         text = done.stdout.decode()

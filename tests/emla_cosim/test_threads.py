@@ -423,7 +423,7 @@ def test_causes_are_told_for_any_number_of_calls() -> None:
         == "one of j.a in doStep at t = 1 s and j.b in getReal ended the process (SIGSEGV)"
     )
     assert _cause("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
-    assert _cause("SIGKILL", []) == "the process was killed, perhaps for want of memory"
+    assert _cause("SIGKILL", []) == "the process was killed, perhaps because memory ran out"
     assert _cause("SIGSEGV", []) == "the process ended (SIGSEGV)"
 
 

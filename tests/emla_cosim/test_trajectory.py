@@ -160,7 +160,7 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--starts", "0"), "starts is 0; it must be a whole number from 1 to 100"),
         (("--tie-break", "-1"), "the tie-break weight is -1; it must be from 0 to 1000"),
         (("--tie-break", "nan"), "the tie-break weight is nan; it must be from 0 to 1000"),
-        (("--set", "t_M"), "--set t_M lacks a name or a value"),
+        (("--set", "t_M"), "--set t_M has no name or no value"),
         (("--set", "tM=3"), "a problem has no 'tM'; did you mean 't_M'?"),
         (("--set", "machine.lift=3"), "did you mean 'machine.lift_m'?"),
         (("--set", "machine=3"), "a problem has no 'machine'"),

@@ -213,7 +213,7 @@ def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) ->
         ({"vary": {"step_size": "0.1:0.2"}}, "'step_size' of the tuning is not a start value; gains must be"),
         ({"derive": {"v.f.z": "v.f.q * 2"}}, "uses 'v.f.q', which does not vary; use v.f.x and v.f.y"),
         ({"derive": {"v.f.x": "v.f.y"}}, "sets v.f.x twice: in 'vary' and in 'derive'"),
-        ({"require": ["total"]}, "the requirement 'total' must be FIGURE"),
+        ({"require": ["total"]}, "the requirement 'total' is invalid"),
         ({"require": ["total == true"]}, "total is a number"),
         ({"cases": [ec.Case("a"), ec.Case("a")]}, "has two cases 'a'"),
         ({"cases": [ec.Case("a", 0.0)]}, "no case of the tuning has a weight"),

@@ -326,7 +326,7 @@ def test_a_script_that_asks_for_an_old_name_gets_the_new_one() -> None:
         figures["converged"]
     assert (
         str(caught.value)
-        == "there is no figure 'converged'; 'converged' is called 'held' now: docs/metrics.md."
+        == "there is no metric 'converged'; 'converged' is now called 'held': docs/metrics.md."
     )
     with pytest.raises(KeyError, match="unheard_of"):
         figures["unheard_of"]

@@ -134,7 +134,7 @@ def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
         ("needs.py:A", 1, "<class 'needs.A'> cannot be built: A.__init__() missing 1 required"),
         ("greek.py:Größe", 1, "the class Größe needs a name of the letters A to Z, digits and _."),
         ("mine.py:Drive mine.py:Drive", 2, "Drive would be written twice to the same file."),
-        ("mine.py:Drive --flavour python --platform win64", 2, "PythonFMU FMUs bring"),
+        ("mine.py:Drive --flavour python --platform win64", 2, "FMUs of the flavour python contain"),
         ("mine.py:Drive --flavour cobol", 2, "argument --flavour: invalid choice: 'cobol'"),
         ("mine.py:Drive --platform vax", 2, "argument --platform: invalid choice: 'vax'"),
         ("mine.py:Drive --output helper.py", 2, "the FMU 'helper.py/Drive.fmu' cannot be written: "),

@@ -1,1 +1,1 @@
-"""The `emla` command: the program, its options and commands, completion in shells."""
+"""The `emla` command: the program, its options and commands, shell completion."""

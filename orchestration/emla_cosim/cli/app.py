@@ -1,6 +1,6 @@
-"""The `emla` command: its parts, each imported when it is called.
+"""The `emla` command. Each subcommand is imported when it is called.
 
-`emla --help` needs nothing but these lines.
+`emla --help` needs only this module.
 """
 
 from importlib import import_module
@@ -10,23 +10,23 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
-    "build": "Build our FMUs, or yours from a Python block, for other tools and all platforms.",
-    "list": "List the scenarios, plans, models and gains that have names.",
-    "info": "Tell what an FMU, an SSP or a scenario is made of: variables, and what can be set.",
-    "run": "Run a scenario: figures on the screen; data, pictures and a record in a folder.",
-    "rerun": "Repeat a run from its run.json, and say what is not as it was.",
-    "plot": "Draw signals of runs that were kept, one over the other.",
-    "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
-    "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
-    "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",
-    "trajectory": "Find the manipulator's motion: optimised for actuator power, within all bounds.",
-    "verify": "Check FMUs of any tool: do they follow the standard, and still do what they did?",
-    "export": "Write a scenario as an SSP package, which other tools run.",
+    "build": "Build the built-in FMUs, or FMUs from your Python blocks, for other tools and platforms.",
+    "list": "List the named scenarios, plans, models, controllers and gain sets.",
+    "info": "Show the variables of an FMU, an SSP or a scenario, and which of them you can set.",
+    "run": "Run a scenario: metrics on the screen; data, plots and a record in a folder.",
+    "rerun": "Repeat a run from its run.json, and report differences.",
+    "plot": "Plot signals of one or more recorded runs.",
+    "sweep": "Run many variants of a scenario in parallel: grids, Monte Carlo, sensitivities.",
+    "compare": "Compare several controllers in the same scenario, also as in the paper's tables.",
+    "tune": "Tune gains: optimise them in simulated cases, and validate them with other seeds.",
+    "trajectory": "Optimise the manipulator's motion for actuator power, within all bounds.",
+    "verify": "Verify FMUs of any tool: conformance to the standard, and agreement with references.",
+    "export": "Export a scenario as an SSP package for other tools.",
 }
-"""Commands in the order of the help; each is `command` of the module of its name in `commands`."""
+"""Commands in the order of the help. Each is the function `command` of its module in `commands`."""
 
 ANSWERS = ("list", "info")
-"""Commands whose output is what they were asked for, quiet or not."""
+"""Commands whose output is their purpose; `--quiet` does not suppress it."""
 
 QUIET = ("--quiet", "-q")
 
@@ -37,13 +37,13 @@ class _LazyCommand(TyperCommand):
     """A command that is imported when it is called."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """A context of the command itself, unless a shell asks what may come first, which takes no import."""
+        """Return the context of the imported command. Completion of the first argument needs no import."""
         if extra.get("resilient_parsing") and not args:
             return super().make_context(info_name, args, parent=parent, **extra)
         return self._import_command(info_name, args, parent, **extra)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """What may come first after the command."""
+        """Complete the first argument without an import; import the command for all others."""
         from .completion import complete_first_argument
 
         if (
@@ -75,7 +75,7 @@ class _LazyCommand(TyperCommand):
 
 
 def _complete(module: Any, args: list[str]) -> list[str]:
-    """The arguments of a command as it reads them."""
+    """Add the values of flags that were written without one."""
     taken = getattr(module, "OPTIONS", None)
     if taken is None:
         return args
@@ -85,7 +85,7 @@ def _complete(module: Any, args: list[str]) -> list[str]:
 
 
 def _bind_command(module: Any, quiet: bool) -> Any:
-    """The function of a command with the options it takes, which ends with a sentence where it fails."""
+    """Add the options to the function of a command, and make it end with an error message if it fails."""
     from .commands.error_exit import exit_on_error
 
     command, taken = module.command, getattr(module, "OPTIONS", None)
@@ -101,19 +101,18 @@ def _bind_command(module: Any, quiet: bool) -> Any:
 
 
 def _can_replace(taken: str) -> bool:
-    """Return whether a command replaces components."""
     from ..run.options import list_options
 
     return "replace" in list_options(taken)
 
 
 class _CommandGroup(TyperGroup):
-    """All commands, none of which is imported yet."""
+    """All commands, which are imported later."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take what stands before the command.
+        """Read what comes before the command.
 
-        Where that comes first, no option is looked at: to read one imports more than `emla list` needs.
+        If the command comes first, no option is parsed: parsing one imports more than `emla list` needs.
         """
         before = next((i for i, a in enumerate(args) if a not in QUIET), 0)
         if before and args[before] in COMMANDS:
@@ -123,11 +122,11 @@ class _CommandGroup(TyperGroup):
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Their names."""
+        """Return the names of the commands."""
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """One of them; None for a name that is not there."""
+        """Return the command, or None if the name is unknown."""
         return _LazyCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
 
 
@@ -137,7 +136,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=_SETTINGS,
-    epilog="Begin with: emla run study",
+    epilog="Start with: emla run study",
 )
 
 
@@ -177,13 +176,13 @@ def emla(
         typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True),
     ] = False,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Say nothing but errors; also after the command.")
+        bool, typer.Option("--quiet", "-q", help="Show only errors. Can also follow the command.")
     ] = False,
     install_completion: Annotated[
         bool,
         typer.Option(
             "--install-completion",
-            help="Make your shell complete commands, options and names.",
+            help="Install completion of commands, options and names for your shell.",
             callback=_install_completion,
             is_eager=True,
         ),
@@ -192,7 +191,7 @@ def emla(
         bool,
         typer.Option(
             "--show-completion",
-            help="Show what --install-completion would install.",
+            help="Show the script that --install-completion installs.",
             callback=_show_completion,
             is_eager=True,
         ),

@@ -1,4 +1,4 @@
-"""What a shell completes of `emla` commands, and how it is told to."""
+"""Shell completion of `emla` commands, and its installation."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -9,24 +9,24 @@ from typing import Any
 import typer
 
 PROGRAM, VARIABLE = "emla", "_EMLA_COMPLETE"
-"""The command that is completed, and the variable in the environment with which a shell asks."""
+"""Program to complete, and the environment variable that a shell sets to ask for completions."""
 
 SHELLS = ("bash", "zsh", "fish", "powershell", "pwsh")
 
 
 def answer(app: typer.Typer) -> None:
-    """Tell a shell what completes its line, which is in the environment; or nothing."""
+    """Print the completions of the command line in the environment."""
     from typer._completion_classes import completion_init
 
     completion_init()
     try:
         app(prog_name=PROGRAM)
-    except Exception:  # who presses a key is not to read why it had no effect
+    except Exception:  # an error message would disturb the line that the user types
         raise SystemExit(1) from None
 
 
 def add_completion(command: Any) -> None:
-    """Make a command know what completes the values of its options and arguments: names, or files."""
+    """Add completions to the options and arguments of a command: names, or files."""
     from typer._click.shell_completion import CompletionItem
 
     def completing(names: Callable[[], Iterable[str]]) -> Any:
@@ -35,12 +35,12 @@ def add_completion(command: Any) -> None:
     for parameter in command.params:
         if parameter.name in _NAMES:
             parameter._custom_shell_complete = completing(_NAMES[parameter.name])
-        elif not getattr(parameter, "is_flag", False):  # the shell itself offers files then
+        elif not getattr(parameter, "is_flag", False):  # the shell itself completes files
             parameter._custom_shell_complete = lambda ctx, param, begun: []
 
 
 def complete_first_argument(command: str, begun: str) -> list[Any] | None:
-    """What may come first after a command; None where nobody knows without importing it."""
+    """Return completions of the first argument, or None if that needs an import of the command."""
     from typer._click.shell_completion import CompletionItem
 
     names = _FIRST.get(command)
@@ -56,7 +56,7 @@ def _plans() -> Iterable[str]:
 
 
 def _files(folder: str) -> Iterable[str]:
-    """Names of the files of the study in a folder, which are quicker to list than to load."""
+    """Return the names of the study's files in a folder, without loading them."""
     places = files("emla_cosim").joinpath("study", folder).iterdir()
     return sorted(p.name.removesuffix(".toml") for p in places if p.name.endswith(".toml"))
 
@@ -98,7 +98,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "gains": _gains,
     **{name: _choices(name) for name in ("algorithm", "flavour", "platform", "output_format")},
 }
-"""What values there are, by the name of what takes them."""
+"""Completions by parameter name."""
 
 
 _FIRST: dict[str, Callable[[], Iterable[str]]] = {
@@ -107,42 +107,45 @@ _FIRST: dict[str, Callable[[], Iterable[str]]] = {
     **dict.fromkeys(("rerun", "plot", "verify", "trajectory", "info"), tuple),
     "build": _models,
 }
-"""What may come first, by command; nothing where that are files."""
+"""Completions of the first argument by command; an empty tuple means files."""
 
 
 def install() -> str:
-    """Make the user's shell complete; returns a sentence that says where.
+    """Install completion for the user's shell, and return a message that says where.
 
-    Raises ValueError with the reason where that cannot be.
+    Raises:
+        ValueError: If completion cannot be installed, with the reason.
     """
     from typer._completion_shared import install as installed
 
     shell = _shell()
     try:
         _, place = installed(shell, PROGRAM, VARIABLE)
-    except (OSError, RuntimeError, ValueError) as error:  # no home, or one that cannot be written
+    except (OSError, RuntimeError, ValueError) as error:  # no home folder, or one that is not writable
         reason = getattr(error, "strerror", None) or str(error).rstrip(".")
-        raise ValueError(f"completion cannot be installed for {shell}: {reason}") from error
-    return f"Completion for {shell} is in {place}; it works in shells that are opened from now on."
+        raise ValueError(f"cannot install completion for {shell}: {reason}") from error
+    return f"Completion for {shell} is in {place}. It works in new shells."
 
 
 def script() -> str:
-    """What makes the user's shell complete. Raises ValueError with a reason."""
+    """Return the completion script of the user's shell. Raise ValueError if the shell is not supported."""
     from typer._completion_shared import get_completion_script
 
     return get_completion_script(prog_name=PROGRAM, complete_var=VARIABLE, shell=_shell())
 
 
 def _shell() -> str:
-    """The shell that the command was called from; else the user's own."""
+    """Return the shell that called this command; if that is not known, the user's login shell."""
     import shellingham
 
     try:
         name = shellingham.detect_shell()[0]
     except (shellingham.ShellDetectionFailure, OSError, ValueError):
         name = ""
-    if name not in SHELLS:  # a script may have called
+    if name not in SHELLS:  # the caller may be a script
         name = Path(os.environ.get("SHELL", "")).name or name
     if name not in SHELLS:
-        raise ValueError(f"the shell is {name or 'not known'}; there is completion for {', '.join(SHELLS)}")
+        raise ValueError(
+            f"the shell {name or '(unknown)'} is not supported; supported shells: {', '.join(SHELLS)}"
+        )
     return name

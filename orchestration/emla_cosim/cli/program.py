@@ -1,4 +1,4 @@
-"""The `emla` command as a program: its streams, and how it ends, whatever they and its host are."""
+"""The `emla` command as a program: its standard streams, exit codes and last error messages."""
 
 import gc
 import os
@@ -13,20 +13,20 @@ from typing import TextIO
 from ..sandbox.interruption import exit_on_interrupt, ignore_interrupts
 
 try:
-    import resource  # while there is memory for it
-except ImportError:  # of Windows
+    import resource  # import it now: later there may not be enough memory
+except ImportError:  # Windows
     resource = None
 
 COLLECT = 50_000
-"""Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
+"""Allocations between two garbage collections. Imports make many lasting objects; every 700 is too often."""
 
 
 def main() -> None:
-    """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
+    """Run the command. Exit with 0, or with 1 or 2 and an error message."""
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_make_writable(stream) for stream in (sys.stdout, sys.stderr))
-    if _command(sys.argv[1:]) in ("run", "rerun"):  # which call what others compiled
-        from ..sandbox.guard import run_supervised  # which no other command needs
+    if _command(sys.argv[1:]) in ("run", "rerun"):  # these call compiled code of others
+        from ..sandbox.guard import run_supervised  # no other command needs it
 
         run_supervised(_run, _rescue)
     else:
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _command(arguments: Sequence[str]) -> str:
-    """The command among these arguments, which --quiet may stand before."""
+    """Return the name of the command; `--quiet` may precede it."""
     return next((a for a in arguments if not a.startswith("-")), "")
 
 
@@ -43,7 +43,7 @@ def _run() -> None:
         with exit_on_interrupt(_exit_interrupted):
             from .app import app
 
-            if "_EMLA_COMPLETE" in os.environ:  # a shell asks what completes a line
+            if "_EMLA_COMPLETE" in os.environ:  # a shell asks for completions
                 from .completion import answer
 
                 answer(app)
@@ -55,27 +55,27 @@ def _run() -> None:
     except (ImportError, MemoryError) as error:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
         _exit_with_error(f"Error: emla cannot be started: {reason}.")
-    except OSError as error:  # of help, or of what is wrong with the command, which others put out
+    except OSError as error:  # from printing help or a usage error
         if not _can_write(sys.stdout, "\n"):
             _exit_with_error(f"Error: the standard output cannot be written: {error.strerror}.")
         if not _can_write(sys.stderr, "\n"):
             sys.exit(2)
         raise
-    except BaseException:  # libraries fail in many ways where memory ends
+    except BaseException:  # libraries fail in many ways when memory runs out
         if (limit := _memory_limit()) is None:
             raise
         _exit_with_error(
-            f"Error: emla needs more memory than the {limit / 2**20:.0f} MiB that it may have (ulimit -v)."
+            f"Error: emla needs more memory than its limit of {limit / 2**20:.0f} MiB (ulimit -v)."
         )
     finally:
         ignore_interrupts()
         for stream in (sys.stdout, sys.stderr):
-            if not _can_write(stream):  # it was told; Python would end with a code of its own
+            if not _can_write(stream):  # already reported; Python would exit with another code
                 _redirect_to_null(stream)
 
 
 def _memory_limit() -> int | None:
-    """Bytes of memory that this process may address; None without a limit, or where nobody knows."""
+    """Return the limit of the address space in bytes, or None if there is no limit or it is unknown."""
     if resource is None:
         return None
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
@@ -90,8 +90,8 @@ def _rescue(how: str) -> None:
 
 
 def _make_writable(stream: TextIO | None) -> TextIO:
-    """A stream that can take any text, where its encoding lacks a letter with another in its place."""
-    if stream is None:  # it was closed
+    """Return a stream that accepts any text and replaces letters that its encoding lacks."""
+    if stream is None:  # closed by the caller
         return Path(os.devnull).open("w", encoding="utf-8")
     if isinstance(stream, TextIOWrapper):
         stream.reconfigure(errors="replace")
@@ -99,7 +99,7 @@ def _make_writable(stream: TextIO | None) -> TextIO:
 
 
 def _can_write(stream: TextIO, text: str = "") -> bool:
-    """Whether a stream takes a text, and what waits to be written to it."""
+    """Return whether the stream accepts a text, and what is in its buffer."""
     try:
         stream.write(text)
         stream.flush()
@@ -114,7 +114,7 @@ def _redirect_to_null(stream: TextIO) -> None:
 
 
 def _exit_interrupted() -> None:
-    """End before a command has begun: nothing is there that had to be tidied up."""
+    """Exit before a command has begun, when there is nothing to clean up."""
     with suppress(OSError):
         os.write(2, b"Interrupted.\n")
     from ..sandbox import black_box
@@ -127,5 +127,5 @@ def _exit_with_error(sentence: str) -> None:
     from ..sandbox import black_box
 
     sys.stderr.write(f"{sentence}\n")
-    black_box.current_activity().ended = 1  # whatever the end of Python itself still fails at
+    black_box.current_activity().ended = 1  # even if the shutdown of Python fails later
     sys.exit(1)

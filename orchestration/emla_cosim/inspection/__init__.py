@@ -1,1 +1,1 @@
-"""What an FMU, a package or a scenario is made of: FMUs, variables, what drives them, what can be set."""
+"""Inspect an FMU, a package or a scenario: FMUs, variables, connections, and what can be set."""

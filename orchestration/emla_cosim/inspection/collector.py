@@ -1,4 +1,4 @@
-"""Reads what there is to know of an FMU, a package or a scenario."""
+"""Collect information on an FMU, a package or a scenario."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,11 +26,19 @@ from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_f
 
 
 def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
-    """What an FMU, a package, a scenario or a system is made of, with all that options change.
+    """Return information on an FMU, a package, a scenario or a system, with the changes of options.
 
-    `source` and `options` are as in `load`. Our own FMUs are built where they are missing; nothing is
-    simulated. An FMU that this master cannot run is told of, too. Raises CommandError for whatever is
-    wrong, RunError where FMUs cannot be built.
+    Built-in FMUs that are missing are built. Nothing is simulated. FMUs that this master cannot run are
+    included.
+
+    Args:
+        source: As in `load`.
+        progress: Receives the progress.
+        **options: As in `load`.
+
+    Raises:
+        CommandError: If the source or an option is wrong.
+        RunError: If an FMU cannot be built.
     """
     try:
         scenario = load(source, **options)
@@ -95,7 +103,7 @@ def _collect_system(
 
 
 def _collect_unsupported_fmu(path: Path) -> Info:
-    """What an FMU says that this master cannot run: of another version or kind, or against the standard."""
+    """Return what an FMU that this master cannot run says about itself."""
     interface, reason = _read(path)
     try:
         fmu = read_fmu_info(path, str(path), interface)
@@ -104,13 +112,13 @@ def _collect_unsupported_fmu(path: Path) -> Info:
         rows = VariableRows(alone, interface, read_fmu_variables(interface), wires, runnable=False).all()
     except (CommandError, MemoryError):
         raise
-    except Exception as error:  # of numbers that are none, where nobody has looked before
+    except Exception as error:  # fmpy fails on invalid numbers
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return _collect_single_fmu(name, fmu, reason, rows)
 
 
 def _read(path: Path) -> tuple[Interface, str]:
-    """The interface of an FMU, and why this master cannot run it."""
+    """Return the interface of an FMU, and the reason why this master cannot run it."""
     wrong = "cannot be run"
     try:
         interface = read_description(path)
@@ -139,7 +147,7 @@ def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, rows: list[Any]) -
 
 
 def _display_name(file: Path, unpacked: Path | None) -> str:
-    """What a file is called: one of a package PACKAGE.ssp/FILE."""
+    """Return the name of a file; for one in a package, PACKAGE.ssp/FILE."""
     if unpacked is not None and file.is_relative_to(unpacked):
         return str(file.relative_to(unpacked))
     return str(file)

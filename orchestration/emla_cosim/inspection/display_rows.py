@@ -1,4 +1,4 @@
-"""Variables as rows that a person reads: elements of an array in one row, everything else as it is."""
+"""Variables as rows of a table: elements of an array share a row."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -11,14 +11,14 @@ from .system_info import format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)
 _MOST_STARTS = 4
-"""Different start values of an array's elements that are shown."""
+"""Most different start values of an array's elements to show."""
 _USUAL = ("continuous", "fixed", "discrete")
-"""Variabilities that go without saying: those of a Real, of a parameter, of anything else."""
+"""Default variabilities, which are not shown: of a Real, of a parameter, of other variables."""
 
 
 @dataclass(frozen=True)
 class DisplayRow:
-    """A row of the table, all of it text; `first` is the variable, or the first of its elements."""
+    """A row of the table as texts. `first` is the variable, or the first element of an array."""
 
     name: str
     kind: str
@@ -32,13 +32,13 @@ class DisplayRow:
 
 
 def build_display_rows(variables: Sequence[VariableInfo]) -> Iterator[DisplayRow]:
-    """A row for each variable, and one for neighbours that are elements of one array and alike."""
+    """Yield a row for each variable, and one for adjacent, equal elements of an array."""
     for _, group in groupby(enumerate(variables), lambda one: _grouping_key(*one)):
         yield _row([v for _, v in group])
 
 
 def _grouping_key(place: int, variable: VariableInfo) -> tuple[object, ...]:
-    """What elements of one array that follow each other have in common."""
+    """Return what adjacent elements of an array must have in common to share a row."""
     found = _ELEMENT.fullmatch(variable.name)
     if found is None or variable.driven_by or variable.read_by:
         return (variable.name,)
@@ -69,7 +69,7 @@ def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
 
 
 def format_line(text: str) -> str:
-    """A text of others in one line, in which nothing is hidden."""
+    """Return a text from a file as one line without invisible characters."""
     return make_visible(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
@@ -80,7 +80,7 @@ def _kind(variable: VariableInfo) -> str:
 
 
 def _values(values: Sequence[Start | None]) -> str:
-    """Start values of elements: one where all are the same, the first few otherwise."""
+    """Format the start values of elements: one if all are equal, otherwise the first few."""
     texts = ["" if x is None else _number(x) for x in values]
     if len(set(texts)) == 1:
         return texts[0]
@@ -89,7 +89,7 @@ def _values(values: Sequence[Start | None]) -> str:
 
 
 def _number(value: Start) -> str:
-    """A value as people read it; a whole number, such as a seed, with all its digits."""
+    """Format a number; whole numbers, such as seeds, have all digits."""
     if not isinstance(value, float):
         return format_line(format_start(value))
     text = f"{value:.9g}"

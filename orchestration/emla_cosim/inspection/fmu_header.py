@@ -1,4 +1,4 @@
-"""The header of an FMU: what its file and its model description say of the whole."""
+"""Header of an FMU: what its file and model description say about the whole."""
 
 import math
 import zipfile
@@ -15,14 +15,11 @@ _KINDS = {
     "ModelExchange": "modelExchange",
     "ScheduledExecution": "scheduledExecution",
 }
-"""What the standard calls a kind, and what fmpy does."""
+"""The standard's name of an interface type, and fmpy's."""
 
 
 def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
-    """What there is to know of an FMU; `shown` is what its file is called.
-
-    Raises CommandError where the file cannot be read.
-    """
+    """Return the header of an FMU; `shown` names its file. Raise CommandError if it cannot be read."""
     said = interface.description
     try:
         content, size, platforms = hash_file(path), path.stat().st_size, _platforms(path)
@@ -50,22 +47,22 @@ def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
 
 
 def _platforms(path: Path) -> tuple[str, ...]:
-    """The folders below binaries/ that have something in them."""
+    """Return the non-empty folders in binaries/."""
     with zipfile.ZipFile(path) as archive:
         parts = [PurePosixPath(e.filename).parts for e in archive.infolist() if not e.is_dir()]
     return tuple(sorted({p[1] for p in parts if len(p) > 2 and p[0] == "binaries"}))
 
 
 def _text(text: Any) -> str:
-    """A text, empty where there is none."""
+    """Return a text, or an empty one."""
     return "" if text is None else str(text)
 
 
 def _seconds(description: Any, name: str) -> float | None:
-    """A number of the default experiment; None where it has none, or none that is finite."""
+    """Return a number of the default experiment, or None if it is missing or not finite."""
     text = getattr(description.defaultExperiment, name, None)
     try:
         number = math.nan if text is None else float(text)
-    except ValueError:  # of a model description that is not valid
+    except ValueError:  # the model description is invalid
         return None
     return number if math.isfinite(number) else None

@@ -1,17 +1,17 @@
-"""What is told of a system: FMUs, components, connections and variables, each as a row of a table."""
+"""Rows of information on a system: FMUs, components, connections and variables."""
 
 from dataclasses import dataclass
 
 Start = float | int | bool | str
-"""A start value: a number, a Boolean, a text; an enumeration's by the name of its literal."""
+"""A start value: number, Boolean or text; for an enumeration, the name of its literal."""
 
 
 @dataclass(frozen=True)
 class FmuInfo:
-    """What an FMU file says of itself; times in s, None where it says none.
+    """What an FMU file says about itself. Times are in s, or None if missing.
 
-    `kinds` are `CoSimulation`, `ModelExchange` and `ScheduledExecution`, `platforms` what it has binaries
-    for, `size` the bytes of its file.
+    `kinds` are `CoSimulation`, `ModelExchange` and `ScheduledExecution`; `platforms` are those of its
+    binaries; `size` is the size of its file in bytes.
     """
 
     path: str
@@ -35,7 +35,7 @@ class FmuInfo:
 
 @dataclass(frozen=True)
 class ComponentInfo:
-    """A component of a system; `fmu` is the place of its file among the FMUs."""
+    """A component of a system. `fmu` is the index of its file among the FMUs."""
 
     name: str
     model: str
@@ -44,7 +44,7 @@ class ComponentInfo:
 
 @dataclass(frozen=True)
 class ConnectionInfo:
-    """An output that drives an input, by full names: input = factor output + offset, in their FMUs' units."""
+    """An output that drives an input, by full names: input = factor * output + offset, in the FMUs' units."""
 
     output: str
     input: str
@@ -54,13 +54,17 @@ class ConnectionInfo:
 
 @dataclass(frozen=True)
 class VariableInfo:
-    """A variable of a system, by the name that options call it, `component.variable`.
+    """A variable of a system, by its name in options, `component.variable`.
 
-    `fmu_name` is what its FMU calls it. `start` is the value that it starts from, with all that the scenario
-    sets, `default` that of the FMU alone; None where the FMU calculates it. `unit` is None where there is
-    none; values, `minimum` and `maximum` are in it. `choices` are the literals of an enumeration.
-    `driven_by` is the output that drives an input, `read_by` are the inputs that an output drives.
-    `settable` says whether `--set` takes it.
+    Attributes:
+        fmu_name: Its name in the FMU.
+        start: Start value with all changes of the scenario, or None if the FMU calculates it.
+        default: Start value of the FMU alone.
+        unit: Unit of the values, of `minimum` and of `maximum`, or None.
+        choices: Literals of an enumeration.
+        driven_by: Output that drives an input.
+        read_by: Inputs that an output drives.
+        settable: Whether `--set` accepts it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""All that is told of a system."""
+"""Information on a system."""
 
 import difflib
 import json
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 FORMAT = "emla-info"
 VERSION = 1
-"""Of what the fields mean."""
+"""Version of the JSON format."""
 
 JSON_FILE = "the JSON file"
-"""What error messages call the file."""
+"""Name of the file in error messages."""
 
 is_info = has_format(FORMAT)
 """Recognizes files that `Info.save_json` wrote."""
@@ -31,10 +31,10 @@ is_info = has_format(FORMAT)
 
 @dataclass(frozen=True)
 class Info:
-    """What an FMU, a package or a scenario is made of; times in s, None where nobody says them.
+    """Information on an FMU, a package or a scenario. Times are in s, or None if unknown.
 
-    `fmus` are files, each once however many components are made of it. `notes` are sentences on what
-    is worth knowing. `info["lift.plant.x_L"]` is one of its variables.
+    `fmus` has each file once, even if several components use it. `notes` are remarks without full stops.
+    `info["lift.plant.x_L"]` is one of its variables.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Info:
     variables: tuple[VariableInfo, ...]
 
     def __getitem__(self, name: str) -> VariableInfo:
-        """The variable of this full name; CommandError suggests what may have been meant."""
+        """Return the variable of this full name. Raise CommandError with suggestions for an unknown name."""
         found = self._by_name.get(name)
         if found is None:
             near = difflib.get_close_matches(name, self._by_name, n=3, cutoff=0.5)
@@ -62,26 +62,28 @@ class Info:
         return {v.name: v for v in self.variables}
 
     def matching(self, *patterns: str) -> "Info":
-        """The same with those variables only that one of the patterns finds.
+        """Return the same information with only the variables that match one of the patterns.
 
-        A pattern with `*` or `?` is that of a full name, or of a name inside of a component; a word without
-        is looked for in full names and descriptions, whether in capitals or not. Raises CommandError for
-        a pattern that finds nothing.
+        A pattern with `*` or `?` matches full names, or names within a component. Other words are searched
+        in full names and descriptions, ignoring case.
+
+        Raises:
+            CommandError: If a pattern has no match.
         """
         kept: set[str] = set()
         for pattern in patterns:
             found = {v.name for v in self.variables if _is_match(v, pattern)}
             if not found:
                 raise CommandError(
-                    f"no variable of {self.name} fits '{pattern}'; write a pattern such as '*.x_L', or a "
-                    "word of a name or a description.",
+                    f"no variable of {self.name} matches '{pattern}'; write a pattern such as '*.x_L', or "
+                    "a word of a name or a description.",
                     pattern=pattern,
                 )
             kept |= found
         return replace(self, variables=tuple(v for v in self.variables if v.name in kept))
 
     def to_polars(self) -> "polars.DataFrame":
-        """The variables as a polars data frame; start values are texts, since their types differ."""
+        """Return the variables as a polars data frame. Start values are texts, because their types differ."""
         import polars
 
         columns: dict[str, Sequence[Any]] = {
@@ -94,36 +96,42 @@ class Info:
         return polars.DataFrame(columns, schema_overrides=_schema())
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it as JSON has it; a number that is infinite or not a number is None."""
+        """Return the content as for JSON; infinite numbers and NaN are None."""
         return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
 
     def as_json(self) -> str:
-        """The text of `as_dict`, a line for each variable, in letters that no terminal obeys."""
+        """Return `as_dict` as JSON text, a line for each variable, without control characters."""
         head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
         rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
 
     def _head(self) -> dict[str, Any]:
-        """All but the variables."""
+        """Return everything except the variables."""
         told = asdict(replace(self, variables=()))
         del told["variables"]
         return to_plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write `as_json` to a file; CommandError where none can be written, RunError where that fails.
+        """Write `as_json` to a file.
 
-        A file of something else is only replaced with `overwrite`.
+        Args:
+            path: The file.
+            overwrite: Whether to replace a file that emla did not write.
+
+        Raises:
+            CommandError: If no file can be written there.
+            RunError: If writing fails.
         """
         write_text(self.as_json(), Path(path), JSON_FILE, is_info, overwrite)
 
 
 def format_start(value: float | int | bool | str) -> str:
-    """A start value as `--set` takes it: 0.14, 8, true, or a name, with all digits."""
+    """Format a start value for `--set`: 0.14, 8, true, or a name, with all digits."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _plain_row(variable: VariableInfo) -> dict[str, Any]:
-    """A variable as JSON has it: of its fields only start values may be no finite numbers."""
+    """Convert a variable for JSON. Only its start values can be infinite or NaN."""
     start, default = to_plain(variable.start), to_plain(variable.default)
     lists = {"choices": list(variable.choices), "read_by": list(variable.read_by)}
     return {**vars(variable), **lists, "start": start, "default": default}
@@ -138,7 +146,7 @@ def _is_match(variable: VariableInfo, pattern: str) -> bool:
 
 
 def _schema() -> dict[str, Any]:
-    """The types of columns that may have nothing in them."""
+    """Return the types of columns that may be empty."""
     import polars
 
     numbers = dict.fromkeys(("minimum", "maximum"), polars.Float64)

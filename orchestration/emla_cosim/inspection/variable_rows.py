@@ -1,4 +1,4 @@
-"""The variables of a component as rows, with the values they start from and what they are connected to."""
+"""The variables of a component as rows, with start values and connections."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,20 +20,20 @@ End = tuple[str, str]
 
 @dataclass(frozen=True)
 class ConnectionIndex:
-    """What drives an input, and what an output drives, by their ends."""
+    """Sources of inputs and targets of outputs."""
 
     drivers: Mapping[End, End]
     readers: Mapping[End, Sequence[End]]
     names: Mapping[End, str]
-    """What the system calls those that it has another name for."""
+    """Names in the system of variables that have another name in their FMU."""
 
     def name(self, end: End) -> str:
-        """The full name of a variable."""
+        """Return the full name of a variable."""
         return self.names.get(end, f"{end[0]}.{end[1]}")
 
 
 class FmuVariable:
-    """What an FMU says of a variable, the same for all components that are made of it."""
+    """What an FMU says of a variable, the same for all components with that FMU."""
 
     def __init__(self, interface: Interface, variable: ModelVariable) -> None:
         self.name, self.variable = str(variable.name), variable
@@ -45,20 +45,20 @@ class FmuVariable:
         self.description = " ".join(str(variable.description or "").split())
 
     def shown(self, value: Any, back: LinearTransformation) -> Start | None:
-        """A value of the FMU as the system has it."""
+        """Convert a value of the FMU to the unit of the system."""
         if self.literals:
             return self.literals.get(value, value)
         return back(value) if isinstance(value, float) and back != IDENTITY else value
 
 
 def read_fmu_variables(interface: Interface) -> list[FmuVariable]:
-    """What an FMU says of all its variables, in its order."""
+    """Return what an FMU says of all its variables, in its order."""
     return [FmuVariable(interface, variable) for variable in interface.variables.values()]
 
 
 @dataclass(frozen=True)
 class VariableRows:
-    """The rows of a component; where its FMU is not `runnable`, nothing of it can be set."""
+    """The rows of a component. If its FMU is not `runnable`, no variable can be set."""
 
     component: Component
     interface: Interface
@@ -67,9 +67,10 @@ class VariableRows:
     runnable: bool = True
 
     def all(self) -> list[VariableInfo]:
-        """A row for each variable, as the FMU lists them.
+        """Return a row for each variable, in the order of the FMU.
 
-        Raises CommandError for a start value that cannot be set.
+        Raises:
+            CommandError: If a start value cannot be set.
         """
         given = convert_to_fmu_terms(self.component).parameters
         values = {v.name: x for v, x in convert_start_values(self.component.name, self.interface, given)}
@@ -107,12 +108,12 @@ class VariableRows:
 
 
 def map_names(component: Component) -> dict[str, tuple[str, Alias]]:
-    """What the system calls the FMU's variables that it has by another name or unit."""
+    """Return the system's names and conversions of variables with another name or unit in the FMU."""
     return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 
 
 def _default(variable: ModelVariable) -> Any:
-    """The FMU's own start value, as its type; as text where it is no such value."""
+    """Return the FMU's own start value as its type, or as text if it is invalid."""
     text = variable.start
     if text is None:
         return None
@@ -121,20 +122,20 @@ def _default(variable: ModelVariable) -> Any:
             return float(text)
         if variable.type in ("Integer", "Enumeration") or "Int" in str(variable.type):
             return int(text)
-    except ValueError:  # such as an array
+    except ValueError:  # for example an array
         return str(text)
     return str(text) in ("true", "1") if variable.type == "Boolean" else str(text)
 
 
 def _literals(variable: ModelVariable) -> dict[int, str]:
-    """The names of an enumeration's values."""
+    """Return the names of an enumeration's values."""
     declared = variable.declaredType
     items = declared.items if variable.type == "Enumeration" and declared is not None else None
     return {int(str(item.value)): str(item.name) for item in items or ()}
 
 
 def _limit(variable: ModelVariable, name: str) -> float | None:
-    """The lowest or highest value of a number; None where there is no such end."""
+    """Return the lowest or highest value of a number, or None."""
     text = getattr(variable, name)
     if text is None and variable.declaredType is not None:
         text = getattr(variable.declaredType, name, None)

@@ -1,1 +1,1 @@
-"""A system prepared, simulated and recorded: options, scenarios, simulations, results as data."""
+"""Prepare, simulate and record a system: options, scenarios, simulations, results as data."""

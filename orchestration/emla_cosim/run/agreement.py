@@ -1,4 +1,4 @@
-"""A result held against a run that was kept: which signals stay in the tubes around it."""
+"""Compare a result with a stored run: which signals stay in the tubes around it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,21 +9,21 @@ from ..recorders.tubes.signal_check import compare_signal, describe_departure, s
 from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 
-if TYPE_CHECKING:  # which loads polars
+if TYPE_CHECKING:  # importing it loads polars
     from ..recorders.stored import StoredRun
 
 _NAMED = 3
-"""Signals that a sentence tells of; run.json has all."""
+"""Most signals to name in a message; run.json has all."""
 
 
 def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
-    """The signals that both have; CommandError where there is none."""
+    """Return the signals that both have. Raise CommandError if there are none."""
     known = set(stored.names)
     found = [name for name in names if name in known]
     if not found:
         raise CommandError(
-            f"the run to compare with, '{stored.path}', has none of the signals that are recorded; "
-            f"it has {stored.names[0]} and {len(stored.names) - 1} more."
+            f"the reference run '{stored.path}' has none of the recorded signals; it has "
+            f"{stored.names[0]} and {len(stored.names) - 1} more."
         )
     return found
 
@@ -35,13 +35,21 @@ def compare_with_stored(
     stored: "StoredRun",
     tolerance: Mapping[str, Tolerance],
 ) -> tuple[Comparison, ...]:
-    """Every signal that both have, over the time that both have, in the order of `kept`.
+    """Compare all common signals over the common time.
 
-    `kept` are the signals of a result, `units` theirs by name; `read` returns columns by their names.
+    Args:
+        kept: Names of the signals of a result.
+        read: Function that returns columns of the result by name.
+        units: Units of the result's signals by name.
+        stored: Run to compare with.
+        tolerance: Tolerances by name or pattern.
+
+    Returns:
+        The comparisons, in the order of `kept`.
     """
     names = find_common_signals(kept, stored)
     found, reference = read(["time", *names]), stored.read(["time", *names])
-    for table, where in ((found, "the result"), (reference, f"the run to compare with, '{stored.path}',")):
+    for table, where in ((found, "the result"), (reference, f"the reference run '{stored.path}'")):
         if not len(table["time"]):
             raise CommandError(f"{where} has no rows.")
     return tuple(
@@ -59,7 +67,7 @@ def compare_with_stored(
 
 
 def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:
-    """The sentence that says which signals left their tubes, the first one first; None where none did."""
+    """Return a message about the signals that left their tubes, earliest first, or None if all agree."""
     left = select_outside(comparisons)
     if not left:
         return None
@@ -69,7 +77,7 @@ def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun"
 
 
 def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> dict[str, Any]:
-    """What run.json says of it: how many signals agree, and those that do not, the first one first."""
+    """Return the entry of run.json: the number of signals, and those that left their tubes."""
     return {
         "run": str(stored.path),
         "signals": len(comparisons),

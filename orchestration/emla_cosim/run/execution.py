@@ -1,4 +1,4 @@
-"""One run going on: stepping, what takes its rows, and how it ends."""
+"""One run: steps, recorders, and how it ends."""
 
 import contextlib
 import time
@@ -15,14 +15,14 @@ from ..recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, r
 from ..sandbox.interruption import catch_interrupts
 
 FLUSH_INTERVAL = 1.0
-"""Wall time in s after which rows go to the recorders even if there are few."""
+"""Longest wall time in s between two transfers of rows to the recorders."""
 
 
 class Run:
-    """A run from its first row to its end: `begin`, `advance` once or more, `end`.
+    """A run: `begin`, `advance` once or more, `end`.
 
-    A failure ends it without being raised: `error` then has it, with the sentence that says why. After
-    an interruption `error` is None and `interrupted` is true.
+    A failure does not raise: it ends the run, and `error` has the message. After an interruption `error` is
+    None and `interrupted` is true.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Run:
         self.error: RunError | None = None
         self.interrupted = False
         self.over = False
-        """Whether the last step is done."""
+        """Whether `end` was called."""
         self.wall_s = 0.0
         self.shown = shown
         self._outline, self._resumed = outline, resumed
@@ -52,23 +52,23 @@ class Run:
 
     @property
     def steps(self) -> int:
-        """Steps that this run made, which may have continued another one."""
+        """Number of steps of this run, without those before its checkpoint."""
         return self.stepping.steps - self._first[0]
 
     @property
     def simulated_s(self) -> float:
-        """Time that passed in this run, in s."""
+        """Simulated time of this run in s, without that before its checkpoint."""
         return self.stepping.time - self._first[1]
 
     @property
     def problem(self) -> str | None:
-        """The sentence that says why the run ended early; None where it did not."""
+        """Message that says why the run ended early, or None."""
         if self.error is not None:
             return str(self.error)
         return f"interrupted at t = {self.stepping.time:.6g} s." if self.interrupted else None
 
     def memory(self) -> dict[str, Any]:
-        """What the recorders remember, by their keys, when all rows so far have reached them."""
+        """Pass all rows to the recorders, and return their memories by key."""
         self._buffer.flush()
         found = {}
         for recorder in self._recorders:
@@ -78,9 +78,10 @@ class Run:
         return found
 
     def begin(self, stop_time: float | None) -> None:
-        """Initialize and record the first row, or continue where a checkpoint is.
+        """Initialize and record the first row, or continue from a checkpoint.
 
-        `stop_time` is what slaves are told, in s; None where states must outlive it.
+        Args:
+            stop_time: Stop time that the FMUs receive, in s; None if a checkpoint may be continued beyond it.
         """
         with self._end_on_failure(), self._report_bad_checkpoint():
             memories = self._resumed.notes["recorders"] if self._resumed is not None else {}
@@ -96,7 +97,12 @@ class Run:
             self._first = (self.stepping.steps, self.stepping.time)
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
-        """Step to a time in s, or as far as it goes; without `interrupted`, Ctrl-C ends it between steps."""
+        """Step to a time in s, or until a failure.
+
+        Args:
+            until: Time in s.
+            interrupted: Function that says whether to stop. Default: stop after Ctrl-C.
+        """
         if self.error is not None:
             return
         self.interrupted = False
@@ -112,7 +118,7 @@ class Run:
         self.wall_s += time.perf_counter() - began
 
     def end(self) -> None:
-        """Give the recorders what is left, and end them."""
+        """Pass the remaining rows to the recorders, and end them."""
         began = time.perf_counter()
         self.over = True
         try:
@@ -125,7 +131,7 @@ class Run:
         self.wall_s += time.perf_counter() - began
 
     def abandon(self) -> None:
-        """Give the recorders what is left, and end them, where something else is being raised."""
+        """End the recorders after another error. Ignore their own errors."""
         if not self.over:
             with contextlib.suppress(Exception):
                 self._buffer.end()
@@ -140,13 +146,13 @@ class Run:
 
     @contextlib.contextmanager
     def _report_bad_checkpoint(self) -> Iterator[None]:
-        """Whatever a checkpoint brings about that is whole but was not made by a run is its fault."""
+        """Report any error from a readable checkpoint with wrong content as an error of the checkpoint."""
         try:
             yield
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             if self._resumed is None:
                 raise
-            raise RunError(f"the checkpoint is not one of this run: {error!r}.") from error
+            raise RunError(f"the checkpoint does not fit this run: {error!r}.") from error
 
     @contextlib.contextmanager
     def _end_on_failure(self) -> Iterator[None]:
@@ -160,7 +166,7 @@ class Run:
             self._fail(error, error)
 
     def _fail(self, error: RunError, cause: Exception) -> None:
-        """Something other than a recorder ends the run."""
+        """End the run because of an error outside of the recorders."""
         if self.error is None:
             at, stepped = self.stepping.time, isinstance(cause, RunError) and self.stepping.steps > 0
             warning = self.stepping.algorithm.warning() if stepped else None

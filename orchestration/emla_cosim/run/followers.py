@@ -1,4 +1,4 @@
-"""Start values that models follow from those that the options set."""
+"""Start values that follow from those that the options set."""
 
 from collections.abc import Callable, Mapping
 
@@ -6,13 +6,13 @@ from ..system.model import System, Value
 from .options import Options
 
 FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
-"""What computes further start values that follow from those that options set, by full name; registered."""
+"""Registered functions that compute such start values, by full name."""
 
 
 def following_values(system: System, options: Options) -> dict[str, Value]:
-    """Return what models assume of the values that the options set, by full name.
+    """Return the start values that follow from those in the options, by full name.
 
-    Nothing follows without the option `follow_models`. `system` is as it was before the options.
+    They are empty without the option `follow_models`. `system` is without the changes of the options.
     """
     if not options.follow_models:
         return {}

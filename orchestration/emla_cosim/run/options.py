@@ -1,7 +1,7 @@
-"""The table of options: everything a user may say about a run, each stated once.
+"""Define the table of options: every setting of a run, in one place.
 
-The command line, scenario files, run.json, and what a checkpoint belongs to all derive from it.
-Algorithms, step-size controls and recorders bring options of their own: the fields of their classes.
+The command line, scenario files, run.json and the identity of a checkpoint all derive from it.
+Algorithms, step-size controls and recorders add options of their own: the fields of their classes.
 """
 
 import dataclasses
@@ -58,7 +58,7 @@ ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
 
 
 def read_threads(text: str) -> int | None:
-    """A number of threads, or None for `auto`; CommandError for any other text."""
+    """Read a number of threads; None means `auto`. Raise CommandError for any other text."""
     if text == "auto":
         return None
     try:
@@ -76,90 +76,89 @@ _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 @dataclass(frozen=True)
 class Options:
-    """What a user may say about a run; None takes the scenario's value, or the default. Times in s.
+    """All settings of a run, in SI units. None means the scenario's value, or the default.
 
-    `own` has those of algorithms, step-size controls and recorders, by name; see `ALGORITHMS`,
+    `own` has the options of algorithms, step-size controls and recorders, by name; see `ALGORITHMS`,
     `STEP_SIZE_CONTROLS` and `RECORDERS`.
     """
 
     set: Mapping[str, Value] = _system(
         {},
-        help="Set a start value or parameter; * in the name for several, with a unit if you like, such as "
-        "'lift.disturbance.load.level[*]=30 kN' (repeatable).",
+        help="Set a start value or parameter, optionally with a unit, such as "
+        "'lift.disturbance.load.level[*]=30 kN'. In the name, * matches any text (repeatable).",
         metavar="COMPONENT.VARIABLE=VALUE",
         arrays=True,
         in_sweep=SAME,
     )
     follow_models: bool = _system(
         False,
-        help="Set the model parameters of controllers and observers to fit the plant that --set and --vary "
-        "make. Gains stay.",
+        help="Adapt the model parameters of controllers and observers to the plant as changed by --set "
+        "and --vary. Gains do not change.",
     )
     parameters: Sequence[Path] = _prepared(
         [],
-        help="Set start values from an SSP parameter file (.ssv), or from a table, CSV or Parquet: "
-        "docs/inputs.md. --set wins over it (repeatable).",
+        help="Read start values from an SSP parameter file (.ssv) or a table (CSV, Parquet); see "
+        "docs/inputs.md. --set overrides them (repeatable).",
         metavar="FILE",
     )
     replace: Mapping[str, Replacement] = _prepared(
         {},
-        help="Put your FMU in the place of a component, such as lift.controller=mine.fmu (repeatable).",
+        help="Replace a component with your FMU, such as lift.controller=mine.fmu (repeatable).",
         metavar="COMPONENT=FILE.fmu",
     )
     mapping: Mapping[str, Path] = _prepared(
         {},
-        help="File that says what the FMU of --replace calls its variables, an SSP parameter mapping "
+        help="SSP parameter mapping with the names that the FMU of --replace uses for its variables "
         "(repeatable).",
         metavar="COMPONENT=FILE.ssm",
         in_sweep=SAME,
     )
     fault: Sequence[Fault] = _prepared(
         [],
-        help="Let a signal fail from START on, for DURATION, both in s: freeze, offset, gain or constant. "
-        "Commas between several.",
+        help="Inject a fault into a signal: freeze, offset, gain or constant, from START, for DURATION, "
+        "both in s. Separate several with commas.",
         metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
         parse=read_faults,
         in_sweep=SAME,
     )
     input: Sequence[Input] = _prepared(
         [],
-        help="Data that drive signals, from CSV or Parquet (repeatable).",
+        help="Drive signals with data from CSV or Parquet (repeatable).",
         metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
     )
     controller: str | type | None = _prepared(
         takes=type,
-        help="Controller of all joints: a name (`emla list` shows them), your FMU, or your block as "
-        "FILE.py:BLOCK.",
+        help="Controller of all joints: a name from `emla list`, your FMU, or your block as FILE.py:BLOCK.",
         commands=(RUN, EXPORT, SWEEP, INFO),
         makes="gains",
     )
     gains: str | None = _prepared(
-        help="Set of gains for controller and observer (`emla list` shows them). Default: the controller's "
-        "first.",
+        help="Gain set of controller and observer; `emla list` lists them. Default: the first of the "
+        "controller.",
         commands=(RUN, EXPORT, SWEEP, INFO),
         makes="gains",
     )
     trajectory: Path | None = _prepared(
-        help="Motion that the manipulator follows, a file that `emla trajectory` wrote.",
+        help="Motion of the manipulator: a file written by `emla trajectory`.",
         metavar="FILE.json",
         makes="reference",
     )
     actuator: Mapping[str, Path | FileOrObject] = _prepared(
         {},
-        help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
+        help="Replace a joint's actuator with one from a data sheet; see docs/actuator.md (repeatable).",
         metavar="JOINT=FILE.toml",
         takes=FileOrObject,
         makes="actuators",
     )
     flavour: str = _system(
         "native",
-        help="Which build of our own FMUs: compiled (native), or Python inside (python).",
+        help="Implementation of the built-in FMUs: compiled (native), or Python (python).",
         choices=lambda: FLAVOURS,
         stage=BUILDING,
     )
     fmus: Path | None = _system(
-        help="Folder of our own FMUs; missing ones are built there. Default: fmus/ if it has them, else your "
-        "cache.",
+        help="Folder of the built-in FMUs; missing ones are built there. Default: fmus/ if it has them, "
+        "otherwise your cache.",
         in_file=False,
         recorded=False,
         writes="folder",
@@ -168,7 +167,7 @@ class Options:
     platform: Sequence[str] = option(
         [],
         group=SYSTEM,
-        help="Platform to compile our own FMUs for (repeatable). Default: this machine's.",
+        help="Platform to compile the built-in FMUs for (repeatable). Default: this machine's.",
         choices=lambda: PLATFORMS,
         commands=(EXPORT,),
         in_file=False,
@@ -176,38 +175,39 @@ class Options:
         stage=BUILDING,
     )
     start_time: float | None = _stepping(
-        help="Simulated time at which the run begins. Default: the scenario's, or 0.",
+        help="Start time of the simulation. Default: the scenario's, or 0.",
         unit="s",
         identity="start time",
         commands=ALL,
     )
     stop_time: float | None = _stepping(
-        help="Simulated time at which the run ends. Default: the scenario's.", unit="s", commands=ALL
+        help="Stop time of the simulation. Default: the scenario's.", unit="s", commands=ALL
     )
     step_size: float | None = _stepping(
-        help="Time between two exchanges of values between the FMUs. Default: the scenario's.",
+        help="Communication step: time between two exchanges of values between the FMUs. Default: the "
+        "scenario's.",
         unit="s",
         identity="step size",
         commands=ALL,
     )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",
-        help="In which order FMUs step and exchange values, see docs/master.md.",
+        help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
         takes=Algorithm,
     )
     step_size_control: str | StepSizeControl | None = _stepping(
-        help="What decides how long steps are. Default: the one that has the options that are given, such as "
-        "error with --error-tolerance; without such options fixed.",
+        help="Step-size control. Default: the one that the other options imply, such as error for "
+        "--error-tolerance; otherwise fixed.",
         choices=lambda: STEP_SIZE_CONTROLS,
         identity="step-size control",
         takes=StepSizeControl,
     )
     isolate: Sequence[str] | bool = _system(
         [],
-        help="Run a component in a process of its own, so that a crash ends it alone (repeatable, * for "
-        "several). Without a name: all.",
+        help="Run a component in a separate process, so that a crash ends only that process (repeatable; "
+        "* matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE),
         takes=bool,
@@ -217,14 +217,14 @@ class Options:
     )
     compiled: bool = _stepping(
         True,
-        help="Step in compiled code where that is possible; the results are the same.",
+        help="Step in compiled code where possible. The results are the same.",
         flag="--kernel",
         in_file=False,
         recorded=False,
     )
     threads: int | None = _stepping(
-        help="Threads that step FMUs; the results are the same. Default: auto, as many as there are cores, "
-        "where that is measured to be faster.",
+        help="Number of threads that step FMUs. The results are the same. Default: auto, which uses all "
+        "cores where this is measured to be faster.",
         metavar="N|auto",
         parse=read_threads,
         in_file=False,
@@ -232,7 +232,7 @@ class Options:
         commands=(RUN,),
     )
     real_time: float | None = _stepping(
-        help="Simulate at most so many seconds per second. Default: as fast as it goes.",
+        help="Largest speed, in simulated seconds per second. Default: no limit.",
         flag="--realtime",
         metavar="FACTOR",
         record="real_time_factor",
@@ -240,12 +240,10 @@ class Options:
         repeated=False,
         in_sweep=LEFT_OUT,
     )
-    output: Path | None = _shown(
-        help="Folder for all that comes out. Default: results/SCENARIO.", writes="folder"
-    )
+    output: Path | None = _shown(help="Output folder. Default: results/SCENARIO.", writes="folder")
     overwrite: bool = _output(
         False,
-        help="Replace files that emla did not write; never links, folders, devices or pipes.",
+        help="Replace files that emla did not write. Links, folders, devices and pipes are never replaced.",
         in_file=False,
         recorded=False,
         repeated=False,
@@ -266,7 +264,7 @@ class Options:
     )
     roles: Mapping[str, str] = _output(
         {},
-        help="Signal that plays a role for a joint, such as lift.x_L=axis.position (repeatable).",
+        help="Assign a signal to a role of a joint, such as lift.x_L=axis.position (repeatable).",
         flag="--role",
         metavar="JOINT.ROLE=SIGNAL",
         commands=(RUN, SWEEP),
@@ -274,7 +272,7 @@ class Options:
     )
     criteria: Mapping[str, float | str] = _output(
         {},
-        help="What a joint is judged by, such as 'lift.position_window=0.5 mm', or * for all joints: "
+        help="Set a criterion of a joint, such as 'lift.position_window=0.5 mm'; * means all joints. See "
         "docs/metrics.md (repeatable).",
         flag="--criterion",
         metavar="JOINT.CRITERION=VALUE",
@@ -282,8 +280,8 @@ class Options:
     )
     bonds: Mapping[str, str] = _output(
         {},
-        help="Two signals that form a power bond, such as axis='load.F * actuator.v': how much energy the "
-        "coupling creates or destroys there is reported (repeatable).",
+        help="Declare a power bond between two signals, such as axis='load.F * actuator.v'. The run "
+        "reports the energy that the coupling creates or destroys there (repeatable).",
         flag="--bond",
         metavar="NAME='EFFORT * FLOW'",
         commands=(RUN, SWEEP),
@@ -291,31 +289,33 @@ class Options:
     )
     require: Sequence[str] = _output(
         [],
-        help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",
-        metavar="'FIGURE < VALUE'",
+        help="Fail unless this condition holds, such as 'lift.position_error_m < 2e-5' (repeatable).",
+        metavar="'METRIC < VALUE'",
         commands=(RUN, SWEEP),
         in_sweep=SAME,
     )
     reference: Path | None = _output(
-        help="Fail unless every signal agrees with that of an earlier run, whose folder this is.",
+        help="Fail unless every signal agrees with an earlier run. Name that run's output folder.",
         metavar="FOLDER",
         commands=(RUN,),
         in_file=False,
     )
     tolerance: Mapping[str, Tolerance] = _output(
         {},
-        help="How far signals may be off in --reference, as a part of their range; of all, or of those that "
-        "PATTERN means (repeatable). Default: 1e-3.",
+        help="Tolerance of --reference relative to each signal's range, for all signals or for those that "
+        "match PATTERN (repeatable). Default: 1e-3.",
         metavar="[PATTERN=]NUMBER",
         commands=(RUN,),
         in_file=False,
         parse=read_tolerances,
     )
-    plots: bool = _shown(True, help="Draw pictures into the output folder.")
-    animate: bool = _shown(False, help="Draw an animation of the manipulator, a GIF.", commands=(RUN,))
-    report: bool = _shown(False, help="Write a page to look at and to keep, report.html.", commands=(RUN,))
+    plots: bool = _shown(True, help="Draw plots into the output folder.")
+    animate: bool = _shown(
+        False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
+    )
+    report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
     checkpoint: Path | None = _output(
-        help="Save the state of the run to this file every minute and at the end, for --resume.",
+        help="Save the state of the run to this file, every minute and at the end, for --resume.",
         in_file=False,
         recorded=False,
         writes="file",
@@ -324,7 +324,7 @@ class Options:
         in_sweep=LEFT_OUT,
     )
     resume: Path | None = _output(
-        help="Continue the run whose state this file of --checkpoint holds.",
+        help="Continue a run from this file, written by --checkpoint.",
         in_file=False,
         record="resumed_from",
         commands=(RUN,),
@@ -334,11 +334,11 @@ class Options:
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
-        """Read values as `read_options` does, and return the options with them; CommandError as there."""
+        """Return the options with new values. Read them and raise errors as `read_options` does."""
         return self.merged(read_options(given, where, folder))
 
     def merged(self, values: Mapping[str, Any]) -> "Options":
-        """Return the options with values that `read_options` returned, merged as `merge` does."""
+        """Return the options with values from `read_options`, merged as by `merge`."""
         if not values:
             return self
         both = merge({**{n: getattr(self, n) for n in values if n in _FIXED}, **self.own}, values)
@@ -347,12 +347,12 @@ class Options:
 
     @property
     def algorithm_name(self) -> str:
-        """The name of the algorithm; for one of the user's own, that of its class."""
+        """Return the name of the algorithm, or the class name of the user's own."""
         return _name_of(self.algorithm, ALGORITHMS)
 
     @property
     def step_size_control_name(self) -> str:
-        """The name of the step-size control that applies; for one of the user's own, that of its class."""
+        """Return the name of the step-size control in effect, or the class name of the user's own."""
         if self.step_size_control is not None:
             return _name_of(self.step_size_control, STEP_SIZE_CONTROLS)
         asked = (n for n, kind in STEP_SIZE_CONTROLS.items() if not _names(kind).isdisjoint(self.own))
@@ -360,15 +360,16 @@ class Options:
 
     @property
     def isolated(self) -> Sequence[str]:
-        """Patterns of the components to isolate."""
+        """Return the patterns of the components to isolate."""
         if isinstance(self.isolate, bool):
             return ["*"] if self.isolate else []
         return self.isolate
 
     def replacements(self) -> dict[str, Replacement]:
-        """Replacements by component, with the mappings that are given apart from them.
+        """Return the replacements by component, including the mappings from the option `mapping`.
 
-        Raises CommandError for a mapping of a component that is not replaced.
+        Raises:
+            CommandError: If a mapping names a component that is not replaced.
         """
         found = dict(self.replace)
         for name, file in self.mapping.items():
@@ -378,7 +379,7 @@ class Options:
         return found
 
     def files_read(self) -> dict[Path, str]:
-        """The files that a run reads, and what they are."""
+        """Return what a run reads, by path."""
         found = dict.fromkeys(self.parameters, "the parameter set")
         for replacement in self.replacements().values():
             found[replacement.fmu] = "the FMU"
@@ -398,22 +399,23 @@ class Options:
         return found
 
     def make_algorithm(self) -> Algorithm:
-        """The algorithm with its options; CommandError for one that it does not have."""
+        """Return the algorithm with its options. Raise CommandError for options that it does not have."""
         return self._made(self.algorithm, ALGORITHMS, "algorithm")
 
     def make_step_size_control(self) -> StepSizeControl:
-        """Return the step-size control with its options; CommandError for what does not fit."""
+        """Return the step-size control with its options. Raise CommandError for options it does not have."""
         chosen = self.step_size_control or self.step_size_control_name
         found = self._made(chosen, STEP_SIZE_CONTROLS, "step-size control")
         found.check()
         return found
 
     def _made(self, chosen: str | _Kind, kinds: Mapping[str, type[_Kind]], what: str) -> _Kind:
-        """Return the one of these kinds that is chosen, with its options."""
         given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in kinds.values())}
         if not isinstance(chosen, str):
             if given:
-                raise CommandError(f"the {what} is given with its options; leave out {join_names(given)}.")
+                raise CommandError(
+                    f"the {what} is an object with its own options; leave out {join_names(given)}."
+                )
             return chosen
         for name in given:
             if name not in _names(kinds[chosen]):
@@ -426,14 +428,14 @@ class Options:
         return kinds[chosen](**given)
 
     def make_recorders(self) -> list[Recorder]:
-        """Those of `RECORDERS` that an option asks for."""
+        """Return the recorders of `RECORDERS` that an option selects."""
         asked = (
             (kind, {n: v for n, v in self.own.items() if n in _names(kind)}) for kind in RECORDERS.values()
         )
         return [kind(**given) for kind, given in asked if given]
 
     def in_effect(self) -> list[tuple[Option, Any]]:
-        """Every option that applies, with its value."""
+        """Return every option that applies, with its value."""
         found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
         control = self.make_step_size_control()
         for part in (self.make_algorithm(), control, *self.make_recorders()):
@@ -446,26 +448,26 @@ _FIXED = {o.name: o for o in options_of(Options)}
 
 
 def list_options(command: str | None = None) -> dict[str, Option]:
-    """All options by name, those of registered kinds included; of one command if it is named."""
+    """Return all options by name, or those of one command. Registered classes add theirs."""
     kinds = (*ALGORITHMS.values(), *STEP_SIZE_CONTROLS.values(), *RECORDERS.values())
     own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
 
 
 def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options by name, but for those that hold for one command."""
+    """Return options by name, without those that hold for one command only."""
     known = list_options()
     return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
 
 
 def merge(before: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge values of options by name: tables are merged, everything else is replaced."""
+    """Merge values of options by name. Tables are merged; all other values are replaced."""
     tables = {n for n, value in later.items() if isinstance(value, Mapping) and before.get(n)}
     return {**before, **{n: _merge_tables(before[n], v) if n in tables else v for n, v in later.items()}}
 
 
 def _merge_tables(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    """Two tables as one: what was found later wins, over names that its patterns mean too."""
+    """Merge two tables. Later entries replace those whose names their patterns match."""
     patterns = [name for name in found if has_wildcard(name)]
     kept = {
         n: v for n, v in before.items() if n not in found and not any(matches_pattern(n, p) for p in patterns)
@@ -484,10 +486,15 @@ def _names(kind: type) -> set[str]:
 
 
 def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> dict[str, Any]:
-    """Read values of options, by name, as their types.
+    """Read values of options by name and convert them to their types.
 
-    `where` is what sentences call the place of the values, and paths in them are relative to `folder`.
-    Raises CommandError for an unknown name, or a value of another type or range.
+    Args:
+        given: Values by name of the option.
+        where: Source of the values, for error messages.
+        folder: Folder to which paths in the values are relative.
+
+    Raises:
+        CommandError: If a name is unknown, or a value has a wrong type or range.
     """
     known, of = list_options() if given else {}, f" of {where}" if where else ""
     return {
@@ -499,9 +506,17 @@ def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None 
 def read_option(
     name: str, value: Any, label: str, folder: Path | None = None, known: Mapping[str, Option] | None = None
 ) -> Any:
-    """The value of an option as its type; sentences call it `label`, paths are relative to `folder`.
+    """Convert the value of an option to its type.
 
-    Raises CommandError for a name that is none of `known`, and for a value of another type or range.
+    Args:
+        name: Name of the option.
+        value: Value to read.
+        label: Name of the value in error messages.
+        folder: Folder to which paths in the value are relative.
+        known: Options to choose from. Default: all.
+
+    Raises:
+        CommandError: If the name is not in `known`, or the value has a wrong type or range.
     """
     options = list_options() if known is None else known
     if name not in options:
@@ -530,7 +545,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
 
 
 def _with_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
-    """A table with name[1], name[2] in the place of a name that has a list."""
+    """Replace each entry that has a list by entries `name[1]`, `name[2]` and so on."""
     found: dict[Any, Any] = {}
     for name, value in values.items():
         many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
@@ -542,7 +557,7 @@ def _with_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
 
 
 def _in_unit(text: str, unit: str, label: str) -> float:
-    """A number, or a quantity in this unit; CommandError for any other text."""
+    """Read a number, or a quantity in this unit. Raise CommandError for any other text."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Where a run comes from: the scenario as it was named, and what was given beside it."""
+"""Origin of a run: the named scenario and the options set for it."""
 
 import hashlib
 from collections.abc import Mapping
@@ -12,10 +12,10 @@ from .options import list_options, merge
 
 @dataclass(frozen=True)
 class RunOrigin:
-    """The scenario that was named, and the options that were given beside it, typed, by name.
+    """The scenario of a run and the options that were set for it, by name.
 
-    `source` is a name, or the absolute path of a file; None of a system made in Python. `sha256` is the
-    hash of that file as it was read, None where it is no file. Paths among the options are absolute.
+    `source` is a name, or the absolute path of a file; None for a system made in Python. `sha256` is the
+    hash of that file, or None if it is no file. Paths among the options are absolute.
     """
 
     source: str | None = None
@@ -23,7 +23,7 @@ class RunOrigin:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any]) -> "RunOrigin":
-        """Return the origin with further options, which `read_options` returned, merged as `merge` does."""
+        """Return the origin with further options from `read_options`, merged as by `merge`."""
         if not given:
             return self
         both = merge(self.overrides, with_gains(given))
@@ -32,18 +32,18 @@ class RunOrigin:
 
 
 def read_origin(path: Path, content: bytes | None) -> RunOrigin:
-    """The origin that a file with this content is; None of a folder."""
+    """Return the origin for a file with this content; `content` is None for a folder."""
     digest = None if content is None else hashlib.sha256(content).hexdigest()
     return RunOrigin(str(get_working_folder() / path), digest)
 
 
 def with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return options in which a controller without gains gets its recommended ones, not those of another."""
+    """Return options in which a new controller gets its recommended gain set, unless one is set."""
     return {"gains": None, **given} if given.get("controller") is not None else given
 
 
 def _make_absolute(name: str, value: Any) -> Any:
-    """A value whose paths lead to the same files from anywhere."""
+    """Make the paths in a value absolute."""
     if isinstance(value, Path):
         return get_working_folder() / value
     if isinstance(value, Mapping):
@@ -60,4 +60,4 @@ def _make_absolute(name: str, value: Any) -> Any:
 
 
 _FILES = (".fmu", ".py")
-"""How the names of controllers end that are files."""
+"""Suffixes of controllers that are files."""

@@ -1,4 +1,4 @@
-"""Start values from files: parameter sets of SSP, and tables whose columns are scalars and arrays."""
+"""Start values from files: SSP parameter sets, and tables with columns for scalars and arrays."""
 
 import difflib
 import re
@@ -24,9 +24,13 @@ _ONE = SiUnit("1", (0,) * 8)
 
 
 def file_values(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
-    """Start values by full name from a table (CSV, Parquet, a registered format) or a parameter set (SSV).
+    """Read start values from a table (CSV, Parquet, a registered format) or a parameter set (SSV).
 
-    They are in the units that variables have in the system. Raises CommandError for whatever does not fit.
+    Returns:
+        Values by full name, in the units of the system's variables.
+
+    Raises:
+        CommandError: If the file cannot be read, or a value does not fit its variable.
     """
     if file.name.lower().endswith(table_endings()):
         return _read_table_values(read_table(file, "the parameter table"), system, interfaces)
@@ -40,7 +44,7 @@ def _read_table_values(
     for position in range(len(data.headers)):
         for name, value in _read_column_values(data, position, system, interfaces).items():
             if name in values:
-                raise CommandError(f"{data.label} gives {name} a second value.", name=name)
+                raise CommandError(f"{data.label} has a second value for {name}.", name=name)
             values[name] = value
     return values
 
@@ -48,7 +52,7 @@ def _read_table_values(
 def _read_column_values(
     data: DataTable, position: int, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, Value]:
-    """The values of a scalar, or of the first elements of an array."""
+    """Read the value of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
     try:
@@ -77,7 +81,7 @@ def _read_column_values(
 
 
 def _elements(component: Component, name: str, interface: Interface, label: str) -> list[str]:
-    """The variables that a name means, itself or the elements of an array; CommandError for none."""
+    """Return a variable, or the elements of an array. Raise CommandError for an unknown name."""
     known: Collection[str] = {*component.aliases, *interface.variables}
     if name in known:
         return [name]
@@ -91,13 +95,13 @@ def _elements(component: Component, name: str, interface: Interface, label: str)
 
 
 def _unit(component: Component, name: str, interface: Interface, given: SiUnit | None) -> SiUnit | None:
-    """The unit of a variable in the system; that of a pure number where it has none but is given one."""
+    """Return the unit of a variable in the system, or dimensionless if it has none and the file gives one."""
     alias = component.alias(name)
     return alias.unit or interface.unit(alias.variable) or (None if given is None else _ONE)
 
 
 def _check_value(component: Component, name: str, interface: Interface, value: float) -> Value:
-    """The value as it is, once it is known that the variable can have it; CommandError otherwise."""
+    """Return the value if the variable can have it. Raise CommandError otherwise."""
     alias = component.alias(name)
     variable = interface.variables[alias.variable]
     plain = value if variable.type == "Real" or not value.is_integer() else int(value)

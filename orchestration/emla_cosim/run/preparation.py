@@ -1,4 +1,4 @@
-"""A system made ready to run or to export: FMUs built, parameter files applied, components replaced."""
+"""Prepare a system to run or to export: build FMUs, apply parameter files, replace components."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,16 +21,20 @@ from .replacement import replace_component
 
 
 def prepare_system(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
-    """The system with all that the options change, and the FMU file of every component.
+    """Apply the options to a system, and build its FMUs.
 
-    Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
-    what does not fit, RunError where FMUs cannot be built.
+    The progress of preparing has one unit more, for what the caller does next.
+
+    Returns:
+        The changed system, and the FMU file of every component.
+
+    Raises:
+        CommandError: If an option does not fit the system.
+        RunError: If an FMU cannot be built.
     """
     tables, as_made = [LoadedInput.of(source) for source in options.input], system
     system, faults = add_fault_components(system, options.fault)
-    system.with_parameters(
-        select_plain_names(options.set)
-    )  # unknown names are found before anything is built
+    system.with_parameters(select_plain_names(options.set))  # report unknown names before anything is built
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
@@ -56,9 +60,10 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
 
 
 def limit_to_data_end(options: Options) -> Options:
-    """The options with a stop time no later than the end of data that stop the run.
+    """Return the options with a stop time no later than the end of input data that stop the run.
 
-    Raises CommandError for data that cannot be read, or end before the run begins.
+    Raises:
+        CommandError: If the data cannot be read, or end before the run begins.
     """
     end = find_data_end(options.input)
     if end is None or options.stop_time is None or options.stop_time <= end:
@@ -75,7 +80,7 @@ def limit_to_data_end(options: Options) -> Options:
 
 
 def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
-    """The FMU file of every component, ours built where missing or out of date."""
+    """Return the FMU file of every component. Build built-in FMUs that are missing or out of date."""
     models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
     progress.begin("preparing", len(models) + 1)
     built = {}
@@ -92,7 +97,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
 def _apply_parameter_files(
     system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
 ) -> System:
-    """The system with the values of parameter files, of which later ones win."""
+    """Return the system with the values of parameter files; later files override earlier ones."""
     for file in files:
         system = system.with_parameters(file_values(file, system, interfaces))
     return system
@@ -112,7 +117,7 @@ def _replace_component(
         first, *others = fit.problems
         more = f", and {format_count(len(others), 'more does', 'more do')} not fit" if others else ""
         raise CommandError(
-            f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help.",
+            f"'{replacement.fmu}' cannot replace {name}: {first}{more}; a mapping may help.",
             component=name,
             problems=[str(p) for p in fit.problems],
         )

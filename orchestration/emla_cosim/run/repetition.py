@@ -1,4 +1,4 @@
-"""A run beside the one that it repeats: what differs in what was run, and in what came out."""
+"""Compare a run with the run that it repeats."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,14 +10,20 @@ from .options import list_options
 Record = Mapping[str, Any]
 
 MOST = 8
-"""So many differences are named."""
+"""Most differences to name."""
 
 
 def find_differences(before: Record, now: Record, given: Collection[str] = ()) -> list[str]:
-    """What was run otherwise than before, as parts of a sentence, by both runs' run.json.
+    """List the differences between two runs by their run.json.
 
-    Settings that are `given` anew, by their names in run.json, may differ, and those that no run repeats.
-    Whatever `before` has that no run.json has counts as not there.
+    Args:
+        before: Record of the run that was repeated.
+        now: Record of its repetition.
+        given: Settings that were changed on purpose, by their names in run.json. They are left out, like
+            settings that no run repeats.
+
+    Returns:
+        The differences as noun phrases. Unknown parts of `before` count as missing.
     """
     found = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
     found += _settings(before, now, given)
@@ -27,11 +33,11 @@ def find_differences(before: Record, now: Record, given: Collection[str] = ()) -
 
 
 def describe_differences(found: Sequence[str], where: str) -> str:
-    """One sentence with all differences to the run whose record this is."""
+    """Return a message with all differences from the run with this record."""
     named = list(found[:MOST])
     if len(found) > MOST:
         named.append(f"{len(found) - MOST} more")
-    return f"Not as in {where}: {join_names(named)}."
+    return f"Differences from {where}: {join_names(named)}."
 
 
 def _versions(before: Record, now: Record) -> Iterator[str]:
@@ -54,7 +60,7 @@ def _fmus(before: Record, now: Record) -> Iterator[str]:
             yield f"the component {name}, which is new"
         elif _table(then, name).get("sha256") != component["sha256"]:
             yield f"the FMU of {name}"
-    yield from (f"the component {name}, which is gone" for name in then if name not in here)
+    yield from (f"the component {name}, which no longer exists" for name in then if name not in here)
 
 
 def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
@@ -65,7 +71,7 @@ def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str
 
 
 def _describe_change(name: str, then: Any, here: Any) -> Iterator[str]:
-    """What became of a setting, where names of files count by their last part: where they lie may differ."""
+    """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
     if isinstance(then, dict) and isinstance(here, dict):
         if "sha256" in here and "sha256" in then:
             if here["sha256"] != then["sha256"]:
@@ -90,7 +96,7 @@ def _same_file(then: Any, here: Any) -> bool:
 
 
 def _wiring(before: Record, now: Record) -> Iterator[str]:
-    """Start values and connections, where nothing says why they differ."""
+    """Yield differences of start values and connections that no other difference explains."""
     then, here = _table(before, "components"), _table(now, "components")
     for name, component in here.items():
         if _table(then, name).get("parameters") != component["parameters"]:
@@ -100,10 +106,10 @@ def _wiring(before: Record, now: Record) -> Iterator[str]:
 
 
 def _table(record: Any, name: str) -> Record:
-    """A table of a record; an empty one where somebody made it something else."""
+    """Return a table of a record, or an empty one if the entry is missing or of another type."""
     found = record.get(name)
     return found if isinstance(found, dict) else {}
 
 
 def _or_none(version: Any) -> str:
-    return "not there" if version is None else str(version)
+    return "missing" if version is None else str(version)

@@ -1,4 +1,4 @@
-"""One component replaced by an FMU of somebody else: what fits, what is converted, what is missing."""
+"""Replace a component with another FMU: match variables, convert units, report what is missing."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,11 +23,22 @@ def replace_component(
     other: Interface,
     interfaces: Mapping[str, Interface],
 ) -> tuple[System, CompatibilityReport]:
-    """The system with one component replaced by an FMU with the interface `other`, and how it fits.
+    """Replace a component with an FMU that has the interface `other`.
 
-    `interfaces` are those of the FMUs that were there, by component. Start values and results keep
-    their names and units, connections get those of the other FMU. Raises CommandError for a mapping
-    that cannot be read, or that names what neither FMU has.
+    Start values and results keep their names and units. Connections get those of the new FMU.
+
+    Args:
+        system: System to change.
+        name: Component to replace.
+        replacement: The FMU and its mapping.
+        other: Interface of the new FMU.
+        interfaces: Interfaces of the present FMUs, by component.
+
+    Returns:
+        The changed system, and a report on how the variables match.
+
+    Raises:
+        CommandError: If the mapping cannot be read, or names a variable that neither FMU has.
     """
     component, original = convert_to_fmu_terms(system.component(name)), interfaces[name]
     entries = _entries(replacement, original, other)
@@ -44,7 +55,7 @@ def replace_component(
 def _reconnect(
     connection: Connection, component: Component, interfaces: Mapping[str, Interface]
 ) -> Connection:
-    """A connection in the terms of the FMU that a component has now."""
+    """Express a connection with the names and units of the component's new FMU."""
     leaving = component.aliases.get(connection.output) if connection.source == component.name else None
     arriving = component.aliases.get(connection.input) if connection.target == component.name else None
     if leaving is None and arriving is None:
@@ -73,7 +84,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
         if isinstance(entry.transformation, TableTransformation):
             raise CommandError(
                 f"the mapping '{path}' has a {entry.transformation.kind}MappingTransformation for "
-                f"'{entry.source}'; a replacement can have linear ones."
+                f"'{entry.source}'; only linear ones are supported."
             )
         if entry.source in entries:
             raise CommandError(f"the mapping '{path}' maps '{entry.source}' twice.")
@@ -82,7 +93,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
 
 
 class _VariableMatcher:
-    """Matches all variables that the system uses of a component, or could show."""
+    """Matches all variables of a component that the system uses or can record."""
 
     def __init__(
         self,
@@ -113,18 +124,18 @@ class _VariableMatcher:
 
     @property
     def same(self) -> int:
-        """How many variables have the same name and unit."""
+        """Number of variables with the same name and unit."""
         return len(self._same)
 
     def _target(self, name: str) -> str:
-        """What the other FMU calls a variable; empty where another variable has got that name."""
+        """Return the new FMU's name of a variable; empty if another variable already has that name."""
         entry = self._entries.get(name)
         if entry is not None:
             return entry.target
         return "" if name in self._taken else name
 
     def _needed(self, kind: str, name: str) -> None:
-        """A variable that is connected."""
+        """Match a variable that is connected."""
         variable = self._other.variables.get(self._target(name))
         if variable is None:
             self._say(kind, name, "", "is missing", fatal=True)
@@ -134,9 +145,9 @@ class _VariableMatcher:
             self._converted(kind, name, variable)
 
     def _parameter(self, name: str) -> None:
-        """A variable that has a start value."""
+        """Match a variable that has a start value."""
         if name not in self._original.variables:
-            return  # perhaps the other FMU's own; setting it tells
+            return  # it may belong to the new FMU; setting it reports that
         parameter = self._original.variables[name].causality == "parameter"
         kind = "parameter" if parameter else "start value"
         variable = self._other.variables.get(self._target(name))
@@ -147,7 +158,7 @@ class _VariableMatcher:
             self._converted(kind, name, variable)
 
     def _shown(self, connected: Sequence[str]) -> None:
-        """Outputs that nobody reads but that are recorded under our names."""
+        """Match outputs that are not connected but recorded under the old names."""
         for name, variable in self._original.variables.items():
             theirs = self._other.variables.get(self._target(name))
             if variable.causality != "output" or name in connected or theirs is None:
@@ -156,14 +167,14 @@ class _VariableMatcher:
                 self._converted("output", name, theirs)
 
     def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
-        """Inputs of the other FMU that nothing drives."""
+        """Match inputs of the new FMU that nothing drives."""
         driven = {self._target(name) for name in inputs}
         for name, variable in self._other.variables.items():
             if variable.causality == "input" and name not in driven:
                 yield VariableMatch("input", "", self._with_unit(name, self._other), "keeps its start value")
 
     def _unused(self) -> Iterator[VariableMatch]:
-        """Outputs and parameters of the other FMU that a mapping could still name."""
+        """Match outputs and parameters of the new FMU that a mapping could still name."""
         used = {*self._taken, *self._same}
         for name, variable in self._other.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
@@ -171,12 +182,12 @@ class _VariableMatcher:
 
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:
-            return  # an output that has a start value too
+            return  # an output that also has a start value
         ours, theirs = self._original.unit(name), self._other.unit(variable.name)
         try:
             transformation = self._transformation(name, ours, theirs)
             if transformation.factor == 0.0 and variable.causality == "output":
-                raise ValueError("a factor of 0, which has no way back")
+                raise ValueError("a factor of 0, which cannot be inverted")
         except ValueError as error:
             self._say(kind, name, variable.name, f"has {error}", fatal=True)
             return

@@ -1,4 +1,4 @@
-"""What a run is required to give: conditions on its figures, such as `lift.position_error_m < 2e-5`."""
+"""Requirements: conditions on the metrics of a run, such as `lift.position_error_m < 2e-5`."""
 
 import math
 import operator
@@ -21,15 +21,15 @@ _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
 
 RENAMED: dict[str, str] = {}
-"""Names of figures that older versions had, and what has taken their places; filled by who has figures."""
+"""Former names of metrics, each with its new name. Registered by the packages that define metrics."""
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
-"""The content of metrics.json but for the run: by kind, by what they are of, and by name."""
+"""The content of metrics.json without the run: by kind, by subject, and by name."""
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A figure by its name (joint.figure, or run.figure), and what it is compared with."""
+    """A condition on a metric, named joint.metric or run.metric."""
 
     figure: str
     sign: str
@@ -40,35 +40,37 @@ class Requirement:
         return f"{self.figure} {self.sign} {value}"
 
     def met_by(self, figure: Any) -> bool:
-        """Whether a figure is as required; one that is missing, NaN or of another kind is not."""
+        """Return whether a value meets the condition. Missing, NaN and values of other types do not."""
         if isinstance(figure, bool) != isinstance(self.value, bool) or not _is_figure(figure):
             return False
         return not math.isnan(figure) and bool(_COMPARISONS[self.sign](figure, self.value))
 
 
 def parse_requirement(text: str) -> Requirement:
-    """Read one; CommandError for a text that is none."""
+    """Parse a requirement. Raise CommandError for any other text."""
     figure, sign, right, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
     value = _value(right)
     if any(more) or not figure or value is None:
         raise CommandError(
-            f"the requirement '{text}' must be FIGURE, one of {join_names(_COMPARISONS)}, and a number, true "
-            "or "
-            "false, such as 'lift.position_error_m < 2e-5'.",
+            f"the requirement '{text}' is invalid. Write METRIC, one of {join_names(_COMPARISONS)}, and a "
+            "number, true or false, such as 'lift.position_error_m < 2e-5'.",
             requirement=text,
         )
     if isinstance(value, bool) and sign not in ("==", "!="):
         raise CommandError(
-            f"the requirement '{text}' compares by {sign}; true and false take == or !=.",
+            f"the requirement '{text}' compares with {sign}; use == or != with true and false.",
             requirement=text,
         )
     return Requirement(figure, sign, value)
 
 
 def check_requirements(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> None:
-    """Raise CommandError for a figure that a run cannot have, or that is no number where one is required.
+    """Check that a run can have the required metrics.
 
-    `figures` are those before the first row. Where some kind has none yet, any name may still come.
+    `figures` are those before the first row. If a kind has none yet, all its names are accepted.
+
+    Raises:
+        CommandError: If there is no such metric, or its type does not fit the condition.
     """
     known = flatten_figures(figures, run)
     complete = all(figures.values())
@@ -78,7 +80,7 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
             if not complete:
                 continue
             raise CommandError(
-                f"there is no figure '{name}' to require; {suggest_figure(name, known)}", name=name
+                f"there is no metric '{name}' to require; {suggest_figure(name, known)}", name=name
             )
         if isinstance(known[name], bool) != isinstance(required.value, bool):
             right = "true or false" if isinstance(known[name], bool) else "a number"
@@ -86,47 +88,44 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
 
 
 def suggest_figure(name: str, known: Collection[str]) -> str:
-    """Return what a message says after that there is no such figure: its new name, similar ones, or some."""
+    """Return the end of a message on an unknown metric: its new name, or similar ones."""
     of, _, figure = name.rpartition(".")
     if figure in RENAMED:
-        return f"'{figure}' is called '{of}{'.' if of else ''}{RENAMED[figure]}' now: docs/metrics.md."
+        return f"'{figure}' is now called '{of}{'.' if of else ''}{RENAMED[figure]}': docs/metrics.md."
     return suggest_names(name, known)
 
 
 class UnknownFigureError(CommandError, KeyError):
-    """A figure that there is not, by a name that older versions had."""
+    """Unknown metric. The message gives the new name of a renamed one."""
 
-    __str__ = Exception.__str__  # KeyError shows its message as Python writes it
+    __str__ = Exception.__str__  # KeyError would show the message in quotes
 
 
 class NamedFigures(dict[str, Any]):
-    """Figures by name, which know the names that older versions had.
-
-    `figures["converged"]` raises UnknownFigureError, which is a KeyError, with the new name.
-    """
+    """Metrics by name. For a former name, `[]` raises UnknownFigureError, a KeyError, with the new name."""
 
     def __missing__(self, name: str) -> Any:
         if name in RENAMED:
-            raise UnknownFigureError(f"there is no figure '{name}'; {suggest_figure(name, self)}", name=name)
+            raise UnknownFigureError(f"there is no metric '{name}'; {suggest_figure(name, self)}", name=name)
         raise KeyError(name)
 
 
 def describe_unmet(
     requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]
 ) -> str | None:
-    """A sentence with all that is not as required, and what it is; None where everything is."""
+    """Return a message on the requirements that are not met, or None if all are met."""
     known = flatten_figures(figures, run) if requirements else {}
     failing = [r for r in requirements if not r.met_by(known.get(r.figure))]
     if not failing:
         return None
     return (
-        "not as required: "
+        "requirements not met: "
         f"{'; '.join(f'{r}, but {_format_figure(known.get(r.figure), r)}' for r in failing)}."
     )
 
 
 def flatten_figures(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers and truths by name.figure."""
+    """Return numbers and Booleans by subject.metric."""
     all_ = [of for kind in figures.values() for of in kind.items()] + [("run", run)]
     return {f"{of}.{name}": value for of, found in all_ for name, value in found.items() if _is_figure(value)}
 
@@ -136,7 +135,7 @@ def _is_figure(value: Any) -> bool:
 
 
 def _value(text: str) -> float | bool | None:
-    """A finite number, or a truth; None for any other text."""
+    """Parse a finite number, true or false. Return None for any other text."""
     if text in _WORDS:
         return _WORDS[text]
     try:

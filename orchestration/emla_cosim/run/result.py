@@ -1,4 +1,4 @@
-"""What came out of a run: signals as arrays, metrics, how it went; and how it is kept."""
+"""Result of a run: signals as arrays, metrics, statistics of the run, and how to save them."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -25,21 +25,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Result:
-    """How a run went, and what it gave.
+    """Signals, metrics and statistics of a run.
 
-    `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
-    in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json;
-    `remarks` are sentences to be read before them.
-    `signals` has `minimum`, `maximum`, `rms` and `final` value of every recorded signal by its full name,
-    in its unit and from every communication point; NaN where a value was NaN.
-    `problem` is None, or the sentence that says why the run ended early, or what is not as required;
-    `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
-    `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
-    `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
-    `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
-    the parameters of all components that are numbers, by full name. `roles` are those of the option.
-    `notes` are sentences, without their stops, on the scenario with the values of this run.
-    `coupling` has what the exchange of values cost, by bond and by connection, as in metrics.json.
+    `result["lift.plant.x_L"]` is a signal as an array, with a value for each element of `time`.
+
+    Attributes:
+        units: Units of the signals, by name.
+        metrics: Metrics by kind, subject and name, as in metrics.json.
+        remarks: Messages to read before the metrics.
+        signals: `minimum`, `maximum`, `rms` and `final` value of every recorded signal, by its full name and
+            in its unit, over all communication points; NaN if a value was NaN.
+        problem: Message that says why the run ended early or which requirement is not met, or None.
+        interrupted: Whether the user interrupted the run.
+        steps, simulated_s, wall_s: Extent of this run, without the part before its checkpoint.
+        end_s: Simulated time reached.
+        stepping: Statistics of the steps.
+        pacing: Statistics of real-time pacing.
+        record: Content of run.json.
+        comparisons: Comparisons with the run that the option `reference` names.
+        parameters: Numeric parameters of all components, by full name.
+        roles: The option `roles`.
+        notes: Remarks on the scenario with the values of this run, without full stops.
+        coupling: Errors of the coupling, by bond and by connection, as in metrics.json.
     """
 
     name: str
@@ -66,45 +73,50 @@ class Result:
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
-        """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""
+        """Return a signal at the times of `time`, in its unit. Raise CommandError if it does not exist."""
         return self.read([name])[name]
 
     @property
     def time(self) -> Vector:
-        """The times of the rows in s."""
+        """Times of the rows in s."""
         return self["time"]
 
     @property
     def names(self) -> list[str]:
-        """The signals that were kept."""
+        """Names of the recorded signals."""
         return self._table.names[1:]
 
     @property
     def run_figures(self) -> dict[str, Any]:
-        """Figures of the run itself, as in metrics.json: how many steps, and how long they took."""
+        """Statistics of the run as in metrics.json: number of steps and durations."""
         return run_figures(self.steps, self.wall_s)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Some signals, or `time`, by name; of more than `most` rows only every n-th may be given.
+        """Read signals, or `time`, by name.
 
-        Raises CommandError for a signal that was not kept.
+        Args:
+            names: Names of signals.
+            most: Largest number of rows. If there are more, every n-th row may be returned.
+
+        Raises:
+            CommandError: If a signal was not recorded.
         """
         known = self._table.names
         for name in names:
             if name not in known:
                 near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
-                meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` has those that are."
-                raise CommandError(f"no signal '{name}' was kept{meant}", name=name, near=near)
+                meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
+                raise CommandError(f"the signal '{name}' was not recorded{meant}", name=name, near=near)
         return self._table.read(names, most)
 
     def to_polars(self) -> "polars.DataFrame":
-        """All rows as a polars data frame, `time` first."""
+        """Return all rows as a polars data frame; the first column is `time`."""
         import polars
 
         return polars.DataFrame(self.read(self._table.names))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """All rows as a pandas data frame with `time` as its index; CommandError without pandas."""
+        """Return all rows as a pandas data frame, indexed by `time`. Raise CommandError without pandas."""
         try:
             import pandas
         except ImportError as error:
@@ -115,7 +127,7 @@ class Result:
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
     def plot(self, *names: str) -> "Figure":
-        """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
+        """Plot signals over time, a panel per unit. Patterns such as `lift.*.x_*` select several signals."""
         from ..views.plots.overlay import plot_signals
 
         return plot_signals(self, names)
@@ -123,12 +135,16 @@ class Result:
     def compare(
         self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
     ) -> tuple[Comparison, ...]:
-        """Hold every signal against that of a run that was saved, in a tube in value and time around it.
+        """Compare every signal with that of a saved run, in a tube in value and time around it.
 
-        `reference` is a folder of results, or a table; `tolerance` says how wide tubes are, by name or
-        pattern, a number relative to the signal's range. Raises CommandError where there is no such run.
+        Args:
+            reference: Output folder of a run, or a table.
+            tolerance: Width of the tubes relative to a signal's range, by name or pattern.
+
+        Raises:
+            CommandError: If there is no such run.
         """
-        from ..recorders.stored import open_stored_run  # which loads polars
+        from ..recorders.stored import open_stored_run  # importing it loads polars
 
         given = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
         stored = open_stored_run(convert_value(reference, Path, "the reference"))
@@ -142,11 +158,21 @@ class Result:
         report: bool = False,
         overwrite: bool = False,
     ) -> list[Path]:
-        """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
+        """Write results.csv, metrics.json, run.json and plots to a folder.
 
-        `animate` adds an animation, as a GIF, and `report` a page, report.html. Files that emla did not write
-        are only replaced with `overwrite`. Raises CommandError where the folder cannot be written, or nothing
-        can be animated; RunError where the disk is full.
+        Args:
+            folder: Output folder.
+            plots: Whether to write plots.
+            animate: Whether to write an animation (GIF).
+            report: Whether to write a page, report.html.
+            overwrite: Whether to replace files that emla did not write.
+
+        Returns:
+            The plot files.
+
+        Raises:
+            CommandError: If the folder cannot be written, or the run cannot be animated.
+            RunError: If the disk is full.
         """
         from ..views.animation import check_animated
         from ..views.output_folder import OutputFolder
@@ -168,10 +194,10 @@ class Result:
     @property
     def _table(self) -> Table:
         if self.table is None:
-            raise CommandError("the run kept no table; hand in a recorder such as TimeSeries.")
+            raise CommandError("the run has no table; use a recorder such as TimeSeries.")
         return self.table
 
 
 def run_figures(steps: int = 0, wall_s: float = 0.0) -> dict[str, Any]:
-    """What metrics.json says of a run with so many steps in this wall time in s."""
+    """Return the statistics of a run for metrics.json, from its steps and its wall time in s."""
     return {"steps": steps, "wall_s": wall_s, "steps_per_s": steps / wall_s if wall_s > 0 else 0.0}

@@ -1,4 +1,4 @@
-"""run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
+"""Write run.json, which has everything needed to repeat a run, and the identity of checkpoints."""
 
 import platform
 from collections.abc import Callable, Mapping
@@ -18,19 +18,19 @@ from .options import Options, list_options
 from .origin import RunOrigin
 
 PYTHON = "python"
-"""The key of an object that exists in Python alone, by the name of its class."""
+"""Key for an object that only Python can make; the value is the name of its class."""
 
 COMPLETED = "completed"
-"""The status of a run that came to its end."""
+"""Status of a run that reached its stop time."""
 
 _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
 
 @dataclass(frozen=True)
 class RunDefinition:
-    """All that decides what a run gives; `fmus` has the content hash of every component's FMU.
+    """Everything that determines a run's result. `fmus` has the content hash of every component's FMU.
 
-    run.json, checkpoints and the records of many runs tell parts of it, each by names of its own.
+    run.json, checkpoints and the records of many runs contain parts of it, under names of their own.
     """
 
     system: System
@@ -39,20 +39,20 @@ class RunDefinition:
 
     @property
     def checkpoint_identity(self) -> dict[str, Any]:
-        """What must be the same for a run to be continued, by the names it has in messages."""
+        """What must be equal to continue a run, by its name in messages."""
         times = {"start time": self.options.start_time or 0.0, "step size": self.options.step_size}
         return {**self._system, **self.values(lambda o: o.about.identity), **times}
 
     @property
     def variants_identity(self) -> dict[str, Any]:
-        """What must be the same for many runs of one preparation to be continued."""
+        """What must be equal to continue many runs of one preparation."""
         times = self.options.start_time, self.options.stop_time, self.options.step_size
         chosen = self.values(lambda o: o.name if o.about.recorded else "")
         return {**self._system, "options": chosen, "times": times, "by": chosen["algorithm"]}
 
     @property
     def _system(self) -> dict[str, Any]:
-        """What the system is, by the names that it has in messages."""
+        """What defines the system, by its name in messages."""
         every = self.system.components
         return {
             "FMUs": dict(self.fmus),
@@ -63,7 +63,7 @@ class RunDefinition:
         }
 
     def values(self, name: Callable[[Option], str]) -> dict[str, Any]:
-        """Return the options in effect as JSON, by their `name`; those with an empty one are left out."""
+        """Return the options in effect as JSON, by their `name`, without those whose name is empty."""
         chosen = {
             "algorithm": self.options.algorithm_name,
             "step_size_control": self.options.step_size_control_name,
@@ -87,9 +87,9 @@ def build_run_record(
     problem: str | None,
     unpacked: Path | None = None,
 ) -> dict[str, Any]:
-    """The record of a run that is defined so; `problem` says why it ended early, if it did.
+    """Return the content of run.json.
 
-    FMUs in the folder `unpacked` are called as in their package.
+    `problem` says why the run ended early. FMUs in the folder `unpacked` have their names in the package.
     """
     system = definition.system
     return {
@@ -120,9 +120,9 @@ def build_run_record(
 
 
 def _settings(definition: RunDefinition, times: CommunicationPoints, every: int) -> dict[str, Any]:
-    """The options that applied, as they were in effect."""
+    """Return the options in effect."""
     options, found = definition.options, definition.values(lambda o: o.record if o.about.recorded else "")
-    del found["mapping"]  # which is told with the replacement
+    del found["mapping"]  # it is part of the replacement
     is_regular = options.make_step_size_control().is_regular
     interval = every * times.step if is_regular else options.output_interval
     return found | {
@@ -137,9 +137,9 @@ def _settings(definition: RunDefinition, times: CommunicationPoints, every: int)
 
 
 def list_overrides(origin: RunOrigin) -> dict[str, Any]:
-    """What was given beside the scenario, by option, but for what no result depends on.
+    """Return the options set for the scenario, without those that cannot change a result.
 
-    In the place of an object of Python there is the name of its class, as `{"python": name}`.
+    Objects of Python appear as `{"python": name}`, with the name of their class.
     """
     known = list_options()
     given = {name: value for name, value in origin.overrides.items() if known[name].about.recorded}
@@ -147,7 +147,7 @@ def list_overrides(origin: RunOrigin) -> dict[str, Any]:
 
 
 def _repeatable(value: Any, takes: type | None) -> Any:
-    """A value of an option as JSON from which it can be made again, objects of the type `takes` marked."""
+    """Convert the value of an option to JSON that can be read back; mark objects of the type `takes`."""
     if isinstance(value, Mapping):
         return {key: _repeatable(inner, takes) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
@@ -162,7 +162,7 @@ def _repeatable(value: Any, takes: type | None) -> Any:
 
 
 def _content(path: Path) -> dict[str, str | None]:
-    """A file with the hash of its content; None in its place where it cannot be read any more."""
+    """Return a file with the hash of its content, which is None if it cannot be read."""
     return {"file": str(path), "sha256": hash_if_readable(path)}
 
 
@@ -174,7 +174,7 @@ def _file(path: Path, unpacked: Path | None) -> str:
 
 @cache
 def list_versions() -> dict[str, str | None]:
-    """Versions of what runs; None for a package that this host lacks."""
+    """Return the versions of Python and of the packages that affect results; None for missing packages."""
     found: dict[str, str | None] = {
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -188,7 +188,7 @@ def list_versions() -> dict[str, str | None]:
 
 
 def to_plain(value: Any) -> Any:
-    """A value of an option as JSON has it."""
+    """Convert the value of an option to JSON."""
     if isinstance(value, Algorithm):
         return to_plain(type(value))
     if isinstance(value, FileOrObject):

@@ -1,4 +1,4 @@
-"""What options make of a run: its communication points, its rows, and the signals that are kept."""
+"""Communication points, rows and recorded signals of a run, from its options."""
 
 import difflib
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from .options import Options
 from .requirements import parse_requirement
 
 DEFAULT_INTERVAL = 1e-3
-"""Time in s between rows of a table unless told otherwise."""
+"""Default time between rows of a table in s."""
 
 
 def check_run(options: Options, name: str) -> None:
-    """Raise CommandError for what can be seen to be wrong before anything is built."""
+    """Raise CommandError for errors that can be found before anything is built."""
     steps_per_row(options, run_times(options, name))
     options.make_algorithm()
     options.make_step_size_control()
@@ -30,18 +30,21 @@ def check_run(options: Options, name: str) -> None:
 
 
 def run_times(options: Options, name: str) -> CommunicationPoints:
-    """The communication points of a run; CommandError where nobody says how long it is or its steps."""
+    """Return the communication points. Raise CommandError if the stop time or the step size is missing."""
     if options.stop_time is None:
-        raise CommandError(f"'{name}' does not say when to stop; give --stop-time.")
+        raise CommandError(f"'{name}' has no stop time; set --stop-time.")
     if options.step_size is None:
-        raise CommandError(f"'{name}' does not say how long a step is; give --step-size.")
+        raise CommandError(f"'{name}' has no step size; set --step-size.")
     return make_communication_points(options.stop_time, options.step_size, options.start_time or 0.0)
 
 
 def steps_per_row(options: Options, times: CommunicationPoints) -> int:
-    """Fixed steps in an output interval; without one 1 ms, or every step if that does not fit.
+    """Return the number of fixed steps per output interval.
 
-    Raises CommandError where the interval is not a whole number of steps.
+    The default interval is 1 ms, or one step if 1 ms is not a whole number of steps.
+
+    Raises:
+        CommandError: If the interval is not a whole number of steps.
     """
     interval = options.output_interval
     chosen = max(DEFAULT_INTERVAL, times.step) if interval is None else interval
@@ -62,26 +65,28 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
 
 
 def select_signals(patterns: Sequence[str], names: Sequence[str]) -> Sequence[int]:
-    """Positions of the signals to keep, all without a pattern; CommandError for one that finds nothing."""
+    """Return the positions of the signals to keep. Raise CommandError for a pattern without a match."""
     if not patterns:
         return range(len(names))
-    return _matching(patterns, names, "signal", "results have all without.")
+    return _matching(patterns, names, "signal", "without --signals, all are kept.")
 
 
 def select_isolated(patterns: Sequence[str], system: System) -> list[str]:
-    """Components to run in processes of their own; CommandError for a pattern that finds none."""
+    """Return the components to isolate. Raise CommandError for a pattern without a match."""
     names = [c.name for c in system.components]
-    return [names[i] for i in _matching(patterns, names, "component", "--isolate alone isolates all.")]
+    return [
+        names[i] for i in _matching(patterns, names, "component", "--isolate without a name isolates all.")
+    ]
 
 
 def _matching(patterns: Sequence[str], names: Sequence[str], kind: str, otherwise: str) -> list[int]:
-    """Positions of names that one of the patterns finds; CommandError for a pattern that finds none."""
+    """Return the positions of the names that match. Raise CommandError for a pattern without a match."""
     chosen: set[int] = set()
     for pattern in patterns:
         found = [i for i, name in enumerate(names) if matches_pattern(name, pattern)]
         if not found:
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
             meant = f"did you mean {' or '.join(near)}?" if near else otherwise
-            raise CommandError(f"no {kind} is called '{pattern}'; {meant}", name=pattern, near=near)
+            raise CommandError(f"no {kind} matches '{pattern}'; {meant}", name=pattern, near=near)
         chosen.update(found)
     return sorted(chosen)

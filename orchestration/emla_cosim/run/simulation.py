@@ -1,4 +1,4 @@
-"""A system prepared once and run many times: what every run in this project goes through."""
+"""A system that is prepared once and run many times."""
 
 import contextlib
 import math
@@ -50,12 +50,11 @@ from .run_setup import run_times, select_isolated, select_signals, steps_per_row
 
 
 class Simulation:
-    """A system whose FMUs are built, loaded and wired, and whose loop is compiled.
+    """A system with loaded and connected FMUs and a compiled loop.
 
-    `run` runs it from start to stop; `start`, `advance` and `finish` do the same in parts, and between
-    them values can be read and set by name: `simulation["lift.plant.x_L"]`. Every run begins anew, with
-    other options if any are given. `close` frees the FMUs; so does the end of a `with` block, and the end
-    of the object.
+    `run` runs it from start to stop. `start`, `advance` and `finish` do the same in parts; between them you
+    can read and set values by name: `simulation["lift.plant.x_L"]`. Every run starts again, with other
+    options if you give any. `close`, the end of a `with` block or the end of the object free the FMUs.
     """
 
     def __init__(
@@ -69,13 +68,21 @@ class Simulation:
         origin: RunOrigin | None = None,
         notes: Callable[[Options], Sequence[str]] | None = None,
     ) -> None:
-        """Prepare a system with these options.
+        """Prepare a system.
 
-        FMUs of a package are in the folder `unpacked`; `holds` is what must live as long as this. `origin`
-        is told by the records of runs. `notes` computes those on a run with its options.
+        Args:
+            system: System to prepare.
+            options: Options for all runs.
+            name: Name for messages and records.
+            progress: Receives the progress of preparing.
+            unpacked: Folder with the FMUs of a package.
+            holds: Object to keep alive as long as the simulation.
+            origin: Origin for the records of runs.
+            notes: Function that returns the notes on a run with its options.
 
-        Raises CommandError for what does not fit, RunError where FMUs cannot be built or refuse their
-        start values.
+        Raises:
+            CommandError: If an option does not fit the system.
+            RunError: If an FMU cannot be built, or rejects its start values.
         """
         self.name = name
         self.options = limit_to_data_end(options or Options())
@@ -83,18 +90,16 @@ class Simulation:
         self._origin = origin or RunOrigin()
         self._notes = notes or (lambda _: ())
         told = progress or Progress()
-        self._here = get_working_folder()  # an FMU may go elsewhere
+        self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
-        apart = select_isolated(
-            self.options.isolated, system
-        )  # a wrong name is told before anything is built
+        apart = select_isolated(self.options.isolated, system)  # report wrong names before anything is built
         with show_paths_relative_to(unpacked):
             self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart)
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
-        self._spent: Stepping | None = None  # freed late: an FMU may fail even there
+        self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
         if self.options.compiled:
             self._compile()
@@ -107,7 +112,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the FMUs and what was unpacked; a run that goes on is ended."""
+        """End the current run, free the FMUs and remove unpacked files."""
         with self._lock_use():
             try:
                 self._abandon()
@@ -121,7 +126,7 @@ class Simulation:
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
-        """The unit of every signal, by name."""
+        """Units of the signals, by name."""
         found = {}
         for name in self._assembly.network.names:
             component, variable = self.system.split(name)
@@ -133,14 +138,19 @@ class Simulation:
     def run(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> Result:
-        """Run from start to stop and return what came out.
+        """Run from start to stop and return the result.
 
-        `options` are those of `Options`, by name, and hold for this run only: `stop_time`, `step_size`,
-        `algorithm`, `set` ... Without `recorders`, the table of results is kept in memory; metrics are
-        always computed. `fresh` makes new instances of the FMUs instead of resetting them. Ctrl-C ends
-        the run between two steps, and the result has what was computed. Raises CommandError for options
-        that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails, or whose
-        figures are not as `require` says.
+        Ctrl-C ends the run between two steps; the result is then incomplete.
+
+        Args:
+            recorders: Recorders of this run. Default: keep the table of results in memory. Metrics are always
+                computed.
+            fresh: Whether to make new instances of the FMUs instead of resetting them.
+            **options: Options of `Options` for this run only, such as `stop_time`, `algorithm` or `set`.
+
+        Raises:
+            CommandError: If an option does not fit.
+            RunError: If the run fails or a requirement is not met. `fields["result"]` has the result.
         """
         with self._lock_use():
             return self._check_complete(self._attempt(recorders, fresh, options))
@@ -148,7 +158,7 @@ class Simulation:
     def attempt(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> Result:
-        """`run`, but a run that fails is a result too: its `problem` says why it ended."""
+        """Run as `run` does, but also return the result of a failed run; see its `problem`."""
         with self._lock_use():
             return self._attempt(recorders, fresh, options)
 
@@ -162,21 +172,21 @@ class Simulation:
         return self._ended()
 
     def so_far(self) -> Result:
-        """What came out of the run that goes on; CommandError where none does."""
+        """Return the result of the current run so far. Raise CommandError without a run."""
         if self._run is None:
-            raise CommandError("no run goes on; `start` begins one.")
+            raise CommandError("there is no current run; call `start` first.")
         return self._result(self._run)
 
     def start(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> None:
-        """Begin a run that `advance` brings forward; what is given is as in `run`."""
+        """Start a run for `advance`. The arguments are those of `run`."""
         with self._lock_use():
             self._start(recorders, fresh, options)
 
     def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
         if not self._finalizer.alive:
-            raise CommandError("the simulation is closed; prepare it anew.")
+            raise CommandError("the simulation is closed; prepare it again.")
         values = self._read(options)
         chosen, origin = self.options.merged(values), self._origin.updated(values)
         notes = self._notes(chosen)
@@ -251,14 +261,19 @@ class Simulation:
             raise
         self._run = _ActiveRun(run, definition, origin, metrics, taking, every, required, stored, notes)
         with self._abandon_on_error():
-            # the states in a checkpoint would hold a continued run to this run's stop time
+            # the states in a checkpoint would limit a continued run to the stop time of this run
             run.begin(times.stop if chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
-        """Step to a time in s, which must be a communication point; begins a run if none goes on.
+        """Step to a communication point; start a run if there is none.
 
-        Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
-        Ctrl-C, after the step that was being done: the run can go on then, or be finished.
+        Args:
+            time: Time of the communication point in s.
+
+        Raises:
+            CommandError: If the time is no communication point.
+            RunError: If a step fails.
+            KeyboardInterrupt: After Ctrl-C, when the current step is complete. The run can then continue.
         """
         with self._lock_use():
             interrupted = self._advance(time)
@@ -266,7 +281,7 @@ class Simulation:
             raise KeyboardInterrupt
 
     def _advance(self, time: float) -> bool:
-        """See `advance`; whether Ctrl-C ended it."""
+        """Advance as `advance` does, and return whether Ctrl-C interrupted it."""
         if self._run is None:
             self._start(None, False, {})
         assert self._run is not None
@@ -276,11 +291,12 @@ class Simulation:
             ahead = (time - times.start) / times.step
             if not math.isfinite(ahead) or abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
                 raise CommandError(
-                    f"t = {time:.9g} s is no communication point: steps have {times.step:g} s.", time=time
+                    f"t = {time:.9g} s is no communication point; the step size is {times.step:g} s.",
+                    time=time,
                 )
         if time > times.stop + ROUNDING * times.step:
             raise CommandError(
-                f"t = {time:.9g} s is beyond the stop time {times.stop:g} s; start with a later stop_time.",
+                f"t = {time:.9g} s is after the stop time {times.stop:g} s; start with a later stop_time.",
                 time=time,
             )
         with self._abandon_on_error():
@@ -290,17 +306,17 @@ class Simulation:
         return self._run is not None and self._run.run.interrupted
 
     def finish(self) -> Result:
-        """End the run that goes on, and return what came out; see `run` for errors."""
+        """End the current run and return its result. Raises the errors of `run`."""
         with self._lock_use():
             return self._finish()
 
     def _finish(self) -> Result:
         if self._run is None:
-            raise CommandError("no run goes on; `run`, or `start` and `advance`, begin one.")
+            raise CommandError("there is no current run; call `run`, or `start` and `advance`.")
         return self._check_complete(self._ended())
 
     def _check_complete(self, result: Result) -> Result:
-        """A result, but for that of a run that failed: RunError that has it."""
+        """Return a result, or raise the error of its run with the result in `fields`."""
         if (error := self._error) is not None:
             error.fields["result"] = result
             raise error
@@ -308,15 +324,15 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Where the run is, in s; its start before it begins."""
+        """Time of the current run in s, or its start time before it begins."""
         if self._run is None:
             return self.options.start_time or 0.0
         return self._run.run.stepping.time
 
     def __getitem__(self, name: str) -> Any:
-        """The present value of a variable, by its full name and in its unit there.
+        """Return the current value of a variable by its full name, in its unit.
 
-        Begins a run if none goes on. Raises CommandError for a name that is not there.
+        Start a run if there is none. Raise CommandError for an unknown name.
         """
         with self._lock_to_thread():
             return self._value(name)
@@ -331,9 +347,9 @@ class Simulation:
         return alias.transformation.inverse()(value) if component.aliases else value
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set an input that nothing drives; it holds until it is set again.
+        """Set an unconnected input. It keeps the value until it is set again.
 
-        Begins a run if none goes on. Raises CommandError for other variables and for values that do not fit.
+        Start a run if there is none. Raise CommandError for other variables and for values that do not fit.
         """
         with self._lock_to_thread():
             self._set(name, value)
@@ -350,14 +366,14 @@ class Simulation:
             raise CommandError(f"{name} cannot be set: it is driven by {driver.source}.{driver.output}.")
         if found.causality != "input":
             raise CommandError(
-                f"{name} cannot be set while a run goes on: it is no input. Give start values in `set`."
+                f"{name} cannot be set during a run: it is no input. Set start values with `set`."
             )
         given = alias.transformation(float(value)) if component.aliases else value
         slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
 
     @contextlib.contextmanager
     def _lock_use(self) -> Iterator[None]:
-        """Nothing else uses the FMUs meanwhile; CommandError where another thread or a recorder does."""
+        """Reserve the FMUs. Raise CommandError if another thread or a recorder uses them."""
         with self._lock_to_thread():
             if self._busy:
                 raise CommandError("the simulation is running; a recorder cannot run, end or close it.")
@@ -369,21 +385,21 @@ class Simulation:
 
     @contextlib.contextmanager
     def _lock_to_thread(self) -> Iterator[None]:
-        """No other thread uses the FMUs meanwhile; CommandError where one does."""
+        """Exclude other threads. Raise CommandError if one uses the FMUs."""
         if not self._turn.acquire(blocking=False):
-            raise CommandError("another thread uses this simulation; prepare one for each thread.")
+            raise CommandError("another thread uses this simulation; prepare one simulation for each thread.")
         try:
             yield
         finally:
             self._turn.release()
 
     def _read(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Read the options of a run; CommandError for one that was needed to prepare."""
+        """Read the options of a run. Raise CommandError for options that only `prepare` accepts."""
         known = list_options() if given else {}
         for option in (known[name] for name in given if name in known):
             if option.is_prepared:
                 raise CommandError(
-                    f"the option '{option.name}' belongs to what is prepared; give it to `prepare`."
+                    f"the option '{option.name}' cannot change between runs; pass it to `prepare`."
                 )
             if option.about.stage == SHOWING:
                 raise CommandError(
@@ -392,21 +408,21 @@ class Simulation:
         return read_options(given)
 
     def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:
-        """The system with further start values, and what follows from them with the options of a run."""
+        """Return the system with further start values, and the values that follow from them."""
         interfaces = {name: file.interface for name, file in self._assembly.files.items()}
         followers = following_values(self._as_made, chosen) if values else {}
         return self.system.with_parameters(resolve_start_values(self.system, interfaces, values) | followers)
 
     def _compile(self) -> None:
-        """Compile the loop, or load what was compiled, so that no run has to wait for it."""
-        with contextlib.suppress(CommandError):  # a run says what is wrong with its algorithm
+        """Compile the loop, or load it from the cache, so that no run waits for it."""
+        with contextlib.suppress(CommandError):  # the run reports errors of its algorithm
             algorithm = self.options.make_algorithm()
             algorithm.setup(self._assembly.network)
             compile_kernel(algorithm)
             algorithm.close()
 
     def _ended(self) -> Result:
-        """End the run that goes on; `_error` is then what made it fail, if anything did."""
+        """End the current run and return its result. Store the error of a failed run in `_error`."""
         assert self._run is not None
         going = self._run
         with self._abandon_on_error():
@@ -423,7 +439,7 @@ class Simulation:
         return result
 
     def _abandon(self) -> None:
-        """End the run that goes on, if one does, and free what the last one used."""
+        """End the current run if there is one, and free the resources of the last one."""
         if self._run is not None:
             self._ended()
         if self._spent is not None:
@@ -432,14 +448,14 @@ class Simulation:
 
     @contextlib.contextmanager
     def _abandon_on_error(self) -> Iterator[None]:
-        """Where something raises what is no failure of a run, no run goes on, and its recorders are ended."""
+        """Abandon the run and end its recorders if an error is raised that is no failure of the run."""
         try:
             yield
         except BaseException:
             going, self._run = self._run, None
             if going is not None:
                 self._spent = going.run.stepping
-                self._error = RunError("the run was left")  # so that the next one trusts no instance
+                self._error = RunError("the run was abandoned")  # makes the next run use new instances
                 going.run.abandon()
             raise
 
@@ -487,7 +503,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class _ActiveRun:
-    """A run that goes on, and what its result needs."""
+    """The current run, and what its result needs."""
 
     run: Run
     definition: RunDefinition
@@ -501,26 +517,26 @@ class _ActiveRun:
 
 
 def _recorders(given: Any) -> list[Recorder]:
-    """What was handed in as recorders; CommandError for anything else, and for one that is there twice."""
+    """Return the recorders as a list. Raise CommandError for other objects and duplicates."""
     if isinstance(given, Recorder) or not isinstance(given, Iterable):
         raise CommandError(f"the recorders are {given!r}; they must be a list.")
     found = list(given)
     if wrong := [r for r in found if not isinstance(r, Recorder)]:
         raise CommandError(f"{wrong[0]!r} is no Recorder.")
     if len({id(r) for r in found}) < len(found):
-        raise CommandError("a recorder is handed in twice; it would take every row twice.")
+        raise CommandError("the list of recorders has a recorder twice.")
     return found
 
 
 def _check_comparable(stored: StoredRun, names: Sequence[str], recorders: Iterable[Recorder]) -> None:
-    """Raise CommandError where nothing will be there to be held against a run that was kept."""
+    """Raise CommandError if there will be nothing to compare with a stored run."""
     find_common_signals(names, stored)
     if not any(isinstance(r, Table) for r in recorders):
         raise CommandError("the option 'reference' needs a recorder that keeps a table, such as TimeSeries.")
 
 
 def _compare_with_stored(going: _ActiveRun, result: Result) -> Result:
-    """The result of a whole run with its signals beside those of the one that it is held against."""
+    """Return the result with its comparisons to the stored run, if there is one."""
     if going.stored is None or result.interrupted:
         return result
     found = compare_with_stored(
@@ -531,13 +547,14 @@ def _compare_with_stored(going: _ActiveRun, result: Result) -> Result:
 
 
 def _describe_unmet(going: _ActiveRun, result: Result) -> str | None:
-    """The sentence that says what is not as required; None where everything is."""
+    """Return a message on requirements that are not met, or None."""
     wanted = [str(r) for r in going.required]
     if going.stored is not None:
         wanted.append(f"it agrees with '{going.stored.path}'")
     if going.run.interrupted and wanted:
         return (
-            f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {'; '.join(wanted)}."
+            f"interrupted at t = {result.end_s:.6g} s, before these requirements could be checked: "
+            f"{'; '.join(wanted)}."
         )
     figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
     found = [describe_unmet(going.required, figures, result.run_figures)]

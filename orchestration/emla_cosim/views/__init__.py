@@ -1,1 +1,1 @@
-"""What a person sees of a run: terminal, plots, pages, animations, the output folder."""
+"""Show runs to the user: terminal, plots, pages, animations, the output folder."""

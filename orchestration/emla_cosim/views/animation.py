@@ -1,4 +1,4 @@
-"""Animations of results: those that are registered for what a run has, as GIF."""
+"""Animations of results as GIF, registered for the signals that a run has."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
@@ -22,64 +22,66 @@ Pixels = npt.NDArray[np.uint8]
 """A frame: rows, columns, and red, green and blue."""
 
 _LAST = 1500
-"""How long the last frame is seen before the first one comes again, ms."""
+"""Duration of the last frame in ms, before the animation repeats."""
 
 _COLOR_DISTANCE = 8
-"""Colours that differ by less, of 255, are one where Pillow looks for the nearest."""
+"""Colours that differ by less, of 255, become one when Pillow looks for the nearest."""
 
 
 class Film(ABC):
-    """The frames of an animation, each drawn when it is asked for; all have one size.
+    """The frames of an animation, drawn when they are requested. All have one size.
 
-    `period` is how long each is seen, in s. The colours of the last one are those of all.
+    `period` is the duration of a frame in s. All frames use the colours of the last one.
     """
 
     period: float
 
     @abstractmethod
     def __len__(self) -> int:
-        """How many frames there are."""
+        """Return the number of frames."""
 
     @abstractmethod
     def __getitem__(self, index: int) -> Pixels:
-        """The frame at this position, from 0."""
+        """Return the frame at this position, from 0."""
 
 
 class Animation(ABC):
-    """What makes a film of a run, whatever it shows; `takes` says in words which runs it is for."""
+    """Base of animations. `takes` describes the runs that they support."""
 
     takes: str
 
     @abstractmethod
     def signals(self, names: Collection[str]) -> Sequence[str] | None:
-        """Those of these signals that it needs; None where they are not enough."""
+        """Return the signals that it needs from these names, or None if some are missing."""
 
     @abstractmethod
     def film(self, result: "Result") -> Film:
-        """The film of a run that kept these signals. Raises RunError where there is nothing to see."""
+        """Return the film of a run with these signals. Raise RunError if there is nothing to show."""
 
 
 ANIMATIONS: dict[str, Animation] = {}
-"""Animations that are drawn, where one is wanted, of a run that has signals for them, by file name."""
+"""Animations by file name, for runs that have their signals."""
 
 
 def check_animated(name: str, all_names: Collection[str], kept: Collection[str]) -> None:
-    """Raise CommandError unless the signals that are kept of the run of this name can be animated."""
+    """Raise CommandError if the recorded signals of a run are not enough for an animation."""
     needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names)) is not None]
     if not needed:
         takes = join_names(a.takes for a in ANIMATIONS.values())
-        raise CommandError(f"'{name}' has nothing to animate: that takes {takes}.", name=name)
+        raise CommandError(f"'{name}' cannot be animated: an animation needs {takes}.", name=name)
     missing = [[n for n in names if n not in kept] for names in needed]
     if all(missing):
         raise CommandError(
-            f"an animation needs signals that are not kept: {join_names(missing[0])}.", missing=missing[0]
+            f"an animation needs signals that are not recorded: {join_names(missing[0])}.", missing=missing[0]
         )
 
 
 def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
-    """Draw all animations that the result has signals for; returns the files written.
+    """Draw all animations that the result has signals for, and return the files.
 
-    Raises OSError, and RunError where Ctrl-C ends it: there is no file then.
+    Raises:
+        OSError: If a file cannot be written.
+        RunError: If Ctrl-C interrupts it. There is no file then.
     """
     written = []
     for name, animation in ANIMATIONS.items():
@@ -94,7 +96,7 @@ def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
 
 
 def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
-    """Write a film that is shown again and again. Raises RunError where Ctrl-C ends it."""
+    """Write a film that repeats forever. Raise RunError if Ctrl-C interrupts it."""
     from PIL import Image
 
     def image(index: int) -> "Image.Image":
@@ -117,7 +119,7 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
 
 
 def _colors(frame: Pixels) -> "Image.Image":
-    """An image with the colours to use: those of a frame, and its background as it is, not almost."""
+    """Return an image with the palette: the colours of a frame, with its background exactly."""
     from PIL import Image
 
     found = Image.fromarray(frame).quantize(256, dither=Image.Dither.NONE)

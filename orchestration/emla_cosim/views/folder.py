@@ -1,4 +1,4 @@
-"""An output folder: which files a command writes there, whole and one command at a time."""
+"""Output folders: files are written completely or not at all, by one command at a time."""
 
 import contextlib
 import json
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class Folder:
-    """A folder at `path` to which `files` are written, of `what`; and into `inner`, folders in it.
+    """A folder at `path` for `files` that describe `what`, and for the folders `inner` in it.
 
-    `pictures` are further files, which only some commands write. `record_file` is the file by which a folder
-    is recognized that a version without a manifest wrote, and `is_record` recognizes it.
+    `pictures` are further files, which only some commands write. Folders from versions without a manifest are
+    recognized by `record_file`, which `is_record` checks.
     """
 
     what: str
@@ -31,15 +31,15 @@ class Folder:
     is_record: ClassVar[IsOurs]
 
     def __init__(self, path: Path, overwrite: bool = False) -> None:
-        """Nothing is made yet.
+        """Check the folder without creating anything.
 
         Args:
             path: The folder.
-            overwrite: Replace files that emla did not write.
+            overwrite: Whether to replace files that emla did not write.
 
         Raises:
-            CommandError: The path cannot be a folder, or one of `files` cannot be written, or somebody
-                else wrote it.
+            CommandError: If the path cannot be a folder, one of `files` cannot be written, or emla did not
+                write the existing one.
         """
         self.path, self.overwrite = path, overwrite
         try:
@@ -56,22 +56,22 @@ class Folder:
         self.check_files(self.files)
 
     def check_files(self, names: Iterable[str]) -> None:
-        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        """Raise CommandError if a file cannot be written, or emla did not write the existing one."""
         if self._place.is_dir():
             self._files.check(names, f"the file of the {self.what}")
 
     def write(self, name: str, content: bytes) -> Path:
-        """Write a file, and return it. Raises OSError."""
+        """Write a file and return its path. Raises OSError."""
         with self._written(name) as stream:
             stream.write(content)
         return self.path / name
 
     def write_json(self, name: str, content: Any) -> Path:
-        """Write a file as JSON, and return it. Raises OSError."""
+        """Write a JSON file and return its path. Raises OSError."""
         return self.write(name, (json.dumps(content, indent=2) + "\n").encode())
 
     def draw(self, name: str, figure: "Figure") -> Path:
-        """Write a picture, and return it. Raises OSError."""
+        """Write a plot and return its path. Raises OSError."""
         with self._written(name) as stream:
             save(figure, stream)
         return self.path / name
@@ -88,22 +88,24 @@ class Folder:
             self._files.settle()
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
-        """Raise CommandError where a file would be written that is read; `read` says what these are."""
+        """Raise CommandError if an output file is also an input. `read` describes the inputs by path."""
         used = {file: what for files in read for file, what in files.items()}
         if self._place.is_dir():
             check_output_files(self.roles, used)
 
     @property
     def roles(self) -> dict[Path, str]:
-        """What `files` are, by their paths."""
+        """Descriptions of `files`, by path."""
         return {self.path / name: f"a file of the {self.what}" for name in self.files}
 
     @contextlib.contextmanager
     def alone(self, heir_of: int | None = None) -> Iterator[None]:
-        """No other run writes here meanwhile, nor is an empty folder left that was made for it.
+        """Reserve the folder, and remove it at the end if it was created and is still empty.
 
-        What was not complete when an earlier run was killed is removed; for `heir_of` see
-        `locking.exclusive_lock`. Raises CommandError where another run does, or the folder cannot be made.
+        Incomplete files of a killed run are removed; for `heir_of` see `locking.exclusive_lock`.
+
+        Raises:
+            CommandError: If another run uses the folder, or it cannot be created.
         """
         missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
         try:
@@ -121,5 +123,5 @@ class Folder:
                 yield
         finally:
             for place in missing:
-                with contextlib.suppress(OSError):  # where there is something in it
+                with contextlib.suppress(OSError):  # it is not empty
                     place.rmdir()

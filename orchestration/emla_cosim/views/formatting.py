@@ -1,4 +1,4 @@
-"""What people are told of a result, in the terminal and on pages alike."""
+"""Format results as text for the terminal and for pages."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def format_figure(value: Any, figure: "Shown") -> str:
-    """A figure as the table has it, in the unit of its row unless it says another one."""
+    """Format a metric in the unit of its row, or in a larger one if it is large."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int) and figure.factor == 1:
@@ -30,7 +30,7 @@ def format_figure(value: Any, figure: "Shown") -> str:
 
 
 def describe_stepping(result: "Result") -> Iterator[str]:
-    """How the steps were made and how long they took, in sentences."""
+    """Yield messages on the steps: number, duration, iterations, late connections, overruns."""
     if not (result.wall_s > 0 and result.steps):
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
@@ -44,7 +44,7 @@ def describe_stepping(result: "Result") -> Iterator[str]:
         f"{rate:,.0f} steps/s, {factor:.2g} x real time{how}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
-        yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"
+        yield f"The compiled loop could not be stored; the next run compiles it again: {reason}"
     loops = result.stepping.get("loops", [])
     if loops:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
@@ -65,7 +65,7 @@ def describe_stepping(result: "Result") -> Iterator[str]:
 
 
 def format_headline(result: "Result") -> str:
-    """The scenario and what was changed in it, files by their names, on one line."""
+    """Return the scenario and its overrides on one line, with file names without folders."""
     words = ", ".join(
         f"{name} {format_short(value)}".removeprefix("set ") for name, value in list_overrides(result)
     )
@@ -73,7 +73,7 @@ def format_headline(result: "Result") -> str:
 
 
 def format_short(value: Any) -> str:
-    """A value, of a file, with or without what is said of it, its name."""
+    """Format a value briefly; of a file, show only its name."""
     if isinstance(value, Mapping) and "file" in value:
         return format_short(value["file"])
     if isinstance(value, list):
@@ -82,7 +82,7 @@ def format_short(value: Any) -> str:
 
 
 def list_overrides(result: "Result") -> list[tuple[str, Any]]:
-    """Each change beside the scenario: the name of an option, or of what it sets, and the value."""
+    """Return the overrides of the scenario: the name of an option or of what it sets, and the value."""
     found = []
     for name, value in (result.record.get("changed") or {}).items():
         if isinstance(value, Mapping):
@@ -93,7 +93,7 @@ def list_overrides(result: "Result") -> list[tuple[str, Any]]:
 
 
 def format_value(value: Any) -> str:
-    """A value of run.json as a person reads it."""
+    """Format a value of run.json."""
     if isinstance(value, str):
         return value
     if value is None or value in ({}, []):

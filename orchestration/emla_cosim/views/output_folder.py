@@ -1,4 +1,4 @@
-"""The output folder of a run: its files by name."""
+"""The output folder of a run and its files."""
 
 import json
 import re
@@ -31,17 +31,17 @@ METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"
 
 
 def results_folder(name: str) -> Path:
-    """Where the results of a scenario go unless told otherwise; a name cannot lead elsewhere."""
+    """Return the default output folder of a scenario. Names cannot lead out of `results/`."""
     return Path("results") / (re.sub(r"[^\w.-]+", "_", name).strip("._") or "run")
 
 
 def _is_record(path: Path) -> bool:
-    """Return whether a run wrote this run.json, also one that ended too early to say more."""
+    """Return whether a run wrote this run.json, including runs that ended early."""
     return has_entries("scenario", "status")(path) or has_entries("settings", "versions")(path)
 
 
 class OutputFolder(Folder):
-    """A folder for the results of one run; an earlier run's files stay until `clear`."""
+    """The folder for the results of one run. Files of an earlier run stay until `clear`."""
 
     what = "results"
     record_file, is_record = RECORD, _is_record
@@ -56,18 +56,18 @@ class OutputFolder(Folder):
         report: bool = False,
         overwrite: bool = False,
     ) -> None:
-        """Make the folder, and check that its files can be written.
+        """Prepare the folder, and check that its files can be written.
 
         Args:
             path: The folder.
             form: Format of the table of results, a name of `TABLES`.
-            plots: Pictures are written, too.
-            animated: Animations are written, too.
-            report: A page is written, too.
-            overwrite: Replace files that emla did not write.
+            plots: Whether plots are written.
+            animated: Whether animations are written.
+            report: Whether a page is written.
+            overwrite: Whether to replace files that emla did not write.
 
         Raises:
-            CommandError: The folder or one of the files cannot be written, or somebody else wrote it.
+            CommandError: If the folder or a file cannot be written, or emla did not write the existing one.
         """
         self.form, self.results = form, path / f"results.{form}"
         pictures, animations = [f"{name}.png" for name in FIGURES], [f"{name}.gif" for name in ANIMATIONS]
@@ -85,7 +85,7 @@ class OutputFolder(Folder):
         super().__init__(path, overwrite)
 
     def check_files(self, names: Iterable[str]) -> None:
-        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        """Raise CommandError if a file cannot be written, or emla did not write the existing one."""
         super().check_files(names)
         with report_write_errors(self.path):
             problem = strange_parts(self._place / self.results.name)
@@ -93,19 +93,19 @@ class OutputFolder(Folder):
             raise CommandError(f"{problem}, or choose another output folder.")
 
     def check(self) -> None:
-        """`check_files` for all files that a run may write here."""
+        """Check all files that a run may write, as `check_files` does."""
         self.check_files(self.files)
 
     def recorders(self, continued: bool) -> list[Recorder]:
-        """What writes the table of results while a run goes on, which may continue one in this folder."""
+        """Return the recorders for the table of results; `continued` extends the table in this folder."""
         return [_FolderClearer(self, continued), self.table()]
 
     def table(self) -> Table:
-        """What writes the table of results."""
+        """Return the recorder for the table of results."""
         return TABLES[self.form](self._place / self.results.name)
 
     def clear(self, keep_results: bool = False) -> None:
-        """Remove what an earlier run left, and list what this one writes. May raise OSError."""
+        """Remove the files of an earlier run, and list the files of this one. May raise OSError."""
         kept = table_names() if keep_results else []
         self._files.remove([n for n in (*self.files, *self.pictures) if n not in kept], self.files)
         self._files.claim(self.files)
@@ -133,7 +133,7 @@ class OutputFolder(Folder):
         report: bool = False,
         notes: Sequence[str] = (),
     ) -> tuple[Result, list[Path]]:
-        """`save`, with a failure among the problems of the result."""
+        """Save as `save` does, but add a failure to the problems of the result."""
         try:
             return result, self.save(result, plots, progress, animated, report, notes)
         except RunError as error:
@@ -148,10 +148,15 @@ class OutputFolder(Folder):
         report: bool = False,
         notes: Sequence[str] = (),
     ) -> list[Path]:
-        """Write metrics.json, run.json and, if wanted, pictures, a page and animations, which are returned.
+        """Write metrics.json, run.json and, if selected, plots, a page and animations.
 
-        `notes` are sentences for the page on what was read. Raises RunError, also where Ctrl-C ends an
-        animation.
+        `notes` are remarks for the page, without full stops.
+
+        Returns:
+            The files of plots, page and animations.
+
+        Raises:
+            RunError: If writing fails, or Ctrl-C interrupts an animation.
         """
         with report_write_errors(self.path):
             self._files.claim(self.files)
@@ -168,7 +173,7 @@ class OutputFolder(Folder):
         report: bool,
         notes: Sequence[str],
     ) -> list[Path]:
-        """See `save`. Raises OSError."""
+        """Write the files as `save` does. Raises OSError."""
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
         self.write_json(METRICS, {**to_plain(figures), "run": _run_metrics(result)})
         self.write_json(RECORD, result.record)
@@ -191,18 +196,18 @@ class OutputFolder(Folder):
         return written
 
     def change_record(self, **entries: Any) -> None:
-        """Write run.json with these entries, and those that it has. Raises RunError."""
+        """Add or replace entries of run.json. Raises RunError."""
         with report_write_errors(self.path):
             self.write_json(RECORD, self._record() | entries)
             self._files.settle()
 
     def status(self) -> str:
-        """What run.json says of how the run ended; empty where there is none."""
+        """Return the status in run.json, or nothing without a run.json."""
         with report_write_errors(self.path):
             return str(self._record().get("status", ""))
 
     def _record(self) -> dict[str, Any]:
-        """What run.json holds; nothing where it cannot be understood."""
+        """Return the content of run.json, or nothing if it is missing or invalid."""
         place = self._place / RECORD
         try:
             found = json.loads(place.read_text(encoding="utf-8")) if place.is_file() else {}
@@ -212,7 +217,7 @@ class OutputFolder(Folder):
 
 
 class _FolderClearer(Recorder):
-    """Removes what an earlier run left when a run begins, and not before: a wrong command leaves it alone."""
+    """Removes the files of an earlier run when a run begins, but not after an invalid command."""
 
     def __init__(self, folder: OutputFolder, continued: bool) -> None:
         self._folder, self._continued = folder, continued
@@ -221,9 +226,10 @@ class _FolderClearer(Recorder):
         return str(self._folder.results)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Remove it, but for a table of results that is continued.
+        """Remove the files, except a table of results that is continued.
 
-        Raises CommandError where somebody else's file was put there meanwhile.
+        Raises:
+            CommandError: If a file that emla did not write has appeared.
         """
         self._folder.check()
         self._folder.clear(keep_results=self._continued)

@@ -1,4 +1,4 @@
-"""What one pair of axes shows, apart from how a picture or a page draws it."""
+"""Content of one pair of axes, independent of how it is drawn."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from ..base.colors import BLUE
 
 @dataclass(frozen=True)
 class Line:
-    """Values over `time` in s; the label is empty where the axes say what they are."""
+    """Values over `time` in s. The label is empty if the axes' label is enough."""
 
     label: str
     time: Vector
@@ -19,7 +19,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Band:
-    """What lies between `lower` and `upper`, behind the lines."""
+    """The area between `lower` and `upper`, behind the lines."""
 
     label: str
     time: Vector
@@ -29,7 +29,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Limit:
-    """What values should not leave, in the unit of the axes; None where there is no such end."""
+    """Range that values should stay in, in the unit of the axes; None for an open end."""
 
     label: str
     low: float | None
@@ -38,13 +38,13 @@ class Limit:
 
 @dataclass(frozen=True)
 class Plot:
-    """Lines over time, all in the quantity and unit of `label`; what is beyond `limits` is shaded.
+    """Lines over time with the quantity and unit of `label`. The area beyond `limits` is shaded.
 
-    `column` is what they are of; a page zooms plots of one column together.
+    `column` is their subject; plots with the same subject zoom together on a page.
 
-    Only pages draw the others. `mark` is a time to look at, on the first line, and `since` the time from
-    which all is otherwise; both with the words for it. With `against`, an index of the lines, everything can
-    also be shown as its difference from that line.
+    The other attributes are for pages. `mark` is a time on the first line, and `since` the time from which
+    conditions differ, both with a text. With `against`, the index of a line, the page can show differences
+    from that line.
     """
 
     label: str

@@ -1,4 +1,4 @@
-"""Progress as a person sees it in the terminal."""
+"""Progress bars in the terminal."""
 
 from typing import Any
 
@@ -16,16 +16,16 @@ _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
 
 class _Rate(ProgressColumn):
-    """Units per second of a task that has named them."""
+    """Units per second of a task that has units."""
 
     def render(self, task: Task) -> Text:
-        """The rate so far."""
+        """Return the average rate."""
         speed = task.finished_speed or task.speed
         return Text(f"{speed:.3g} {task.fields['unit']}/s" if speed and task.fields.get("unit") else "")
 
 
 class BarProgress(Progress):
-    """Progress as bars on the terminal, one per task."""
+    """Progress as bars in the terminal, one per task."""
 
     def __init__(self) -> None:
         self._bars = RichProgress(
@@ -47,26 +47,26 @@ class BarProgress(Progress):
         self._bars.stop()
 
     def begin(self, task: str, total: int, unit: str = "") -> None:
-        """A task of `total` units begins."""
+        """Begin a task of `total` units."""
         self._task = self._bars.add_task(escape(task), total=total, unit=unit)
 
     def advance(self, count: int) -> None:
-        """So many units more are done."""
+        """Add completed units."""
         self._bars.advance(self._task, count)
 
     def note(self, sentence: str) -> None:
-        """A line above the bars."""
+        """Print a line above the bars."""
         if get_verbosity().quiet:
             return
         self._bars.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     def report_replacement(self, fit: CompatibilityReport) -> None:
-        """A component is replaced: what is converted, missing or left out as a table, if anything is."""
+        """Report a replacement. If variables are converted, missing or left out, show them as a table."""
         if get_verbosity().quiet:
             return
         if not (fit.is_noteworthy or get_verbosity().fit):
             count = fit.same + len(fit.matches)
-            fits = "its variable fits" if count == 1 else f"all {count} variables fit"
+            fits = "its variable matches" if count == 1 else f"all {count} variables match"
             self.note(f"{fit.fmu} as {fit.component}: {fits} (--show-fit lists them)")
             return
         table = Table(title=escape(f"{fit.fmu} as {fit.component}"), title_justify="left")
@@ -80,6 +80,6 @@ class BarProgress(Progress):
         self._bars.console.print(table)
 
     def finish(self) -> None:
-        """The task is done, if with fewer units than expected."""
+        """End the task."""
         task = next(t for t in self._bars.tasks if t.id == self._task)
         self._bars.update(self._task, completed=task.total)

@@ -1,4 +1,4 @@
-"""What a person sees of a run in the terminal: progress bars and the table of results."""
+"""Terminal output of a run: tables of results, messages, files."""
 
 import math
 import sys
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class _Stderr:
-    """Standard error as it is now, which nobody misses where it cannot be written."""
+    """The present standard error. Text is dropped if it cannot be written."""
 
     def write(self, text: str) -> int:
         with suppress(OSError, ValueError):
@@ -40,20 +40,20 @@ class _Stderr:
 
 
 _MOST_SIGNALS = 10
-"""That left their tubes: so many have a row."""
+"""Most signals outside their tubes to show."""
 
 _UNFOLDED = 10_000
-"""Columns that no table needs."""
+"""Number of columns that every table fits in."""
 _MOST_FIGURES = 20
-"""Signals whose figures have a row."""
+"""Most signals whose metrics to show."""
 
 OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
-"""Results go to standard output, progress and errors to standard error."""
+"""Standard output is for results, standard error for progress and errors."""
 
 
 @dataclass(frozen=True)
 class Verbosity:
-    """What a person wants to see: nothing but errors, or also how replacements fit that fit."""
+    """What to show: only errors, or also replacement FMUs whose variables all match."""
 
     quiet: bool = False
     fit: bool = False
@@ -64,7 +64,7 @@ _verbosity = Verbosity()
 
 @contextmanager
 def use_verbosity(what: Verbosity) -> Iterator[None]:
-    """Show this meanwhile."""
+    """Set the verbosity inside a `with` block."""
     global _verbosity
     before, _verbosity = _verbosity, what
     try:
@@ -74,14 +74,15 @@ def use_verbosity(what: Verbosity) -> Iterator[None]:
 
 
 def get_verbosity() -> Verbosity:
-    """What is to be shown."""
+    """Return the current verbosity."""
     return _verbosity
 
 
 def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
-    """Put something out, unless only errors are to be, or it is what the command was `asked_for`.
+    """Print something, unless `--quiet` is set and it is not the purpose of the command (`asked_for`).
 
-    Raises CosimError where standard output cannot be written.
+    Raises:
+        CosimError: If standard output cannot be written.
     """
     if _verbosity.quiet and not asked_for:
         return
@@ -90,13 +91,13 @@ def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
 
 
 def show_table(table: Table) -> None:
-    """Put a table out: as wide as the terminal, and where there is none so wide that nothing is folded."""
+    """Print a table as wide as the terminal, or without a terminal so wide that no cell is folded."""
     with _flush_output():
         (OUT if OUT.is_terminal else Console(width=_UNFOLDED)).print(table)
 
 
 def print_exactly(text: str) -> None:
-    """Put out a text for programs, to the letter; CosimError where standard output cannot be written."""
+    """Print a text for programs without changes. Raise CosimError if standard output cannot be written."""
     with _flush_output():
         OUT.file.write(text)
         OUT.file.flush()
@@ -114,7 +115,7 @@ def _flush_output() -> Iterator[None]:
 def show_result(
     result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
 ) -> None:
-    """The metrics as tables, how the steps were made, and where everything is."""
+    """Show the metrics as tables, the statistics of the steps, and the files."""
     for remark in result.remarks:
         print_line(remark)
     span = result.end_s - result.times.start
@@ -132,31 +133,31 @@ def show_result(
     print_line(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
     drawn = [path.name for path in pictures if path.suffix != ".html"]
     if drawn:
-        print_line(f"Pictures: {', '.join(drawn)}")
+        print_line(f"Plots: {', '.join(drawn)}")
     for path in pictures:
         if path.suffix == ".html":
             print_line(f"Report: {path}")
 
 
 def show_error(sentence: str) -> None:
-    """A sentence that says what went wrong."""
-    ERR.show_cursor()  # who drew progress may not have come to that
+    """Show an error message."""
+    ERR.show_cursor()  # a progress bar may have hidden it
     ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
 
 
 def show_interrupted() -> None:
-    """That somebody ended what was done."""
+    """Show that the user interrupted the command."""
     ERR.print("[bold red]Interrupted.[/]")
 
 
 def show_file(path: Path) -> None:
-    """A file that was written, and its size."""
+    """Show a file that was written, with its size."""
     size = path.stat().st_size / 1024
     show(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
 
 
 def print_line(text: str) -> None:
-    """One line as it is: names in it are no markup."""
+    """Print one line without markup."""
     show(text, markup=False, highlight=False, soft_wrap=True)
 
 
@@ -173,7 +174,7 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
 
 
 def _show_signals(result: "Result", title: str) -> None:
-    """A table with the figures of the first signals, each in its unit."""
+    """Show a table with the metrics of the first signals."""
     names = ("minimum", "maximum", "rms", "final")
     table = Table(title=escape(title), title_justify="left")
     table.add_column("", overflow="fold")
@@ -186,13 +187,13 @@ def _show_signals(result: "Result", title: str) -> None:
         table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
     show(table)
     if (more := len(result.signals) - _MOST_FIGURES) > 0:
-        print_line(f"The figures of {more} more signals are in metrics.json.")
+        print_line(f"The metrics of {more} more signals are in metrics.json.")
 
 
 def _show_agreement(result: "Result") -> None:
-    """How many signals stayed in their tubes, and a table of those that did not, the first one first."""
+    """Show how many signals agree with the reference, and a table of the others, earliest departure first."""
     from ..recorders.tubes.signal_check import (
-        select_outside,  # with NumPy, which most of what is shown here does without
+        select_outside,  # it loads NumPy, which most output does not need
     )
 
     left = select_outside(result.comparisons)
@@ -201,7 +202,7 @@ def _show_agreement(result: "Result") -> None:
     print_line(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
     if not left:
         return
-    table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")
+    table = Table("signal", "left tube at / s", "deviation", "allowed", "", "at / s")
     for one in left[:_MOST_SIGNALS]:
         figures = (f"{one.left_at:.6g}", f"{one.worst:.3g}", f"{one.tube.value:.3g}")
         table.add_row(escape(one.signal), *figures, escape(one.unit), f"{one.worst_at:.6g}")

@@ -36,7 +36,7 @@ def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pyte
 
     monkeypatch.setattr(MachineFilm, "__getitem__", ended)
     text = sentence(emla(*RUN, "--animate"), 1)
-    assert text == "Error: the animation was interrupted. What was computed is in out."
+    assert text == "Error: the animation was interrupted. The results so far are in out."
     found = names(Path("out"))
     assert found == {"results.csv", "metrics.json", "run.json"}
 

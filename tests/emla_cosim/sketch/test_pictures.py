@@ -207,6 +207,8 @@ def test_a_result_is_saved_with_its_animation(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_animated_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    with pytest.raises(CommandError, match="'hdrm-replay' has nothing to animate: that takes a manipulator"):
+    with pytest.raises(
+        CommandError, match="'hdrm-replay' cannot be animated: an animation needs a manipulator"
+    ):
         replayed(leave_out=("tilt.plant",)).save(tmp_path / "out", animate=True)
     assert not (tmp_path / "out").exists()

@@ -136,7 +136,7 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     assert not psutil.wait_procs(everybody, timeout=15)[1], "a process survives"
     if way == "Ctrl-C":
         assert process.returncode == 1
-        assert "Error: interrupted; what was computed is in out, and --resume goes on." in errors
+        assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
         partial = read_sweep(out)
         assert 3 <= partial.variants.height < 100 and not partial.complete
     if way != "everything":

@@ -140,7 +140,7 @@ def test_what_is_no_plan_file(path: str, emla: Emla) -> None:
 
 @pytest.mark.parametrize("text", [R_S, f"{R_S}=", "=3", ""])
 def test_a_vary_that_says_nothing(text: str, emla: Emla) -> None:
-    assert "lacks a name or values" in sentence(emla("sweep", "lift", "--vary", text), 2)
+    assert "has no name or no values" in sentence(emla("sweep", "lift", "--vary", text), 2)
 
 
 def test_a_mark_of_byte_order_is_no_matter(tmp_path: Path) -> None:

@@ -263,7 +263,7 @@ def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
     peaks = result.variants["lift.torque_peak_N_m"].to_list()
     assert result.variants["status"].to_list() == ["done" if p > 180 else "failed" for p in peaks]
     assert set(result.variants["status"]) == {"done", "failed"}
-    assert "not as required: lift.torque_peak_N_m > 180, but it is" in result.variants["problem"][1]
+    assert "requirements not met: lift.torque_peak_N_m > 180, but it is" in result.variants["problem"][1]
 
 
 @pytest.mark.usefixtures("on_one_cluster")
@@ -274,7 +274,7 @@ def test_what_a_plan_requires_ends_the_command(emla: Emla, tmp_path: Path) -> No
     )
     done = emla("sweep", "plan.toml", "--output", "out", "--workers", "1", "--no-plots")
     assert done.exit_code == 1, done.output
-    assert "Error: 1 of 2 variants are not as required; see above." in done.stderr
+    assert "Error: 1 of 2 variants do not meet the requirements; see above." in done.stderr
     assert ", 1 failed" in done.stdout.splitlines()[0]
     assert "--require 'lift.torque_peak_N_m > 180'" in done.stdout
     assert read_sweep(tmp_path / "out").required == ["lift.torque_peak_N_m > 180"]

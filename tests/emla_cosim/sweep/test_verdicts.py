@@ -177,7 +177,7 @@ def test_an_old_name_ends_in_the_new_one(old: str) -> None:
     of, _, figure = old.rpartition(".")
     with pytest.raises(ec.CommandError) as caught:
         resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], "the plan")
-    assert f"'{figure}' is called '{of}.{RENAMED[figure]}' now" in str(caught.value)
+    assert f"'{figure}' is now called '{of}.{RENAMED[figure]}'" in str(caught.value)
 
 
 def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(cluster: Client, faulty_fmu: Path) -> None:

@@ -133,7 +133,7 @@ def test_what_cannot_be_recorded_is_a_wrong_command(
 
 
 def test_options_of_a_recording_need_one(toy_fmu: Path, emla: Emla) -> None:
-    assert "belong to --record" in sentence(emla("verify", str(toy_fmu), "--stop-time", "1"), 2)
+    assert "need --record" in sentence(emla("verify", str(toy_fmu), "--stop-time", "1"), 2)
 
 
 def test_two_fmus_of_one_name_do_not_write_the_same_files(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:

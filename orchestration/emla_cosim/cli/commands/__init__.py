@@ -1,1 +1,1 @@
-"""The commands of `emla`, a module for each."""
+"""The commands of `emla`, one module each."""

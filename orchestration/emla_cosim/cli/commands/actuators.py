@@ -1,4 +1,4 @@
-"""What a command shows of other actuators before it runs them: data sheet and model, and what to heed."""
+"""Show the actuators of a scenario before the run: data sheet, derived model and notes."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from ...views.terminal import print_line
 
 
 def show_actuators(scenario: Scenario) -> Sequence[str]:
-    """Show the actuators of a scenario that has others, with its notes; the notes that were shown."""
+    """Show the non-default actuators of a scenario with their notes, and return these notes."""
     own = {joint: one for joint, one in scenario.options.actuator.items() if isinstance(one, Actuator)}
     for joint, one in own.items():
         print_line(f"{joint} has {one.title or one.label}:")

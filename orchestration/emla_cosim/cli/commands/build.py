@@ -12,36 +12,39 @@ from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
 
 OPTIONS = BUILD
-"""Options that the command takes."""
+"""Options of the command."""
 
 EXAMPLES = (
     "emla build EmlaPlant",
     "emla build mine.py:Drive --output mine",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
     models: Annotated[
         list[str] | None,
-        typer.Argument(help="Models, or blocks as FILE.py:BLOCK; without any, all our models."),
+        typer.Argument(help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models."),
     ] = None,
     flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
     platform: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"FMI platform of a native FMU's binaries (repeatable); all without: {', '.join(PLATFORMS)}."
+            help=f"FMI platform of a native FMU's binaries (repeatable): {', '.join(PLATFORMS)}. Default: "
+            "all."
         ),
     ] = None,
-    output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
+    output: Annotated[Path, typer.Option(help="Output folder.")] = FMU_FOLDER,
     *,
     given: dict[str, Any],
 ) -> None:
-    """Build the FMUs of models, for other tools and all platforms."""
+    """Build the FMUs of models for other tools and all platforms."""
     chosen = models or list(MODELS)
     check_choice("flavour", flavour, FLAVOURS)
     if platform and flavour != "native":
-        raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+        raise CommandError(
+            "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
+        )
     platforms = platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
     overwrite = given.get("overwrite", False)

@@ -22,10 +22,10 @@ from ...views.terminal import print_line, show
 from .options import Scheduler, Workers
 
 OPTIONS = COMPARE
-"""Options that the command takes."""
+"""Options of the command."""
 
 _MOST_LOST = 12
-"""So many lines on joints that were not held are shown; the file has all."""
+"""Most joints that were not held to show; the file has all of them."""
 
 _WHO = "What is compared"
 
@@ -33,7 +33,7 @@ EXAMPLES = (
     "emla compare study --controllers rsba,foc",
     "emla compare study --table paper",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
@@ -42,7 +42,7 @@ def command(
     controllers: Annotated[
         str | None,
         typer.Option(
-            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all that `emla list` shows.",
+            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all in `emla list`.",
             metavar="NAME,...",
             rich_help_panel=_WHO,
         ),
@@ -50,8 +50,8 @@ def command(
     gains: Annotated[
         str | None,
         typer.Option(
-            help="Sets of gains: SET for all that have it, CONTROLLER/SET for one, recommended, or all. "
-            "Default: the recommended set of each controller.",
+            help="Gain sets: SET for all controllers that have it, CONTROLLER/SET for one, recommended, "
+            "or all. Default: the recommended set of each controller.",
             metavar="SET,...",
             rich_help_panel=_WHO,
         ),
@@ -59,9 +59,9 @@ def command(
     table: Annotated[
         str | None,
         typer.Option(
-            help="paper: the paper's tables beside ours, of all sets. robustness: under many circumstances, "
-            "with the sets robust and rule, too. stability: maps over delay and parameters. certificate: "
-            "what the proof says of RSBA's sets.",
+            help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
+            "the gain sets robust and rule too. stability: maps over delay and parameters. "
+            "certificate: the stability proof of RSBA's gain sets.",
             metavar="|".join((*TABLES, CERTIFICATE)),
             rich_help_panel=_WHO,
         ),
@@ -69,8 +69,8 @@ def command(
     seeds: Annotated[
         int | None,
         typer.Option(
-            help="Runs where anything is random, each with a seed that no tuning used; 0: one run with the "
-            f"seeds of the scenario. Default: {SEEDS}; for {STABILITY} 0.",
+            help="Number of runs with random effects, with seeds that no tuning used; 0: one run with the "
+            f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0.",
             metavar="N",
             rich_help_panel=_WHO,
         ),
@@ -78,8 +78,8 @@ def command(
     reserves: Annotated[
         str | None,
         typer.Option(
-            help="Parts of current and voltage that every controller keeps in reserve, such as 0.02,0.2. "
-            "Default: those of its gains.",
+            help="Fractions of current and voltage that every controller keeps in reserve, such as "
+            "0.02,0.2. Default: those of its gain set.",
             metavar="CURRENT,VOLTAGE",
             rich_help_panel=_WHO,
         ),
@@ -94,7 +94,7 @@ def command(
     scheduler: Scheduler = None,
     workers: Workers = None,
 ) -> None:
-    """Run a scenario with several controllers side by side, into an output folder."""
+    """Compare several controllers in the same scenario."""
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(Path(scenario).stem))
     overwrite = given.get("overwrite", False)
@@ -123,17 +123,17 @@ def command(
         pictures = folder.draw_result(result) if plots else []
     _show(result, place, pictures)
     if not result.complete:
-        raise CosimError(f"interrupted; what was computed is in {place}.")
+        raise CosimError(f"interrupted; results so far are in {place}.")
 
 
 def _check_certificate(controllers: str | None, *others: Any) -> None:
-    """Raise CommandError for what a certificate has no use for."""
+    """Raise CommandError for options that a certificate does not support."""
     if controllers not in (None, "rsba"):
-        raise CommandError(f"the proof is of rsba alone; there is no certificate of {controllers}.")
+        raise CommandError(f"--table certificate supports only the controller rsba, not {controllers}.")
     if any(other is not None for other in others):
         raise CommandError(
-            "a certificate takes no seeds, reserves, resolution, scheduler or workers: it runs a set at a "
-            "time."
+            "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
+            "and --workers."
         )
 
 
@@ -143,7 +143,7 @@ def _certify(
     folder: certificates.CertificateFolder,
     given: dict[str, Any],
 ) -> None:
-    """Certify RSBA's sets of gains in runs of the scenario, and show and write what came out."""
+    """Certify RSBA's gain sets in runs of the scenario; show and write the certificate."""
     with BarProgress() as progress, folder.alone():
         found = certificates.certify_gains(scenario, gains, progress, **given)
         folder.keep(found)
@@ -160,18 +160,18 @@ def _split_names(text: str | None) -> list[str] | None:
 
 
 def _numbers(text: str | None) -> list[float] | None:
-    """Return the numbers of an option; CommandError for what is none."""
+    """Read the two numbers of an option. Raise CommandError for any other text."""
     try:
         return None if text is None else [float(part) for part in text.split(",")]
     except ValueError:
         raise CommandError(
-            f"the reserves are '{text}'; they must be two numbers, parts of current and voltage, such as "
-            "0.02,0.2."
+            f"the reserves are '{text}'; they must be two numbers, fractions of current and voltage, such "
+            "as 0.02,0.2."
         ) from None
 
 
 def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
-    """Show what was not held, first and in words; then the tables, and where everything is."""
+    """Show the joints that were not held, then the tables and the files."""
     lines = describe_lost_joints(result)
     if lines:
         show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
@@ -189,4 +189,4 @@ def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
     print_line(f"{format_count(result.rows['run'].n_unique(), 'run')} in {result.wall_s:.0f} s")
     print_line(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
     if pictures:
-        print_line(f"Pictures: {', '.join(path.name for path in pictures)}")
+        print_line(f"Plots: {', '.join(path.name for path in pictures)}")

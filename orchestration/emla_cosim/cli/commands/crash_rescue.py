@@ -1,7 +1,7 @@
-"""What `emla run` leaves for its parent process, and what that makes of it where an FMU ended the run.
+"""Finish the results of `emla run` after an FMU has ended its process.
 
-The end is that of a run whose FMU answers with an error: all rows, all figures, run.json, and a sentence
-that names the component, its call and the time.
+The run writes its state to files. The parent process completes the results from them as for an FMU that
+returns an error: all rows, all metrics, run.json, and an error message with the component, call and time.
 """
 
 import contextlib
@@ -38,24 +38,24 @@ from ...views.terminal import (
 )
 
 _SELDOM = 1.0
-"""Wall time in s between two looks at what recorders remember, where a look costs much."""
+"""Wall time in s between two copies of the recorders' memory if a copy is slow."""
 
 
 @dataclass(frozen=True)
 class _StartedRun:
-    """A run as it is when its first step begins."""
+    """State of a run when its first step begins."""
 
     result: Result
     outline: Outline
     shown: Mapping[int, LinearTransformation]
     rows: int
     at: float
-    """The clock in s, which all processes share."""
+    """Clock in s that is the same in all processes."""
 
 
 @dataclass(frozen=True)
 class _RunState:
-    """Who runs, where its results go, and how far it is."""
+    """State of a run: scenario, output folder and progress."""
 
     name: str
     components: Sequence[str]
@@ -69,17 +69,17 @@ class _RunState:
     process: int
     wanted: Verbosity
     stepping: bool = False
-    """Whether the first step began; `begun` is None then where it was too much to tell."""
+    """Whether the first step began. `begun` is then None if it was too large to write."""
     begun: _StartedRun | None = None
     rows_written: bool = False
     files_written: bool = False
 
 
 class CrashRecorder(Recorder):
-    """Leaves what is needed to finish the results of a run in another process; the last of its recorders."""
+    """Write what another process needs to finish the results of a run. It is the run's last recorder."""
 
     def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
-        """Tell that a run of the scenario is about to be made, with results in this folder."""
+        """Write that a run of the scenario begins, with its output folder."""
         names = [c.name for c in scenario.system.components]
         self._told = _RunState(
             scenario.name,
@@ -104,15 +104,15 @@ class CrashRecorder(Recorder):
         return "the record of the run"
 
     def watch(self, simulation: Simulation) -> None:
-        """The simulation whose run is recorded."""
+        """Set the simulation whose run is recorded."""
         self._simulation = simulation
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Remember what recorders are told."""
+        """Keep the outline of the run."""
         self._outline = outline
 
     def pause(self, run: Pause) -> None:
-        """Before the first step, tell how the run is."""
+        """Write the state of the run before its first step."""
         if self._run is not None:
             return
         self._run = run
@@ -124,7 +124,7 @@ class CrashRecorder(Recorder):
             self._write_state(begun=None)
 
     def write(self, rows: Any) -> None:
-        """Rows have reached the other recorders."""
+        """Note that the other recorders have received these rows."""
         if self._run is None:
             return
         if self._quick or time.monotonic() - self._looked >= _SELDOM:
@@ -133,11 +133,11 @@ class CrashRecorder(Recorder):
             self._write_memory(follows=False)
 
     def end(self) -> None:
-        """All rows are where they belong."""
+        """Note that all rows are recorded."""
         self._write_state(rows_written=True)
 
     def keep(self) -> None:
-        """All files are where they belong."""
+        """Note that all files are written."""
         self._write_state(files_written=True)
 
     def _look(self) -> None:
@@ -148,20 +148,25 @@ class CrashRecorder(Recorder):
         self._write_memory(follows=True)
 
     def _write_memory(self, follows: bool) -> None:
-        """What recorders remembered, whether rows that wait are the next ones, and when it was."""
+        """Write the memory of the recorders, the time, and whether the rows in the buffer come next."""
         black_box.write_message(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
 
     def _write_state(self, **changed: Any) -> bool:
-        """Tell what has changed; whether there was room for it."""
+        """Write what has changed, and return whether there was room for it."""
         self._told = replace(self._told, **changed)
         return black_box.write_message(pickle.dumps(self._told))
 
 
 def rescue_results(how: str, ended: float) -> None:
-    """Finish the results of a run whose process ended so, at this time in s, and say it."""
+    """Finish the results of a run whose process ended at a time in s, and show the error message.
+
+    Args:
+        how: Name of the signal or exit code that ended the process.
+        ended: Time of the end in s.
+    """
     message = black_box.read_message()
     if not message:
-        if how in {number.name for number in POLITE}:  # it is so young that it cannot say so itself
+        if how in {number.name for number in POLITE}:  # it ended before its own handler was set
             show_interrupted()
             return
         show_error(f"the process of the run ended ({how}) before it began.")
@@ -170,8 +175,8 @@ def rescue_results(how: str, ended: float) -> None:
         told: _RunState = pickle.loads(message)
         busy = [decode_call(present) for present in black_box.list_busy_activities()]
         cause = _cause(how, [(told.components[s], call) for s, call in busy if s is not None])
-    except Exception:  # an FMU wrote where it should not have
-        show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
+    except Exception:  # an FMU overwrote memory
+        show_error(f"the process of the run ended ({how}), and the data it left are not readable.")
         return
     try:
         output = OutputFolder(
@@ -184,21 +189,21 @@ def rescue_results(how: str, ended: float) -> None:
         )
         with output.alone(heir_of=told.process), use_verbosity(told.wanted):
             problem = _save_results(told, output, cause, ended)
-        show_error(f"{problem} What was computed is in {output.path}.")
+        show_error(f"{problem} The results so far are in {output.path}.")
     except (CosimError, OSError) as error:
         show_error(f"{cause}; {error}")
 
 
 def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
-    """Why a process ended that was in these calls of components.
+    """Return why the process ended, from the calls of components that were in progress.
 
-    Which one ended it cannot be told where threads were in several.
+    With several threads the component that ended it is not known.
     """
     where = [f"{component} in {call}" for component, call in calls]
-    if how == "SIGKILL":  # which nobody does to itself
+    if how == "SIGKILL":  # no process sends it to itself
         return (
             "the process was killed, "
-            f"{f'with {join_names(where)}' if where else 'perhaps for want of memory'}"
+            f"{f'with {join_names(where)}' if where else 'perhaps because memory ran out'}"
         )
     if len(calls) > 1:
         return f"one of {join_names(where)} ended the process ({how})"
@@ -208,7 +213,7 @@ def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
 
 
 def _save_results(told: _RunState, output: OutputFolder, cause: str, ended: float) -> str:
-    """Write what can be written; the sentence that says why the run ended."""
+    """Write the results that can be written, and return the error message."""
     if told.files_written:
         earlier = output.status()
         whole = f"{cause}, when the results were complete."
@@ -230,7 +235,7 @@ def _save_results(told: _RunState, output: OutputFolder, cause: str, ended: floa
 def _finish_result(
     begun: _StartedRun, output: OutputFolder, cause: str, ended: float, written: bool
 ) -> Result:
-    """The result, with all rows that were recorded; the table has them already if they are `written`."""
+    """Return the result with all recorded rows. If they are `written`, the table has them already."""
     memory, follows, end = pickle.loads(black_box.read_message(black_box.MEMORY))
     table, metrics = output.table(), MetricsRecorder()
     metrics.begin(begun.outline, memory[metrics.key])

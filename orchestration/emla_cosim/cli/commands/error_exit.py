@@ -1,4 +1,4 @@
-"""How a command ends that fails."""
+"""Exit codes and error messages of commands that fail."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -12,7 +12,7 @@ from ...sandbox.interruption import raise_on_interrupt
 
 
 def exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
-    """End a command that fails with one sentence and its exit code."""
+    """Make a command that fails end with an error message and its exit code."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> None:
@@ -25,7 +25,7 @@ def exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
         except CosimError as error:
             show_error(str(error))
             raise typer.Exit(error.exit_code) from error
-        except OSError as error:  # of a file or folder that mostly can be used
+        except OSError as error:  # of a file or folder that cannot be used now
             reason = error.strerror or error
             show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
             raise typer.Exit(1) from error

@@ -13,24 +13,28 @@ from ...views.terminal import show_file
 from .options import SOURCE
 
 OPTIONS = EXPORT
-"""Options that the command takes."""
+"""Options of the command."""
 
 EXAMPLES = (
     "emla export study study.ssp",
     "emla export lift lift.ssp --set lift.plant.motor.R_s=0.2 --platform win64",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
     scenario: Annotated[str, typer.Argument(help=SOURCE)],
-    file: Annotated[Path, typer.Argument(help="The package to write.", metavar="FILE.ssp")],
+    file: Annotated[Path, typer.Argument(help="Package to write.", metavar="FILE.ssp")],
     given: dict[str, Any],
     nested: Annotated[
-        bool, typer.Option(help="One system per joint; libcosim and Ecos read flat systems only.")
+        bool,
+        typer.Option(
+            help="Write one system per joint. Default: a flat system, the only kind that libcosim and Ecos "
+            "read."
+        ),
     ] = False,
 ) -> None:
-    """Write a scenario as an SSP package."""
+    """Export a scenario as an SSP package."""
     chosen = load(scenario, **given)
     check_output_files({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:

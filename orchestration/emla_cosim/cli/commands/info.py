@@ -26,17 +26,17 @@ from ...views.terminal import OUT, print_exactly, print_line, show, show_table
 from .options import SOURCE
 
 OPTIONS = INFO
-"""Options that the command takes."""
+"""Options of the command."""
 
 ALONE = {"--json": "-"}
-"""Options that may stand alone, and what they mean then."""
+"""Flags that may have no value, with the value they have then."""
 
 _MOST_ROWS, _MOST_FMUS, _MOST_ENDS = 1000, 40, 20
-"""So much is shown at once; JSON has everything."""
+"""Most rows to show; JSON has all of them."""
 _WIDEST_NAME, _LONGEST = 120, 300
-"""Letters in a line of names, and of other texts at all."""
+"""Most letters in a line of names, and in any other text."""
 _WIDE = 120
-"""Columns of a terminal from which on all that is told stands side by side."""
+"""Fewest columns of a terminal to show all columns of a table side by side."""
 
 
 def command(
@@ -45,21 +45,22 @@ def command(
     match: Annotated[
         list[str] | None,
         typer.Option(
-            help="Variables to show: * in a name is anything, a word is of name or meaning (repeatable).",
+            help="Variables to show: a pattern of names with *, or a word in names or descriptions "
+            "(repeatable).",
             metavar="PATTERN",
         ),
     ] = None,
     json: Annotated[
         Path | None,
-        typer.Option(help="Write JSON to a file, or show it where no file follows.", metavar="[FILE]"),
+        typer.Option(help="Write JSON to a file, or show it if no file follows.", metavar="[FILE]"),
     ] = None,
 ) -> None:
-    """Tell what an FMU, a package or a scenario is made of, and what can be set."""
+    """Show the variables of an FMU, a package or a scenario, and which of them you can set."""
     overwrite = given.get("overwrite", False)
     to_file = json is not None and str(json) != ALONE["--json"]
     if json is not None and to_file:
-        used = {Path(source): "the file to tell of"}
-        with suppress(CommandError):  # which telling says
+        used = {Path(source): "the file to show"}
+        with suppress(CommandError):  # collecting the information reports it
             used |= load(source, **given).options.files_read()
         check_output_files({json: JSON_FILE}, used)
         check_replaceable(json, JSON_FILE, is_info, overwrite)
@@ -86,11 +87,12 @@ def _show(found: Info, header: bool) -> None:
     _show_rows(rows[:_MOST_ROWS])
     if len(rows) > _MOST_ROWS:
         count = len(found.variables)
-        print_line(f"The first {_MOST_ROWS} rows of {count} variables; --match chooses, --json has them all.")
+        print_line(f"The first {_MOST_ROWS} rows of {count} variables; --match selects, --json has all.")
     settable = next((row.first for row in rows if row.first.settable and row.first.start is not None), None)
     if settable is not None:
         print_line(
-            f"What has a + can be set, such as --set '{format_line(settable.name)}={_text(settable.start)}'"
+            "You can set variables marked with +, such as --set "
+            f"'{format_line(settable.name)}={_text(settable.start)}'"
         )
 
 
@@ -110,13 +112,13 @@ def _show_header(found: Info) -> None:
         table.add_row(*(_cell(x) for x in (fmu.model, ", ".join(components), fmu.path)))
     show_table(table)
     if (more := len(found.fmus) - _MOST_FMUS) > 0:
-        print_line(f"and {more} more FMUs; --json has them all")
+        print_line(f"and {more} more FMUs; --json has all")
     counts = len(found.components), len(found.fmus), len(found.connections), len(found.variables)
     print_line("{} components of {} FMUs, {} connections, {} variables".format(*counts))
 
 
 def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
-    """What an FMU says of itself, where it does."""
+    """Yield what the model description says of an FMU, as labels and texts."""
     experiment = {
         "from": fmu.start_time,
         "to": fmu.stop_time,
@@ -140,7 +142,7 @@ def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
 
 
 def _show_rows(rows: Sequence[DisplayRow]) -> None:
-    """On a terminal a table for each component; where nobody looks one, with full names in each row."""
+    """Show a table for each component on a terminal, otherwise one table with full names in each row."""
     if not OUT.is_terminal:
         _show_table(rows, "variable", "")
         return
@@ -149,7 +151,7 @@ def _show_rows(rows: Sequence[DisplayRow]) -> None:
 
 
 def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
-    """Variables, their names without a prefix; on a narrow terminal the meaning has what they are, too."""
+    """Show a table of variables without the prefix of their names. A narrow terminal has fewer columns."""
     if not rows:
         return
     narrow = OUT.is_terminal and OUT.width < _WIDE
@@ -173,7 +175,7 @@ def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
 
 
 def _start(row: DisplayRow) -> Text:
-    """The value in effect with its unit, and that of the FMU where it is another one."""
+    """Return the value in effect with its unit, and the FMU's own if it differs."""
     start = " ".join(filter(None, (row.start, row.unit if row.start else "")))
     return Text(
         start + (f" (FMU: {row.default})" if row.default else ""), style="bold" if row.default else ""
@@ -181,7 +183,7 @@ def _start(row: DisplayRow) -> Text:
 
 
 def _meaning(row: DisplayRow, about: str = "") -> Text:
-    """The description, and what the variable is connected to."""
+    """Return the description and the connections of a variable."""
     unit = f"[{row.unit}] " if row.unit and not row.start else ""
     meaning = _cell(unit + row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
@@ -197,7 +199,7 @@ def _table(*columns: Column | str) -> Table:
 
 
 def _cell(text: str) -> Text:
-    """A text of others as it is: no markup, in one line, not endless."""
+    """Return a text from a file as one line of limited length, without markup."""
     return Text(shorten_text(format_line(text), _LONGEST))
 
 

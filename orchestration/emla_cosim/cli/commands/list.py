@@ -15,22 +15,22 @@ register()
 
 
 def command() -> None:
-    """Show tables of scenarios, plans of sweeps, models and choices."""
+    """Show tables of scenarios, plans, models, controllers and gain sets."""
     scenarios = Table(
         "scenario",
-        "what it is",
+        "description",
         title="Scenarios: emla run SCENARIO, emla info SCENARIO",
         title_justify="left",
     )
     for name in SCENARIOS:
         scenarios.add_row(f"[bold]{name}[/]", find_built_in(name).description)
-    plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
+    plans = Table("plan", "description", title="Sweeps: emla sweep PLAN", title_justify="left")
     for name, text in PLANS.items():
         plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
-    tunings = Table("plan", "what it is", title="Tunings: emla tune PLAN", title_justify="left")
+    tunings = Table("plan", "description", title="Tunings: emla tune PLAN", title_justify="left")
     for name, text in TUNINGS.items():
         tunings.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
-    models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
+    models = Table("model", "description", title="Models: emla build MODEL", title_justify="left")
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
     choices = Table("option", "choices", title="Choices", title_justify="left")

@@ -1,4 +1,4 @@
-"""The table of options as options of the command line."""
+"""The table of options on the command line."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -15,36 +15,39 @@ from ...base.option import Option
 from ...run.options import list_options, read_option
 
 SOURCE = (
-    "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), an "
-    "FMU (.fmu), or the run.json of a run."
+    "Scenario: a name from `emla list`, a scenario file (.toml), an SSP (.ssp, .ssd, or a folder), an "
+    "FMU (.fmu), or a run.json."
 )
-"""What commands that take a scenario say of it."""
+"""Help of the argument that names a scenario."""
 
-PLAN = "A plan (.toml, or a name that `emla list` shows), or a scenario as `emla run` takes it."
-"""What commands that take a plan say of it."""
+PLAN = "Plan: a file (.toml) or a name from `emla list`; or a scenario as for `emla run`."
+"""Help of the argument that names a plan."""
 
 RUNS = "Where it runs"
-"""The part of the help that is about processes."""
+"""Group in the help for options about processes."""
 
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Default: this machine's cores.",
+        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Default: the cores of this machine.",
         metavar="ADDRESS",
         rich_help_panel=RUNS,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(help="Processes on this machine. Default: one per core.", rich_help_panel=RUNS),
+    typer.Option(help="Number of processes on this machine. Default: one per core.", rich_help_panel=RUNS),
 ]
-"""Options of commands that have many runs."""
+"""Options of commands that make many runs."""
 
 
 def with_options(function: Callable[..., None], command: str) -> Callable[..., None]:
-    """A function with the options of a command; those that are given reach it in `given`, by name.
+    """Add the options of a command to its function.
 
-    It raises CommandError for texts that are no such values.
+    The function gets the options that the user sets in `given`, by name.
+
+    Raises:
+        CommandError: If a text is not a value of its option.
     """
     options = list(list_options(command).values())
     own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
@@ -63,9 +66,12 @@ def with_options(function: Callable[..., None], command: str) -> Callable[..., N
 def add_flag_values(
     arguments: Sequence[str], command: str, own: Mapping[str, str] | None = None
 ) -> list[str]:
-    """The arguments of a command, each flag that may stand alone followed by what it stands for then.
+    """Add its value to each flag that is written without one.
 
-    `own` has those flags that only this command has.
+    Args:
+        arguments: Arguments of the command line.
+        command: Name of the command.
+        own: Flags of this command alone, with the value each has when none follows.
     """
     alone = {o.flag: o.about.alone for o in list_options(command).values() if o.about.alone} | dict(own or {})
     found = list[str]()
@@ -94,7 +100,7 @@ def _parameter(option: Option) -> inspect.Parameter:
 
 
 def _default(option: Option) -> str:
-    """What holds without the option, where that is one value."""
+    """Return the default as text for the help, if it is one value."""
     default = option.default
     if default is None or isinstance(default, (bool, list, dict)):
         return ""
@@ -102,7 +108,7 @@ def _default(option: Option) -> str:
 
 
 def _metavar(option: Option) -> str | None:
-    """What stands for the value in the help; None of one that is on or off."""
+    """Return the placeholder of the value in the help, or None for a switch."""
     if option.about.metavar or option.type is bool:
         return option.about.metavar
     if option.about.unit:
@@ -112,7 +118,7 @@ def _metavar(option: Option) -> str | None:
 
 
 def _text_type(option: Option) -> Any:
-    """The type that the command line reads, before `_read`."""
+    """Return the type that typer reads, before `_read` converts it."""
     origin, inner = get_origin(option.plain_type), get_args(option.plain_type)
     if origin is Mapping:
         return list[str]
@@ -126,7 +132,7 @@ def _text_type(option: Option) -> Any:
 
 
 def _read(option: Option, value: Any) -> Any:
-    """The value of an option as `Options.updated` takes it."""
+    """Convert a value from the command line to a value for `Options.updated`."""
     if option.about.parse is not None:
         return option.about.parse(value)
     if option.about.unit:
@@ -149,11 +155,11 @@ def _entry(option: Option, name: str, text: str, of: Any) -> Any:
 
 
 def pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
-    """Values by name of texts NAME=VALUE; CommandError for any other."""
+    """Return values by name from texts NAME=VALUE. Raise CommandError for any other text."""
     found = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
-            raise CommandError(f"{flag} {text} lacks a name or a value; write {flag} NAME=VALUE.")
+            raise CommandError(f"{flag} {text} has no name or no value; write {flag} NAME=VALUE.")
         found[name.strip()] = value.strip()
     return found

@@ -19,43 +19,43 @@ from ...views.terminal import print_line, show_file
 register()
 
 OPTIONS = PLOT
-"""Options that the command takes."""
+"""Options of the command."""
 
 
 def command(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            help=f"Folders of results, or tables ({', '.join(f'.{name}' for name in TABLES)}).", metavar="RUN"
+            help=f"Output folders of runs, or tables ({', '.join(f'.{name}' for name in TABLES)}).",
+            metavar="RUN",
         ),
     ],
     signals: Annotated[
         list[str] | None,
         typer.Option(
-            help="Signals, * for anything (repeatable). Default: positions and references of joints, or all.",
+            help="Signals to plot; * matches any text (repeatable). Default: positions and references of "
+            "joints, or all.",
             metavar="PATTERN",
         ),
     ] = None,
-    output: Annotated[Path, typer.Option(help="The picture to write.", metavar="FILE.png")] = Path(
-        "plot.png"
-    ),
+    output: Annotated[Path, typer.Option(help="Plot file to write.", metavar="FILE.png")] = Path("plot.png"),
     begin: Annotated[
         str | None,
-        typer.Option("--from", help="First time that is shown.", metavar="TIME"),
+        typer.Option("--from", help="First time to plot, in s or with a unit.", metavar="TIME"),
     ] = None,
     end: Annotated[
         str | None,
-        typer.Option("--to", help="Last time that is shown.", metavar="TIME"),
+        typer.Option("--to", help="Last time to plot, in s or with a unit.", metavar="TIME"),
     ] = None,
     *,
     given: dict[str, Any],
 ) -> None:
-    """Draw signals of runs over time: one run by unit, several over one another with a panel per signal."""
+    """Plot signals of runs over time: one run by unit, several runs overlaid with a panel per signal."""
     if output.suffix.lower() != ".png":
-        raise CommandError(f"the picture '{output}' must end in .png.")
+        raise CommandError(f"the plot file '{output}' must end in .png.")
     found = read_traces(runs)
-    check_output_files({output: "the picture"}, {file: "read" for run in found for file in run.files})
-    check_replaceable(output, "the picture", is_picture, given.get("overwrite", False))
+    check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
+    check_replaceable(output, "the plot", is_picture, given.get("overwrite", False))
     overlay = overlay_runs(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
     with report_write_errors(output.parent), write_atomically(output) as stream:
         save(overlay.figure, stream)

@@ -18,25 +18,25 @@ from ...views.terminal import print_line
 from .run import run_into
 
 OPTIONS = RUN
-"""Options that the command takes."""
+"""Options of the command."""
 
 EXAMPLES = (
     "emla rerun results/study",
     "emla rerun results/study/run.json --step-size 5e-5 --output finer",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
-    run: Annotated[Path, typer.Argument(help="run.json of the run to repeat, or its folder.")],
+    run: Annotated[Path, typer.Argument(help="The run.json of the run to repeat, or its folder.")],
     given: dict[str, Any],
 ) -> None:
-    """Repeat a run in a folder beside its own."""
+    """Repeat a run into a new folder beside the old one."""
     record = _record(run)
     recorded = load_recorded_run(record, given)
     chosen = load(recorded.source, **recorded.with_options(given))
     table_name = f"results.{chosen.options.output_format}"
-    before = hash_if_readable(record.parent / table_name)  # which may be about to be replaced
+    before = hash_if_readable(record.parent / table_name)  # the new run may replace it
     folder = given.get("output") or _beside(record)
 
     known = list_options(RUN)
@@ -47,24 +47,24 @@ def command(
             print_line(describe_differences(found, str(record)))
         if before is not None and _same_table(known[name] for name in given):
             same = hash_if_readable(folder / table_name) == before
-            what = "is that" if same else "differs from that"
+            what = "is the same as that" if same else "differs from that"
             print_line(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
 
     run_into(chosen, folder, None if "output" in given else record, compare)
 
 
 def _same_table(given: Iterable[Option]) -> bool:
-    """Whether the table must be the same with these options: no record has them, or no repetition."""
+    """Return whether these options leave the table the same: those that no record or repetition has."""
     return all(not (one.about.recorded and one.about.repeated) for one in given)
 
 
 def _record(run: Path) -> Path:
-    """The record that a path means, which may be that of its folder."""
+    """Return the path of the record; `run` may be its folder."""
     return run / RECORD if run.is_dir() else run
 
 
 def _beside(record: Path) -> Path:
-    """A folder beside that of a record, which is left as it is."""
+    """Return a new folder beside that of a record."""
     folder = record.parent
     if folder.name in ("", ".."):
         folder = real_place(record).parent

@@ -26,14 +26,14 @@ from .crash_rescue import CrashRecorder
 from .options import SOURCE
 
 OPTIONS = RUN
-"""Options that the command takes."""
+"""Options of the command."""
 
 EXAMPLES = (
     "emla run study --stop-time 2 --gains robust",
     "emla run lift --set lift.plant.motor.R_s=0.2 --replace lift.controller=mine.fmu",
     "emla run mine.toml --output results/mine --no-plots",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
@@ -45,9 +45,16 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
 def run_into(
     chosen: Scenario, folder: Path, file: Path | None, tell: Callable[[Result], None] = lambda result: None
 ) -> None:
-    """Run a scenario, which is read from a file, into a folder, show what came out, and `tell` more of it.
+    """Run a scenario into an output folder, and show the result.
 
-    Raises CosimError where the run, or what is required of it, fails: its results are there then.
+    Args:
+        chosen: Scenario to run.
+        folder: Output folder.
+        file: File from which the scenario was read.
+        tell: Function that shows more of the result.
+
+    Raises:
+        CosimError: If the run or a requirement fails. The results are written then too.
     """
     options = chosen.options
     check_run(options, chosen.name)
@@ -73,7 +80,7 @@ def run_into(
                 recorders = [*writing, ProgressRecorder(progress), remembered]
                 with catch_interrupts() as asked:  # from the first row to the last file
                     result = simulation.attempt(recorders=recorders)
-                    # before FMUs are terminated, which is their last occasion to fail
+                    # the termination of FMUs may still fail
                     result, pictures = output.keep(
                         result,
                         options.plots and not asked(),
@@ -86,11 +93,11 @@ def run_into(
     show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
     tell(result)
     if result.problem is not None:
-        raise CosimError(f"{result.problem} What was computed is in {output.path}.")
+        raise CosimError(f"{result.problem} The results so far are in {output.path}.")
 
 
 def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:
-    """Raise CommandError where a file would be written that is read, or written twice."""
+    """Raise CommandError if an output file is also an input, or would be written twice."""
     results = output.roles
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:

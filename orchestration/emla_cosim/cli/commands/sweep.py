@@ -25,10 +25,10 @@ from ...views.terminal import print_line, show
 from .options import PLAN, RUNS, Scheduler, Workers
 
 OPTIONS = SWEEP
-"""Options that the command takes."""
+"""Options of the command."""
 
 _MOST_LETTERS = 1600
-"""Of commands that are shown."""
+"""Most commands to show."""
 
 _VARIES = "What varies"
 
@@ -37,7 +37,7 @@ EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
     "emla sweep study-robustness --output results/robust",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
@@ -46,7 +46,7 @@ def command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"What varies, and its values as {FORMS}; * in the name for several (repeatable).",
+            help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
             metavar="NAME=VALUES",
             rich_help_panel=_VARIES,
         ),
@@ -54,24 +54,24 @@ def command(
     runs: Annotated[
         int | None,
         typer.Option(
-            help="How many variants to draw. Default: all points of a grid.", rich_help_panel=_VARIES
+            help="Number of variants to draw. Default: all points of a grid.", rich_help_panel=_VARIES
         ),
     ] = None,
     sampling: Annotated[
         str | None,
         typer.Option(
-            help=f"How to draw. One of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
+            help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
             rich_help_panel=_VARIES,
         ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of what is drawn. Default: 0.", rich_help_panel=_VARIES)
+        int | None, typer.Option(help="Seed of random numbers. Default: 0.", rich_help_panel=_VARIES)
     ] = None,
     metric: Annotated[
         list[str] | None,
         typer.Option(
-            help="Figure to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
-            metavar="FIGURE",
+            help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
+            metavar="METRIC",
             rich_help_panel="What comes out",
         ),
     ] = None,
@@ -89,7 +89,7 @@ def command(
         bool,
         typer.Option(
             "--resume",
-            help="Continue a sweep that was interrupted in this output folder.",
+            help="Continue an interrupted sweep in this output folder.",
             rich_help_panel=RUNS,
         ),
     ] = False,
@@ -121,31 +121,33 @@ def command(
         pictures = _draw_pictures(result, folder, progress) if plots and result.variants.height else []
     _show(result, folder, pictures)
     if not result.complete:
-        raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
+        raise CosimError(f"interrupted; the results so far are in {place}. Continue with --resume.")
     if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
-        raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+        raise CosimError(
+            f"{failing} of {result.variants.height} variants do not meet the requirements; see above."
+        )
 
 
 def _show(result: SweepResult, folder: SweepFolder, pictures: Sequence[Path]) -> None:
-    """Tables, what runs the worst variants alone, and where everything is."""
+    """Show tables, the commands that run the worst variants alone, and the files."""
     for part in format_summary(result):
         show(part)
     files = [TABLE, RECORD, *([SERIES] if result.series is not None else [])]
     lines = [*_short(list_worst_commands(result), folder), f"Wrote {folder.path}/: {', '.join(files)}"]
     if pictures:
-        lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
+        lines.append(f"Plots: {', '.join(path.name for path in pictures)}")
     for line in lines:
         print_line(line)
 
 
 def _short(lines: Sequence[str], folder: SweepFolder) -> Sequence[str]:
-    """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
+    """Return the commands to show; if they are too many, name the file that has them."""
     if sum(map(len, lines)) <= _MOST_LETTERS:
         return lines
     with folder.alone(), report_write_errors(folder.path):
         written = folder.write(WORST, "\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
         folder.settle()
-    return [f"What runs each alone is in {written}."]
+    return [f"Commands to run each of them alone are in {written}."]
 
 
 def _draw_pictures(result: SweepResult, folder: SweepFolder, progress: Progress) -> list[Path]:
@@ -162,7 +164,7 @@ def _parse_vary(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, values = (part.strip() for part in text.partition("="))
         if not (name and equals and values):
-            raise CommandError(f"--vary {text} lacks a name or values; write --vary NAME={FORMS}.")
+            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
         if name in found:
             raise CommandError(f"--vary names {name} twice.")
         found[name] = values

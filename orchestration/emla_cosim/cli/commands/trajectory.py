@@ -17,29 +17,30 @@ from ...views.terminal import print_line, show
 from .options import pairs
 
 OPTIONS = TRAJECTORY
-"""Options that the command takes."""
+"""Options of the command."""
 
-_WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
+_WHAT, _HOW, _OUT = "Problem", "Optimisation", "What comes out"
 _DEFAULT_PATH = trajectory.__kwdefaults__ or {}
 
 EXAMPLES = (
     "emla trajectory",
     "emla trajectory --set t_M=20 --output mine.json",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
     problem: Annotated[
         Path | None,
         typer.Argument(
-            help="Problem (.toml) that differs from the paper's: docs/trajectory.md.", metavar="PROBLEM"
+            help="Problem file (.toml) with changes to the paper's problem; see docs/trajectory.md.",
+            metavar="PROBLEM",
         ),
     ] = None,
     set: Annotated[
         list[str] | None,
         typer.Option(
-            help="A value of the problem, such as t_M=20, q_E[3]=0.4 or machine.lift_a=1.2 (repeatable).",
+            help="Set a value of the problem, such as t_M=20, q_E[3]=0.4 or machine.lift_a=1.2 (repeatable).",
             metavar="NAME=VALUE",
             rich_help_panel=_WHAT,
         ),
@@ -47,14 +48,14 @@ def command(
     end_speed: Annotated[
         str,
         typer.Option(
-            help="How an end speed beyond its bound is read: clip, exempt, decimal, rest.",
+            help="Treatment of end speeds beyond their bounds: clip, exempt, decimal or rest.",
             rich_help_panel=_WHAT,
         ),
     ] = _DEFAULT_PATH["end_speed"],
     tie_break: Annotated[
         float,
         typer.Option(
-            help="Weight of the joints' own powers beside the square of their sum; 0 is as printed.",
+            help="Weight of the joints' individual powers beside the square of their sum; 0 as in the paper.",
             rich_help_panel=_WHAT,
         ),
     ] = _DEFAULT_PATH["tie_break"],
@@ -62,25 +63,28 @@ def command(
         int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["degree"],
     knots: Annotated[
-        int, typer.Option(help="Different knots, closer together at both ends.", rich_help_panel=_HOW)
+        int, typer.Option(help="Number of distinct knots, denser at both ends.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["knots"],
     points: Annotated[
-        int, typer.Option(help="Collocation points between two knots.", rich_help_panel=_HOW)
+        int, typer.Option(help="Number of collocation points between two knots.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["points"],
     starts: Annotated[
-        int, typer.Option(help="Starts, of which the best result counts.", rich_help_panel=_HOW)
+        int, typer.Option(help="Number of starts; the best result is kept.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["starts"],
     output: Annotated[
         Path | None,
         typer.Option(
-            help="The trajectory file. Default: results/trajectory/trajectory.json.", rich_help_panel=_OUT
+            help="Trajectory file to write. Default: results/trajectory/trajectory.json.",
+            rich_help_panel=_OUT,
         ),
     ] = None,
-    plots: Annotated[bool, typer.Option(help="Draw plots beside it.", rich_help_panel=_OUT)] = True,
+    plots: Annotated[
+        bool, typer.Option(help="Draw plots beside the trajectory file.", rich_help_panel=_OUT)
+    ] = True,
     *,
     given: dict[str, Any],
 ) -> None:
-    """Find the motion of the manipulator that takes least actuator power."""
+    """Find the motion of the manipulator with the least actuator power."""
     asked = override_values(load_problem(problem), pairs("--set", set or []))
     overwrite = given.get("overwrite", False)
     place = output or _default_path()

@@ -19,15 +19,15 @@ from ...views.terminal import print_line, show
 from .options import PLAN, Scheduler, Workers, pairs
 
 OPTIONS = SWEEP
-"""Options that the command takes."""
+"""Options of the command."""
 
-_WANTED, _TRIED = "What is wanted", "What is tried"
+_WANTED, _TRIED = "Objective", "Search"
 
 EXAMPLES = (
     "emla tune rsba-tilt",
     "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
@@ -36,7 +36,7 @@ def command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"A gain and its range, as {FORMS}; LOW:HIGH is searched by ratio (repeatable).",
+            help=f"Gain and its range, as {FORMS}; the search in LOW:HIGH is logarithmic (repeatable).",
             metavar="NAME=RANGE",
             rich_help_panel=_TRIED,
         ),
@@ -44,7 +44,7 @@ def command(
     derive: Annotated[
         list[str] | None,
         typer.Option(
-            help="Start value that follows from those that vary (repeatable).",
+            help="Start value computed from the varied gains (repeatable).",
             metavar="NAME=EXPRESSION",
             rich_help_panel=_TRIED,
         ),
@@ -52,7 +52,7 @@ def command(
     objective: Annotated[
         str | None,
         typer.Option(
-            help="What is to be small: an expression over figures, such as tilt.position_error_m.",
+            help="Expression over metrics to minimise, such as tilt.position_error_m.",
             metavar="EXPRESSION",
             rich_help_panel=_WANTED,
         ),
@@ -60,7 +60,7 @@ def command(
     metric: Annotated[
         list[str] | None,
         typer.Option(
-            help="Further figure over signals (repeatable).",
+            help="Additional metric over signals (repeatable).",
             metavar="'NAME = EXPRESSION'",
             rich_help_panel=_WANTED,
         ),
@@ -68,27 +68,29 @@ def command(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Fail if the objective is worse by more than this part on other seeds. Default: not judged.",
+            help="Fail if the objective with the validation seeds is worse by more than this fraction. "
+            "Default: no limit.",
             metavar="NUMBER",
             rich_help_panel=_WANTED,
         ),
     ] = None,
     evaluations: Annotated[
-        int | None, typer.Option(help="Sets of gains to try. Default: 200.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Number of gain sets to try. Default: 200.", rich_help_panel=_TRIED)
     ] = None,
     training: Annotated[
-        int | None, typer.Option(help="Seeds to tune on. Default: 2.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Number of seeds to tune with. Default: 2.", rich_help_panel=_TRIED)
     ] = None,
     validation: Annotated[
-        int | None, typer.Option(help="Other seeds to validate with. Default: 4.", rich_help_panel=_TRIED)
+        int | None,
+        typer.Option(help="Number of other seeds to validate with. Default: 4.", rich_help_panel=_TRIED),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of whatever is drawn. Default: 0.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Seed of random numbers. Default: 0.", rich_help_panel=_TRIED)
     ] = None,
     scheduler: Scheduler = None,
     workers: Workers = None,
 ) -> None:
-    """Look for gains of a scenario's controllers, into an output folder."""
+    """Tune gains of a scenario's controllers."""
     found = load_tuning_plan(plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(f"tune-{found.name}"))
@@ -122,7 +124,7 @@ def command(
 
 
 def _show(result: TuneResult, place: Path, plots: bool) -> None:
-    """Tables, how it went, and where everything is."""
+    """Show tables, a summary and the files."""
     for part in format_summary(result):
         show(part)
     files = [BEST, RECORD, HISTORY, *([PICTURE] if plots else [])]

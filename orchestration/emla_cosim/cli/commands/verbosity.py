@@ -1,4 +1,4 @@
-"""`--quiet` and `--show-fit`: options on what is shown, which many commands have."""
+"""The options `--quiet` and `--show-fit` of many commands."""
 
 import inspect
 from collections.abc import Callable
@@ -8,12 +8,12 @@ from typing import Annotated, Any
 import typer
 
 _FLAGS: dict[str, Any] = {
-    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")],
+    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Show only errors.")],
     "show_fit": Annotated[
         bool,
         typer.Option(
             "--show-fit",
-            help="List how the variables of a replacement fit, even where all do.",
+            help="List the variables of a replacement FMU, even if all match.",
             rich_help_panel="What comes out",
         ),
     ],
@@ -21,7 +21,7 @@ _FLAGS: dict[str, Any] = {
 
 
 def with_verbosity(command: Callable[..., None], replaces: bool) -> Callable[..., None]:
-    """A command that takes what is to be shown; of one that replaces components, also how these fit."""
+    """Add `--quiet` to a command, and `--show-fit` to one that replaces components."""
     flags = {n: a for n, a in _FLAGS.items() if replaces or n != "show_fit"}
 
     @wraps(command)

@@ -30,7 +30,7 @@ from ...views.terminal import show
 from .options import pairs
 
 OPTIONS = VERIFY
-"""Options that the command takes."""
+"""Options of the command."""
 
 _WHAT, _OUT, _MAKE = "What is checked", "What comes out", "Make references"
 _STYLE = {
@@ -44,19 +44,20 @@ EXAMPLES = (
     "emla verify mine.fmu --html report.html",
     "emla verify mine.fmu --record references --stop-time 1",
 )
-"""Commands that the help shows."""
+"""Examples in the help."""
 
 
 def command(
     given: dict[str, Any],
     files: Annotated[list[str] | None, typer.Argument(help="FMUs and SSPs.", metavar="[FILE]...")] = None,
     all_: Annotated[
-        bool, typer.Option("--all", help="All our models, in both flavours.", rich_help_panel=_WHAT)
+        bool,
+        typer.Option("--all", help="Verify all built-in models, in both flavours.", rich_help_panel=_WHAT),
     ] = False,
     only: Annotated[
         list[str] | None,
         typer.Option(
-            help="Check, group, or pattern of checks, to do (repeatable).",
+            help="Check, group or pattern of checks to run (repeatable). Default: all.",
             metavar="CHECK",
             rich_help_panel=_WHAT,
         ),
@@ -64,18 +65,18 @@ def command(
     skip: Annotated[
         list[str] | None,
         typer.Option(
-            help="Check, group, or pattern of checks, to leave out (repeatable).",
+            help="Check, group or pattern of checks to leave out (repeatable).",
             metavar="CHECK",
             rich_help_panel=_WHAT,
         ),
     ] = None,
     list_: Annotated[
-        bool, typer.Option("--list", help="Show all checks and exit.", rich_help_panel=_WHAT)
+        bool, typer.Option("--list", help="List all checks and exit.", rich_help_panel=_WHAT)
     ] = False,
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of reference files; of a system, of results. Default: beside each FMU.",
+            help="Folder of reference files; for a system, of results. Default: beside each FMU.",
             metavar="FOLDER",
             rich_help_panel=_WHAT,
         ),
@@ -83,54 +84,63 @@ def command(
     tolerance: Annotated[
         list[str] | None,
         typer.Option(
-            help="How wide tubes are: relative to a signal's range (repeatable). Default: 1e-3.",
+            help="Tolerance relative to a signal's range (repeatable). Default: 1e-3.",
             metavar="[PATTERN=]NUMBER",
             rich_help_panel=_WHAT,
         ),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(help="Time that one check may take.", rich_help_panel=_WHAT)
+        float, typer.Option(help="Time limit of one check in s.", rich_help_panel=_WHAT)
     ] = Settings.seconds,
     memory: Annotated[
-        float, typer.Option(help="Memory in MiB that one check may take.", rich_help_panel=_WHAT)
+        float, typer.Option(help="Memory limit of one check in MiB.", rich_help_panel=_WHAT)
     ] = Settings.memory / 2**20,
     junit: Annotated[
-        Path | None, typer.Option(help="Write JUnit XML.", metavar="FILE", rich_help_panel=_OUT)
+        Path | None, typer.Option(help="Write a JUnit XML report.", metavar="FILE", rich_help_panel=_OUT)
     ] = None,
     json: Annotated[
-        Path | None, typer.Option(help="Write JSON.", metavar="FILE", rich_help_panel=_OUT)
+        Path | None, typer.Option(help="Write a JSON report.", metavar="FILE", rich_help_panel=_OUT)
     ] = None,
     html: Annotated[
-        Path | None, typer.Option(help="Write a page.", metavar="FILE", rich_help_panel=_OUT)
+        Path | None,
+        typer.Option(help="Write a report as an HTML page.", metavar="FILE", rich_help_panel=_OUT),
     ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
-            help="Write reference files of a run to this folder.", metavar="FOLDER", rich_help_panel=_MAKE
+            help="Run the FMU and write reference files to this folder.",
+            metavar="FOLDER",
+            rich_help_panel=_MAKE,
         ),
     ] = None,
     input_: Annotated[
         Path | None,
-        typer.Option("--input", help="Inputs of that run.", metavar="FILE.csv", rich_help_panel=_MAKE),
+        typer.Option(
+            "--input", help="Inputs of the reference run.", metavar="FILE.csv", rich_help_panel=_MAKE
+        ),
     ] = None,
     excite: Annotated[
         str,
-        typer.Option(help=f"What inputs do without a file: {', '.join(SHAPES)}.", rich_help_panel=_MAKE),
+        typer.Option(help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.", rich_help_panel=_MAKE),
     ] = "steps",
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", help="Start value (repeatable).", metavar="VARIABLE=VALUE", rich_help_panel=_MAKE
+            "--set",
+            help="Start value of the reference run (repeatable).",
+            metavar="VARIABLE=VALUE",
+            rich_help_panel=_MAKE,
         ),
     ] = None,
     stop_time: Annotated[
-        float | None, typer.Option(help="End of that run in s.", rich_help_panel=_MAKE)
+        float | None, typer.Option(help="Stop time of the reference run in s.", rich_help_panel=_MAKE)
     ] = None,
     step_size: Annotated[
-        float | None, typer.Option(help="Communication step of that run in s.", rich_help_panel=_MAKE)
+        float | None,
+        typer.Option(help="Communication step of the reference run in s.", rich_help_panel=_MAKE),
     ] = None,
 ) -> None:
-    """Verify FMUs and systems of them."""
+    """Verify FMUs and SSPs."""
     if list_:
         show(_catalogue(), asked_for=True)
         return
@@ -141,7 +151,7 @@ def command(
             record, input_, excite, stop_time, step_size, pairs("--set", set_ or []), overwrite
         )
     elif any((input_, stop_time, step_size, set_)):
-        raise CommandError("--input, --set, --stop-time and --step-size belong to --record.")
+        raise CommandError("--input, --set, --stop-time and --step-size need --record.")
     named = {file: Path(file) for file in files or []}
     reports: list[tuple[Path | None, str, IsOurs]] = [
         (junit, "the JUnit report", is_junit),
@@ -177,7 +187,7 @@ def command(
 def _check_places(
     reports: Iterable[tuple[Path | None, str, IsOurs]], files: Iterable[Path], overwrite: bool
 ) -> None:
-    """Raise CommandError where a report cannot be written, or would take the place of something else."""
+    """Raise CommandError if a report cannot be written, or would replace another file."""
     used = dict.fromkeys(files, "the file to verify")
     for path, what, is_ours in reports:
         if path is not None:
@@ -187,7 +197,7 @@ def _check_places(
 
 
 def _ours(progress: Progress) -> dict[str, Path]:
-    """The FMUs of all our models, by model and flavour."""
+    """Return the FMUs of all built-in models, by model and flavour."""
     progress.begin("building", len(MODELS) * len(FLAVOURS))
     found = {}
     for flavour in FLAVOURS:
@@ -198,14 +208,14 @@ def _ours(progress: Progress) -> dict[str, Path]:
 
 
 def _catalogue() -> Table:
-    table = Table("check", "what it asks", "rests on", title="Checks", title_justify="left")
+    table = Table("check", "question", "source", title="Checks", title_justify="left")
     for check in CHECKS:
         table.add_row(check.name, escape(check.title), escape(str(check.clause)))
     return table
 
 
 def _show(report: Report) -> None:
-    """A row for each FMU, and below what is wrong, with what the standard says."""
+    """Show failures and warnings with the clauses of the standard, then a row for each FMU."""
     for examined in report.examined:
         for verdict in (Verdict.FAILED, Verdict.WARNING):
             _show_findings(examined, verdict)
@@ -217,14 +227,14 @@ def _show(report: Report) -> None:
 
 
 def _show_recorded(report: Report) -> None:
-    """What was written, and where that failed why."""
+    """Show the reference files, or why they could not be written."""
     for examined in report.examined:
         for found in examined.findings:
             show(f"{_text(examined.label)}: {_text(found.sentence)}", highlight=False, soft_wrap=True)
 
 
 def _text(text: str) -> str:
-    """What others wrote, as it is: neither markup, nor what a terminal would obey."""
+    """Escape markup and control characters in text from files."""
     return escape(make_visible(text))
 
 
@@ -247,4 +257,4 @@ def _show_findings(examined: Examined, verdict: Verdict) -> None:
 
 
 _MOST_DETAILS = 5
-"""Further places that are shown where the same is wrong."""
+"""Most further details to show of one finding."""

@@ -1,1 +1,1 @@
-"""Scenarios: systems and how they are run, as files; the built-in ones are files too."""
+"""Scenarios: systems with the options to run them, as files. The built-in ones are files too."""

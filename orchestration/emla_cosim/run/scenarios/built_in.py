@@ -1,4 +1,4 @@
-"""Systems and scenarios that can be called by name, once they are registered here."""
+"""Registries of built-in systems and scenarios."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -10,28 +10,28 @@ from ..options import Options
 from .scenario_file import ScenarioFile, parse_scenario
 
 SYSTEMS: dict[str, Callable[..., System]] = {}
-"""What makes a system of a controller and a set of gains, by name; None is the usual one."""
+"""Functions that make a system from a controller and a gain set, by name; None means the default."""
 
 FOLLOWING: set[str] = set()
-"""Systems that are made of the file of a trajectory too, if there is one: `trajectory`."""
+"""Systems that can also be made from a trajectory file, with the argument `trajectory`."""
 
 READERS: dict[str, Callable[[Path], FileOrObject]] = {}
-"""What reads the files that an option names for joints, by the option: `actuator`."""
+"""Functions that read the files which an option names for joints, by option, such as `actuator`."""
 
 REMARKS: list[Callable[[System, Options], Sequence[str]]] = []
-"""What looks at a built-in system before it is run: sentences without their stops, or CommandError."""
+"""Functions that check a built-in system. They return remarks without full stops or raise CommandError."""
 
 SCENARIOS: dict[str, Callable[[], str]] = {}
-"""What reads the text of a scenario file, by the name of the scenario."""
+"""Functions that return the text of a scenario file, by scenario."""
 
 PLANS: dict[str, Callable[[], str]] = {}
-"""What reads the text of a plan of a sweep, by the name of the plan."""
+"""Functions that return the text of a sweep plan, by plan."""
 
 TUNINGS: dict[str, Callable[[], str]] = {}
-"""What reads the text of a plan of a tuning, by the name of the plan."""
+"""Functions that return the text of a tuning plan, by plan."""
 
 
 @cache
 def find_built_in(name: str) -> ScenarioFile:
-    """The scenario file of this name."""
+    """Return the scenario file of a built-in scenario."""
     return parse_scenario(SCENARIOS[name](), name, Path())

@@ -1,4 +1,4 @@
-"""One way to scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
+"""Load scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
 
 import contextlib
 import weakref
@@ -25,11 +25,16 @@ _FMU = ".fmu"
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
-    """The scenario that a name or a path means, or that runs a system; with these options.
+    """Load a scenario.
 
-    A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
-    for another SSD than the default one; to an FMU (.fmu), which runs alone; or to the run.json of a run
-    to repeat. Raises CommandError for whatever is wrong with it.
+    Args:
+        source: Name of a built-in scenario, a `System`, or a path: a scenario file (.toml); an SSP (package,
+            folder or SSD, with `#Variant.ssd` for another SSD than the default); an FMU; or the run.json of a
+            run to repeat.
+        given: Options by name.
+
+    Raises:
+        CommandError: If the source or an option is wrong.
     """
     if isinstance(source, System):
         return Scenario("system", "", source).with_options(given)
@@ -51,8 +56,8 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     if _is_ssp(path):
         return _load_ssp(path, None, read, given, _package_origin(path))
     raise CommandError(
-        f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that "
-        "ends in .toml, .ssp, .ssd or .fmu, or the run.json of a run.",
+        f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that ends in "
+        ".toml, .ssp, .ssd or .fmu, or the run.json of a run.",
         name=name,
         choices=list(SCENARIOS),
     )
@@ -61,7 +66,7 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
 def _load_scenario_file(
     read: ScenarioFile, name: str, given: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
-    """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
+    """Return the scenario of a file. Its options override the defaults; `given` overrides both."""
     described = _find_system_file(read)
     if described is None:
         file = read.folder / read.system
@@ -83,7 +88,8 @@ def _load_scenario_file(
     if options.trajectory is not None:
         if described.system not in FOLLOWING:
             raise CommandError(
-                f"'{read.where}' follows no trajectory; --trajectory is for {join_names(sorted(FOLLOWING))}."
+                f"'{read.where}' does not follow a trajectory; --trajectory is for "
+                f"{join_names(sorted(FOLLOWING))}."
             )
         made_of["trajectory"] = options.trajectory
     if options.actuator:
@@ -98,7 +104,7 @@ def _load_scenario_file(
 def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
     """Return the file that describes the system of a scenario: itself, a built-in one, or one of `KINDS`.
 
-    None for any other system. Raises CommandError as `parse_scenario` does.
+    Return None for any other system. Raise CommandError as `parse_scenario` does.
     """
     if read.make is not None:
         return read
@@ -110,8 +116,8 @@ def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
     found = parse_scenario(read_text(file, "the system"), str(file), file.parent)
     if found.make is None:
         raise CommandError(
-            f"the scenario '{read.where}' names the system '{read.system}', which is a scenario file itself; "
-            f"name what it names: '{found.system}'."
+            f"the scenario '{read.where}' names the system '{read.system}', which is itself a scenario "
+            f"file. Name its system instead: '{found.system}'."
         )
     return found
 
@@ -121,13 +127,13 @@ def _remarks(system: System, options: Options) -> list[str]:
 
 
 def _read(option: str, given: Mapping[str, Path | FileOrObject]) -> dict[str, FileOrObject]:
-    """What an option names by its files, read; what Python gives, as it is."""
+    """Read the files that an option names; keep objects."""
     reader = READERS[option]
     return {name: one if isinstance(one, FileOrObject) else reader(one) for name, one in given.items()}
 
 
 def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
-    """Raise CommandError where an option of built-in systems is given to another system."""
+    """Raise CommandError if an option for built-in systems is set for another system."""
     for name, option in list_options().items():
         if option.about.makes and (name in given or name in read.options):
             raise CommandError(
@@ -138,7 +144,7 @@ def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
 def _load_fmu(
     path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
-    """The scenario of one FMU, with what a scenario file says about it."""
+    """Return the scenario of an FMU, with the options of a scenario file."""
     _refuse_of_built_in(read, given)
     values = read_options(given)
     options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).merged(values)
@@ -156,7 +162,7 @@ def _load_fmu(
 def _load_ssp(
     path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
-    """The scenario of an SSP, with what a scenario file says about it."""
+    """Return the scenario of an SSP, with the options of a scenario file."""
     _refuse_of_built_in(read, given)
     held = ResourceHolder()
     document = held.stack.enter_context(read_ssp(path))
@@ -176,13 +182,13 @@ def _load_ssp(
 
 
 def _package_origin(path: Path) -> RunOrigin:
-    """The origin that an SSP or an FMU is, by the content of its one file where it is one."""
+    """Return the origin for an SSP or an FMU, with its hash if it is a single file."""
     file = path if _is_file(path) else _without_variant(path)
     return read_origin(path, file.read_bytes() if _is_file(file) else None)
 
 
 def _times(document: SspDocument) -> dict[str, float]:
-    """The times that an SSP gives, as options."""
+    """Return the times in an SSP as options."""
     times = {
         "start_time": document.start_time,
         "stop_time": document.stop_time,
@@ -192,7 +198,7 @@ def _times(document: SspDocument) -> dict[str, float]:
 
 
 class ResourceHolder:
-    """What has to stay until nobody needs it any more, such as a folder with unpacked FMUs."""
+    """Keeps something alive until no object uses it, such as a folder with unpacked FMUs."""
 
     def __init__(self) -> None:
         self.stack = contextlib.ExitStack()
@@ -200,12 +206,12 @@ class ResourceHolder:
 
 
 def is_fmu(path: Path) -> bool:
-    """Whether a path means an FMU; PACKAGE.ssp#x.fmu would be a variant of a package."""
+    """Return whether a path names an FMU. PACKAGE.ssp#x.fmu names a variant of a package."""
     return path.suffix.lower() == _FMU and not _is_folder(path) and (_is_file(path) or not _is_ssp(path))
 
 
 def _is_ssp(path: Path) -> bool:
-    """Whether a path means an SSP, without or with the name of a variant in it."""
+    """Return whether a path names an SSP, with or without a variant."""
     return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
 
 
@@ -216,7 +222,7 @@ def _without_variant(path: Path) -> Path:
 def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
-    except (OSError, ValueError):  # too long a name, or one that no file can have
+    except (OSError, ValueError):  # the name is too long or invalid
         return False
 
 

@@ -1,4 +1,4 @@
-"""Runs that were made, as their run.json tells them: the same scenario, with what was given beside it."""
+"""Load recorded runs from run.json: their scenario with their options."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -15,22 +15,27 @@ from ..run_record import PYTHON
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run as its record tells it: what was named, what was given beside it, and the whole record."""
+    """A recorded run: its scenario, its options, and the whole record."""
 
     source: str
     overrides: Mapping[str, Any]
     content: Mapping[str, Any]
 
     def with_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """What was given then, and over it what is given now; CommandError for what does not fit."""
+        """Return the recorded options, overridden by `given`. Raise CommandError for wrong options."""
         return RunOrigin(overrides=self.overrides).updated(read_options(given)).overrides
 
 
 def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
-    """The run whose run.json this is, to be repeated with these options over its own.
+    """Load the run with this run.json to repeat it.
 
-    Raises CommandError for a file that is no such record, for one of a system or with an option that were
-    objects of Python, and for one of a version that did not say where a run comes from.
+    Args:
+        path: Path of run.json.
+        given: Options that override the recorded ones.
+
+    Raises:
+        CommandError: If the file is no run.json, if an old version wrote it without the origin of the run, or
+            if the system or an option was an object of Python.
     """
     where = f"the record '{path}'"
     try:
@@ -38,28 +43,26 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
     except (ValueError, RecursionError) as error:
         raise CommandError(f"{where} is not JSON: {error}.") from error
     if not (isinstance(content, dict) and isinstance(content.get("settings"), dict)):
-        raise CommandError(f"{where} is none of a run; name a run.json that `emla run` wrote.")
+        raise CommandError(f"{where} is not the record of a run; name a run.json that `emla run` wrote.")
     if "source" not in content:
         raise CommandError(
-            f"{where} does not say which scenario was run with which options: an earlier version wrote it, "
-            "or the run ended too early. Run the scenario itself."
+            f"{where} does not say which scenario was run with which options: an earlier version wrote "
+            "it, or the run ended too early. Run the scenario itself."
         )
     source, changed = content["source"], content.get("changed")
     if source is None:
-        raise CommandError(
-            f"{where} is of a system that was made in Python, which has to be made there again."
-        )
+        raise CommandError(f"{where} has a system that was made in Python; repeat the run in Python.")
     if not isinstance(source, str) or not source or source.lower().endswith(".json"):
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
-        raise CommandError(f"{where} has no table 'changed' of the options that were given.")
+        raise CommandError(f"{where} has no table 'changed' of the options.")
     kept = {name: value for name, value in changed.items() if not _is_replaced(name, given)}
     _check(kept, where)
     return RecordedRun(source, read_options(select_repeatable(kept), where), content)
 
 
 def _is_replaced(name: str, given: Mapping[str, Any]) -> bool:
-    """Whether what is given now leaves nothing of what was given then."""
+    """Return whether the new options replace a recorded option completely."""
     return name in given and not isinstance(given[name], Mapping)
 
 
@@ -68,20 +71,20 @@ def _check(changed: Mapping[str, Any], where: str) -> None:
     known = list_options()
     for name, value in changed.items():
         if name not in known:
-            continue  # which reading it tells better
+            continue  # reading it gives a better message
         if not known[name].about.recorded:
             raise CommandError(f"{where} has the option '{name}', which no record has.")
         for one in _entries(value, known[name].plain_type):
             if _is_table(one) and set(one) == {PYTHON}:
                 raise CommandError(
-                    f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no record "
-                    f"can hold; give {known[name].flag} beside it, or repeat the run in Python.",
+                    f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no "
+                    f"record can contain. Set {known[name].flag} too, or repeat the run in Python.",
                     option=name,
                 )
 
 
 def _entries(value: Any, of: Any) -> Iterable[Any]:
-    """What a table or a list has; of any other value itself."""
+    """Return the entries of a table or a list, or the value itself."""
     if _is_table(value) and get_origin(of) is Mapping:
         return value.values()
     return value if isinstance(value, list) else [value]

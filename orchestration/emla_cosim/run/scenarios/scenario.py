@@ -1,4 +1,4 @@
-"""What a scenario is: a system, and how it is run."""
+"""A scenario: a system with the options to run it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,12 +19,11 @@ from ..simulation import Simulation
 
 @dataclass(frozen=True)
 class Scenario:
-    """A system and how it is run.
+    """A system with the options to run it.
 
-    `notes` are sentences, without their stops, that the user should read before a run: on what was read but
-    means nothing, and what `remarks` say of the system with these options. FMUs of a package are in the
-    folder `unpacked` as long as the scenario, or a simulation of it, lives. `origin` is what was named
-    and given to make it.
+    `notes` are remarks to read before a run, without full stops: on ignored content, and those of `remarks`
+    on the system with these options. FMUs of a package are in the folder `unpacked` as long as the scenario
+    or a simulation of it exists. `origin` is the source of the scenario, with its options.
     """
 
     name: str
@@ -40,16 +39,17 @@ class Scenario:
     )
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
-        """Return the scenario with other options, by name, and with the notes that belong to them.
+        """Return the scenario with other options, by name, and with the notes on them.
 
-        Raises CommandError for options that its system was made of, and for what cannot be run with these.
+        Raises:
+            CommandError: If the system was made from an option, or cannot be run with these options.
         """
         if not given:
             return self
         for name, option in list_options().items():
             if name in given and option.about.makes:
                 raise CommandError(
-                    f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
+                    f"the system of '{self.name}' exists already; set {name} when you load the scenario.",
                     option=name,
                 )
         values = read_options(given)
@@ -58,14 +58,19 @@ class Scenario:
         return replace(self, options=options, notes=notes, origin=self.origin.updated(values))
 
     def notes_with(self, options: Options) -> Sequence[str]:
-        """Return the notes on a run with these options; CommandError for what cannot be run."""
+        """Return the notes on a run with these options. Raise CommandError if the system cannot be run."""
         return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
 
     def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
-        """Build and load all FMUs and compile the loop, so that it can be run many times.
+        """Build and load all FMUs and compile the loop, for any number of runs.
 
-        `options` are those of `Options`, by name. Raises CommandError for what does not fit,
-        RunError where FMUs cannot be built.
+        Args:
+            progress: Receives the progress.
+            **options: Options of `Options`, by name.
+
+        Raises:
+            CommandError: If an option does not fit.
+            RunError: If an FMU cannot be built.
         """
         chosen = self.with_options(options)
         return Simulation(
@@ -82,11 +87,20 @@ class Scenario:
     def export(
         self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
     ) -> Path:
-        """Write the system, with all that the options change, and its FMUs as an SSP package.
+        """Write the system with its options and its FMUs as an SSP package.
 
-        `nested` makes one system of all components with the same first part of their names. A file that is
-        no package of ours is only replaced with the option `overwrite`. Raises CommandError for what does not
-        fit, RunError where something cannot be built or written.
+        Args:
+            file: Package to write. The option `overwrite` replaces a file that emla did not write.
+            nested: Whether to write one system for all components with the same first part of their names.
+            progress: Receives the progress.
+            **options: Options of `Options`, by name.
+
+        Returns:
+            The path of the package.
+
+        Raises:
+            CommandError: If an option does not fit.
+            RunError: If something cannot be built or written.
         """
         chosen = limit_to_data_end(self.with_options(options).options)
         check_package(Path(file), chosen.overwrite)

@@ -1,4 +1,4 @@
-"""Scenario files: TOML that names a system and says how it is run."""
+"""Scenario files: TOML with a system and the options to run it."""
 
 import difflib
 import tomllib
@@ -16,11 +16,10 @@ from ..options import list_options
 
 @dataclass(frozen=True)
 class ScenarioFile:
-    """A scenario file; `system` is the name of a built-in one or the path of an SSP.
+    """A scenario file. `system` is the name of a built-in system or the path of an SSP.
 
-    `options` are those that it gives, as they are written; paths in them are relative to `folder`, and
-    sentences call the file by `where`. `make` makes the system if the file describes it itself, for a
-    controller and a set of gains.
+    `options` are as written in the file; their paths are relative to `folder`. Messages call the file
+    `where`. If the file itself describes the system, `make` makes it from a controller and a gain set.
     """
 
     description: str
@@ -33,10 +32,10 @@ class ScenarioFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file that describes a system itself, told by its key `kind`.
+    """A kind of file that describes a system itself. Its key `kind` names it.
 
-    `keys` are keys that no scenario file has. `read` makes a `ScenarioFile` of the content, what messages
-    call the file, and its folder.
+    `keys` are keys that scenario files do not have. `read` makes a `ScenarioFile` from the content, the name
+    for messages, and the folder.
     """
 
     keys: Collection[str]
@@ -48,10 +47,10 @@ KINDS: dict[str, Kind] = {}
 
 
 def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
-    """Read a scenario file, or one of `KINDS`; CommandError for what is not TOML, and for unknown keys."""
+    """Parse a scenario file, or one of `KINDS`. Raise CommandError for invalid TOML and unknown keys."""
     try:
         content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+    except (ValueError, RecursionError) as error:  # RecursionError: too deeply nested
         raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
     if "kind" in content:
         check_choice(f"kind of file in '{where}':", content["kind"], KINDS)
@@ -72,12 +71,12 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
 
 
 def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
-    """Raise CommandError for a file that has keys of another kind but does not say so."""
+    """Raise CommandError for a file with keys of another kind but no `kind`."""
     for kind, about in KINDS.items():
         if found := [key for key in content if key in about.keys]:
             raise CommandError(
-                f"{label} has no system, but the key '{found[0]}' of a {kind}; "
-                f'write kind = "{kind}" for a {kind}.',
+                f"{label} has no system, but the key '{found[0]}' of a {kind}; write kind = \"{kind}\" "
+                f"for a {kind}.",
                 key="kind",
             )
 
@@ -85,16 +84,23 @@ def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
 def read_given_options(
     content: Mapping[str, Any], label: str, own: Sequence[str], command: str = RUN
 ) -> dict[str, Any]:
-    """The options of a command among the keys of a file, which has the keys `own` beside them.
+    """Return the options of a command from the keys of a file.
 
-    Raises CommandError for any other key; sentences call the file `label`.
+    Args:
+        content: Content of the file.
+        label: Name of the file in messages.
+        own: Other keys that the file may have.
+        command: Command whose options the file may have.
+
+    Raises:
+        CommandError: If the file has an unknown key.
     """
     options = {name: option for name, option in list_options(command).items() if option.about.in_file}
     known = sorted([*options, *own])
     for key in content:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}."
+            meant = f"did you mean '{near[0]}'?" if near else f"known keys: {join_names(known)}."
             raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
     given = {key: value for key, value in content.items() if key in options}
     for key, value in given.items():
@@ -104,9 +110,9 @@ def read_given_options(
 
 
 def _flatten(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:
-    """Entries by their whole name: TOML nests names with dots unless they are quoted.
+    """Yield entries by their full name: TOML nests names with dots unless they are quoted.
 
-    Where the entries are tables themselves, names have to be quoted.
+    If the entries are tables themselves, names have to be quoted.
     """
     for key, value in table.items():
         if isinstance(value, dict) and not hasattr(of, "__dataclass_fields__"):

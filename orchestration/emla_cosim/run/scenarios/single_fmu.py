@@ -1,4 +1,4 @@
-"""One FMU as a system of its own: what its component is called, and how long it runs."""
+"""Run one FMU as a system: name of its component, and times."""
 
 import math
 import re
@@ -12,20 +12,20 @@ from ...system.model import Component, System
 from ..options import Options
 
 SPAN = 10.0
-"""Seconds that an FMU runs that does not say how long."""
+"""Default run time in s of an FMU without a stop time."""
 
 STEPS = 1000
-"""Steps in which an FMU runs that does not say how long they are."""
+"""Default number of steps of an FMU without a step size."""
 
 _LONGEST = 60
-"""Letters of a component's name."""
+"""Most letters of a component's name."""
 
 
 @dataclass(frozen=True)
 class SingleFmu:
-    """An FMU that runs alone: the component's name, its description, the system and its times in s.
+    """An FMU that runs alone: name of its component, description, system and times in s.
 
-    `notes` are sentences on times that the FMU does not say, or that do not fit each other.
+    `notes` are remarks on times that the FMU does not have, or that do not fit each other.
     """
 
     name: str
@@ -36,9 +36,10 @@ class SingleFmu:
 
 
 def make_single_fmu(path: Path, options: Options) -> SingleFmu:
-    """An FMU as a system of one component; times of the options win over its own.
+    """Make a system of one FMU. Times in the options override its own.
 
-    Raises CommandError for a file that is no FMU, or nothing this master can run.
+    Raises:
+        CommandError: If the file is no FMU, or this master cannot run it.
     """
     interface = read_interface(path)
     name = make_component_name(str(interface.description.modelName))
@@ -48,7 +49,7 @@ def make_single_fmu(path: Path, options: Options) -> SingleFmu:
 
 
 def make_component_name(model: str) -> str:
-    """What the component of a model is called: the last part of its name, with _ for what is no letter.
+    """Return the component name for a model: the last part of its name, with _ for other signs than letters.
 
     `Modelica.Blocks.PID 2` is `PID_2`.
     """
@@ -57,7 +58,7 @@ def make_component_name(model: str) -> str:
 
 
 def _times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
-    """Start, stop and step of the default experiment, and sentences on what it leaves open."""
+    """Return start, stop and step of the default experiment, and remarks on missing ones."""
     experiment = interface.description.defaultExperiment
     said = {name: _seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")}
     notes = list[str]()
@@ -66,22 +67,22 @@ def _times(interface: Interface, options: Options) -> tuple[dict[str, float], li
     if stop is None:
         stop = end if end is not None and end > start else start + SPAN
         if stop != end:
-            notes.append(f"the FMU does not say when to stop; it runs for {SPAN:g} s without --stop-time")
+            notes.append(f"the FMU has no stop time; without --stop-time it runs for {SPAN:g} s")
     step = said["stepSize"]
     if options.step_size is not None:
         step = options.step_size
     elif step is None or not 0.0 < step <= stop - start:
         step = (stop - start) / STEPS
-        notes.append(f"the FMU does not say how long a step is; without --step-size it is {step:g} s")
+        notes.append(f"the FMU has no step size; without --step-size it is {step:g} s")
     elif options.start_time is None and options.stop_time is None and not _whole(stop - start, step):
         fitting = (stop - start) / math.ceil((stop - start) / step)
-        notes.append(f"its steps of {step:g} s do not end at {stop:g} s; it runs in steps of {fitting:g} s")
+        notes.append(f"its steps of {step:g} s do not end at {stop:g} s; the run uses steps of {fitting:g} s")
         step = fitting
     return {"start_time": start, "stop_time": stop, "step_size": step}, notes
 
 
 def _seconds(experiment: Any, name: str) -> float | None:
-    """A time of a default experiment; None where it has none, or none that is a number."""
+    """Return a time of a default experiment, or None if it is missing or no number."""
     text = getattr(experiment, name, None)
     seconds = math.nan if text is None else float(text)
     return seconds if math.isfinite(seconds) else None

@@ -1,1 +1,1 @@
-"""Self-contained HTML pages: what several kinds of reports have in common."""
+"""Self-contained HTML pages: the common parts of all reports."""

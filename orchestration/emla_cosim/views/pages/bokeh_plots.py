@@ -1,4 +1,4 @@
-"""Bokeh, as far as a page needs it: its library, and figures without data that scripts of the page fill."""
+"""Bokeh's library and figure templates, which the scripts of a page fill with data."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from .plot_data import Shape
 
 @cache
 def library() -> str:
-    """The text of BokehJS with its licence, such that it may stand in a script element."""
+    """Return the text of BokehJS with its licence, escaped for a script element."""
     from bokeh.resources import Resources
 
     text = Resources(mode="inline", components=["bokeh"], minified=True).js_raw[0]
@@ -19,7 +19,7 @@ def library() -> str:
 
 @cache
 def template(shape: Shape) -> str:
-    """A figure of this shape as JSON: its models have names, by which they are given data and colours."""
+    """Return a figure of this shape as JSON. Its models have names, by which scripts set data and colours."""
     from bokeh.embed import json_item
     from bokeh.models import BoxAnnotation, CrosshairTool, Span
 
@@ -61,7 +61,7 @@ def _figure() -> Any:
         outline_line_color=None,
         min_border=8,
     )
-    wheel = WheelZoomTool(modifiers={"ctrl": True})  # alone it scrolls the page
+    wheel = WheelZoomTool(modifiers={"ctrl": True})  # without Ctrl the wheel scrolls the page
     made.add_tools(wheel)
     made.toolbar.active_scroll = wheel
     made.toolbar.logo, made.toolbar.group = None, False

@@ -10,12 +10,12 @@ from ..panels import Band, Line, Plot
 from .page import Plots
 
 _OPEN_PLOTS = 3
-"""Signals whose plots are open from the beginning, where so many left their tubes."""
+"""Most signals outside their tubes whose plots are open at first."""
 
 
 @dataclass(frozen=True)
 class ComparedSignal:
-    """One signal beside its reference, its plot, and whether that is shown without being asked for."""
+    """A signal beside its reference, its plot, and whether the plot is open at first."""
 
     comparison: Comparison
     plot: str
@@ -23,12 +23,12 @@ class ComparedSignal:
 
     @property
     def share(self) -> float | None:
-        """The worst deviation as a part of the tube's width; None where that is no number."""
+        """Largest deviation relative to the tube's width; None if it is no number."""
         return _share(self.comparison)
 
 
 def build_comparison_rows(comparisons: Sequence[Comparison], plots: Plots) -> list[ComparedSignal]:
-    """Rows for the macro of `comparisons.html`: what left its tube first, then what came near an edge."""
+    """Return rows for the macro of `comparisons.html`, the largest deviations first."""
     ordered = sorted(comparisons, key=_urgency)
     many = sum(not one.inside for one in ordered)
     return [
@@ -43,7 +43,7 @@ def _share(one: Comparison) -> float | None:
 
 
 def _urgency(one: Comparison) -> tuple[bool, float]:
-    """What left its tube stands first, by when it did; then what came nearest to an edge."""
+    """Sort by the time of leaving the tube, then by distance from its edge."""
     if one.left_at is not None:
         return False, one.left_at
     return True, -(_share(one) or 0.0)

@@ -1,4 +1,4 @@
-"""Curves made small: fewer points, fewer digits, nothing that cannot be drawn."""
+"""Reduce curves: fewer points, fewer digits, only values that can be drawn."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
@@ -9,24 +9,24 @@ import numpy as np
 from ...base.arrays import Vector
 
 _BUCKETS = 400
-"""Parts of a curve of which only the extremes are kept: about half as many as a plot has pixels."""
+"""Number of sections of a curve that keep only their extremes: half the width of a plot in pixels."""
 
 _HUGE = 1e150
-"""What is larger is not drawn: no axis can show it beside other things."""
+"""Larger values are not drawn: no axis can show them beside others."""
 
 
 _UNSEEN = 5e-5
-"""A part of a curve's range that is too small to be seen, unless one looks very closely."""
+"""Smallest visible fraction of a curve's range, except at very high zoom."""
 
 
 def mask_undrawable(values: Vector) -> Vector:
-    """The values, NaN where one is infinite or too large."""
+    """Replace infinite and very large values by NaN."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(values) < _HUGE, values, np.nan)
 
 
 def thin_points(*curves: Vector) -> np.ndarray:
-    """Indices of the points to be drawn of curves of one length: all, or all extremes and ends of gaps."""
+    """Return the indices of the points to draw: all, or all extremes and ends of gaps."""
     count = len(curves[0])
     if count <= 2 * _BUCKETS:
         return np.arange(count)
@@ -42,14 +42,14 @@ def thin_points(*curves: Vector) -> np.ndarray:
 
 
 def span(curves: Sequence[Vector]) -> tuple[float, float]:
-    """The lowest and the highest value that can be drawn; 0 and 1 where there are none."""
+    """Return the lowest and the highest value that can be drawn, or 0 and 1 without any."""
     known = np.concatenate([mask_undrawable(curve) for curve in curves])
     known = known[np.isfinite(known)]
     return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
 
 
 def pad_range(low: float, high: float, part: float = 0.05) -> tuple[float, float]:
-    """A range with room at both ends: so much of it, or what makes one of a single value."""
+    """Widen a range at both ends by a fraction of it, or make one around a single value."""
     size = max(abs(low), abs(high))
     flat = high - low <= max(1e-12 * size, 1e-290)
     room = (0.05 * size if size > 1e-290 else 1.0) if flat else part * (high - low)
@@ -57,7 +57,7 @@ def pad_range(low: float, high: float, part: float = 0.05) -> tuple[float, float
 
 
 def times(values: Vector) -> list[float | None] | dict[str, Any]:
-    """Times as a list, or as first, last and count where they are equally far apart."""
+    """Return times as a list, or as first, last and count if they are equidistant."""
     count = len(values)
     if count < 3 or not np.isfinite(values).all():
         return round_values(values)
@@ -69,7 +69,7 @@ def times(values: Vector) -> list[float | None] | dict[str, Any]:
 
 
 def round_values(values: Iterable[float], grain: float = 0.0) -> list[float | None]:
-    """Numbers with as many digits as `grain` needs, 12 where it is 0; None for what is none."""
+    """Round numbers to the digits that `grain` needs, or to 12 digits if it is 0. Others become None."""
     found = [float(value) for value in values]
     largest = max((abs(v) for v in found if np.isfinite(v)), default=0.0)
     digits = 12
@@ -79,10 +79,10 @@ def round_values(values: Iterable[float], grain: float = 0.0) -> list[float | No
 
 
 def condense_curve(time: Vector, values: Vector, most: int) -> np.ndarray:
-    """Indices of at most about `most` points of one curve, between which lines come near to the others.
+    """Return the indices of at most about `most` points whose connecting lines approximate a curve.
 
-    Points are added where lines are furthest off, until none is seen to be: who looks at a short
-    transient closely still sees it. Ends and the edges of gaps are kept.
+    Points are added where the lines deviate most, until no deviation is visible. Short transients therefore
+    remain visible when you zoom in. Ends and the edges of gaps are kept.
     """
     count, known = len(values), np.isfinite(values)
     if count <= min(most, 100) or not known.any():
@@ -103,13 +103,13 @@ def condense_curve(time: Vector, values: Vector, most: int) -> np.ndarray:
 
 
 def _firsts(mask: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """The first index of each part at which the mask is true."""
+    """Return the first index of each section at which the mask is true."""
     found = np.flatnonzero(mask)
     return found[np.unique(within[found], return_index=True)[1]]
 
 
 def pack_values(values: Vector) -> dict[str, Any]:
-    """Numbers as 32 bits each, relative to their range: `middle` + `half` * the floats in `data`."""
+    """Pack numbers as 32 bits each, relative to their range: `middle` + `half` * the floats in `data`."""
     low, high = span([values])
     middle, half = low + (high - low) / 2, (high - low) / 2 or 1.0
     with np.errstate(invalid="ignore", over="ignore"):
@@ -118,6 +118,6 @@ def pack_values(values: Vector) -> dict[str, Any]:
 
 
 def build_small_curve(time: Vector, values: Vector, kept: np.ndarray) -> dict[str, Any]:
-    """These points of a drawable curve as data of a page: x, y, and how many of all cannot be drawn."""
+    """Return these points of a curve as data of a page: x, y, and the number of values not drawn."""
     missing = int(np.isnan(values).sum())
     return {"missing": missing, "x": pack_values(time[kept]), "y": pack_values(values[kept])}

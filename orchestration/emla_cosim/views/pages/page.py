@@ -1,4 +1,4 @@
-"""A page that needs nothing else: a template, with the style, the scripts and the plots of all pages."""
+"""Self-contained pages: a template with the styles, scripts and plots of all pages."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -16,7 +16,7 @@ from .text import format_number, make_visible, shorten_text
 
 
 class Plots:
-    """The plots of one page, which draws each when it is first seen."""
+    """The plots of one page. The browser draws each when it becomes visible."""
 
     def __init__(self) -> None:
         self._found: list[tuple[Plot, int | None]] = []
@@ -24,17 +24,17 @@ class Plots:
         self._shapes: set[Shape] = set()
 
     def add(self, plot: Plot, points: int | None = None) -> str:
-        """The id under which a template places it: `{{ figure(id, label) }}`; for `points` see `as_json`."""
+        """Add a plot and return its id for `{{ figure(id, label) }}`; for `points` see `as_json`."""
         self._found.append((plot, points))
         return f"plot-{len(self._found)}"
 
     def hold(self, name: str, content: str, shapes: Iterable[Shape]) -> None:
-        """Keep JSON for a script of the page, which makes plots of these shapes of it."""
+        """Add JSON for a script of the page, which makes plots of these shapes from it."""
         self._own[name] = content
         self._shapes.update(shapes)
 
     def scripts(self) -> Markup:
-        """The elements that hold data, templates and the library; nothing where nothing is to be drawn."""
+        """Return the elements with data, templates and library, or nothing without plots."""
         shapes = self._shapes.union(shape(plot) for plot, _ in self._found)
         if not shapes:
             return Markup()
@@ -46,9 +46,9 @@ class Plots:
 
 
 def render_template(package: str, name: str, plots: Plots, **context: Any) -> str:
-    """The page of a template in a package of ours, which extends `base.html`.
+    """Render a template of our packages that extends `base.html`.
 
-    Whatever stands in `context` may come from anybody: it is shown as it is, and does nothing.
+    Texts in `context` may come from untrusted files. They are escaped, and cannot hide or run anything.
     """
     asked = _environment(package).get_template(name)
     return asked.render(plots=plots, colors=colors, **context)
@@ -74,16 +74,16 @@ def _environment(package: str) -> Environment:
 
 
 def _make_visible(value: Any) -> Any:
-    """What a template shows: text of others without anything that is not seen."""
+    """Make invisible characters in the texts of a template visible."""
     return value if isinstance(value, (Markup, int, float)) else make_visible(value)
 
 
 def _asset(name: str) -> Markup:
-    """A style sheet or script of this room, as it is."""
+    """Return a style sheet or script of this package."""
     return Markup((files(__package__ or "") / "assets" / name).read_text(encoding="utf-8"))
 
 
 def _script(name: str, content: str) -> Markup:
-    """JSON for scripts of the page; no text in it can end the element."""
+    """Return a script element with JSON; no text in it can end the element."""
     safe = content.replace("<", "\\u003c")
     return Markup('<script type="application/json" id="{}">{}</script>').format(name, Markup(safe))

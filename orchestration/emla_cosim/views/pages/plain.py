@@ -1,4 +1,4 @@
-"""Values as JSON has them."""
+"""Convert values for JSON."""
 
 import math
 from collections.abc import Mapping
@@ -8,9 +8,9 @@ import numpy as np
 
 
 def to_plain(value: Any) -> Any:
-    """The same as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None.
+    """Convert a value to dictionaries, lists, texts, finite numbers, Booleans and None.
 
-    Of what JSON has not, a number is None, anything else text.
+    Numbers that JSON does not have become None; other objects become text.
     """
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
@@ -26,5 +26,5 @@ def to_plain(value: Any) -> Any:
 
 
 def _text(text: str) -> str:
-    """Without halves of characters, as names of files may have them, which are not Unicode."""
+    """Remove unpaired surrogates, which file names may contain."""
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")

@@ -1,4 +1,4 @@
-"""Plots as data that a page draws when somebody looks at them."""
+"""Plots as data that a page draws when they become visible."""
 
 import json
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from .text import make_visible, shorten_text
 
 
 class Shape(NamedTuple):
-    """What a template of plots is for: so many lines, a band or none, so many limits."""
+    """The variant of a template: number of lines, with or without a band, number of limits."""
 
     lines: int
     band: bool = False
@@ -34,14 +34,14 @@ class Shape(NamedTuple):
 
 
 def shape(plot: Plot) -> Shape:
-    """What is alike is drawn from one template."""
+    """Return the shape of a plot; plots of one shape share a template."""
     return Shape(len(plot.lines), plot.band is not None, len(plot.limits))
 
 
 def as_json(plot: Plot, points: int | None = None) -> str:
-    """What the page needs to draw it, as JSON: thinned out, rounded, without what is not finite.
+    """Return the data of a plot as JSON: thinned, rounded, with finite numbers only.
 
-    Lines have a few hundred points each, for a look; with `points` about so many, to look closely.
+    Lines have a few hundred points each. With `points` they have about that many, for zooming in.
     """
     low, high = _range(plot)
     grain = _grain(plot, high - low)
@@ -65,7 +65,7 @@ def as_json(plot: Plot, points: int | None = None) -> str:
 
 
 def _range(plot: Plot) -> tuple[float, float]:
-    """What to show first: the band, and lines as far as they are near it."""
+    """Return the initial range: the band, and the lines as far as they are near it."""
     if plot.band is None:
         low, high = span([line.values for line in plot.lines])
         near = 0.5 * (high - low)
@@ -74,12 +74,12 @@ def _range(plot: Plot) -> tuple[float, float]:
         return pad_range(min([low, *edges]), max([high, *edges]))
     low, high = span([plot.band.lower, plot.band.upper])
     first, last = span([line.values for line in plot.lines])
-    room = (high - low) or abs(high) or 1.0  # a line that runs away leaves the picture
+    room = (high - low) or abs(high) or 1.0  # a diverging line leaves the plot
     return pad_range(max(min(low, first), low - room), min(max(high, last), high + room))
 
 
 def _limits(plot: Plot) -> list[Limit]:
-    """Those that can be drawn, each with the ends that can."""
+    """Return the limits that can be drawn, with their finite ends."""
 
     def end(value: float | None) -> float | None:
         return (
@@ -90,7 +90,7 @@ def _limits(plot: Plot) -> list[Limit]:
 
 
 def _grain(plot: Plot, size: float) -> float:
-    """What is too small to be seen, however far one zooms to see where a band is left."""
+    """Return a size that is invisible even when you zoom in on the edge of a band."""
     grain = size / 1e5
     if plot.band is not None:
         width = mask_undrawable(plot.band.upper) - mask_undrawable(plot.band.lower)
@@ -100,7 +100,7 @@ def _grain(plot: Plot, size: float) -> float:
 
 
 def _values_against(plot: Plot, time: Vector) -> list[Vector]:
-    """What is subtracted at these times to show differences; nothing where there is nothing."""
+    """Return the values to subtract for differences, or nothing."""
     if plot.against is None:
         return []
     line = plot.lines[plot.against]
@@ -143,7 +143,7 @@ def _band(plot: Plot, band: Band, grain: float) -> dict[str, Any]:
 
 
 def _mark(plot: Plot) -> dict[str, Any] | None:
-    """The point of the first line that is nearest to the time of the mark, among those that are drawn."""
+    """Return the drawn point of the first line that is nearest to the mark."""
     if plot.mark is None:
         return None
     time, label = plot.mark
@@ -158,5 +158,5 @@ def _mark(plot: Plot) -> dict[str, Any] | None:
 
 
 def _base(found: list[Vector], shown: Callable[[Vector], Any]) -> dict[str, Any]:
-    """The entry for what is subtracted, if anything is."""
+    """Return the entry for the values to subtract, if there are any."""
     return {"base": shown(found[0])} if found else {}

@@ -1,4 +1,4 @@
-"""Text of others, as a document may hold it: nothing in it is hidden, breaks the document or fills it."""
+"""Make text from files safe: visible, valid in a document and of limited length."""
 
 import math
 import re
@@ -6,8 +6,8 @@ from typing import Any
 
 _HIDDEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters, which XML and HTML do not allow
-    "\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u2069\ufeff"  # what changes the direction, or is not seen
-    "\ufdd0-\ufdef\ufffe\uffff\ud800-\udfff]"  # no characters
+    "\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u2069\ufeff"  # invisible, or changing the direction
+    "\ufdd0-\ufdef\ufffe\uffff\ud800-\udfff]"  # not characters
 )
 
 
@@ -22,7 +22,7 @@ def _escape(found: re.Match[str]) -> str:
 
 
 def shorten_text(text: str, most: int) -> str:
-    """The text, or its beginning and its end where it has more than so many letters."""
+    """Shorten a text of more than `most` letters to its beginning and its end."""
     if len(text) <= most:
         return text
     end = most // 4
@@ -30,7 +30,7 @@ def shorten_text(text: str, most: int) -> str:
 
 
 def format_number(value: Any, digits: int = 4) -> str:
-    """A number as people read it; what is none, as text."""
+    """Format a number for a page; other values as text."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return make_visible(value)
     if isinstance(value, int):

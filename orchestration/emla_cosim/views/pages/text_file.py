@@ -1,4 +1,4 @@
-"""Reports put into files."""
+"""Write reports to files."""
 
 from pathlib import Path
 
@@ -8,10 +8,18 @@ from ...base.ownership import IsOurs, check_replaceable
 
 
 def write_text(text: str, path: Path, what: str, is_ours: IsOurs, overwrite: bool = False) -> None:
-    """Write a text as a file in UTF-8, whole or not at all; `what` is what sentences call it.
+    """Write a text as a UTF-8 file, completely or not at all.
 
-    `is_ours` recognizes an earlier file of emla, others are only replaced with `overwrite`. Raises
-    CommandError where no file may be written at the path, RunError where writing failed.
+    Args:
+        text: Content of the file.
+        path: The file.
+        what: Name of the file in messages.
+        is_ours: Function that recognizes an earlier file of emla.
+        overwrite: Whether to replace other files.
+
+    Raises:
+        CommandError: If no file may be written at the path.
+        RunError: If writing fails.
     """
     place = check_replaceable(path, what, is_ours, overwrite)
     try:

@@ -1,1 +1,1 @@
-"""Pictures of a run, drawn with matplotlib."""
+"""Plots of a run, drawn with matplotlib."""

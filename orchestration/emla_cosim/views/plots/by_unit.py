@@ -1,4 +1,4 @@
-"""Pictures of systems that no metrics know: their signals by unit, for each part of the system."""
+"""Plots of systems without metrics: signals by unit, for each part of the system."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,43 +17,43 @@ if TYPE_CHECKING:
 _MOST_PICTURES = 6
 
 _MOST_SIGNALS, _MOST_PANELS = 60, 20
-"""In a picture."""
+"""Most panels in a plot."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Signals that share a picture."""
+    """Signals that share a plot."""
 
     title: str
     signals: Sequence[str]
 
     def panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
-        """What the picture shows of those that were read."""
+        """Return the panels for the signals in `data`."""
         return build_unit_panels([n for n in self.signals if n in data], _units(result), data, self.title)
 
 
 @dataclass(frozen=True)
 class ByUnit(Drawing):
-    """The picture at this position, from 0, of all that a system without metrics has.
+    """The plot at a position, from 0, among the plots of a system without metrics.
 
-    A small system is in one picture. Of a larger one each branch (what stands before the first dot) has
-    its own, and each component of a large branch. Signals that did not change are left out.
+    A small system has one plot. Of a larger one each branch (the name before the first dot) has its own, and
+    each component of a large branch. Signals that do not change are left out.
     """
 
     position: int
 
     def signals(self, result: "Result") -> Iterable[str]:
-        """Those of its group."""
+        """Return the signals of its group."""
         return (name for group in self._own(result) for name in group.signals)
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """The panels, one below the other."""
+        """Draw the panels below each other."""
         for group in self._own(result):
             return draw_stacked(group.panels(result, data), group.title)
         return None
 
     def _own(self, result: "Result") -> Sequence[Group]:
-        """Its group; none where there are fewer, or metrics."""
+        """Return its group, or nothing if there are fewer groups or the system has metrics."""
         known = any(result.metrics.values())
         return [] if known else groups(result)[self.position : self.position + 1]
 
@@ -61,11 +61,11 @@ class ByUnit(Drawing):
 BY_UNIT: dict[str, Drawing] = {
     "signals" if i == 0 else f"signals-{i + 1}": ByUnit(i) for i in range(_MOST_PICTURES)
 }
-"""The pictures by the name of their file."""
+"""The plots by file name."""
 
 
 def groups(result: "Result") -> list[Group]:
-    """The signals of a system that nobody knows, in groups that are no more than a picture has room for."""
+    """Return the signals of a system without metrics in groups that fit in a plot."""
     units = _units(result)
     changing = [name for name in result.names if _changes(result.signals.get(name))]
     parts = {"": changing}
@@ -80,7 +80,7 @@ def groups(result: "Result") -> list[Group]:
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
         kept = _first(signals, units)
         counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
-        further = f"; {left_out} more parts are not drawn" if left_out > 0 and not found else ""
+        further = f"; {left_out} more parts are not plotted" if left_out > 0 and not found else ""
         if kept:
             found.append(Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", kept))
     return found
@@ -110,13 +110,13 @@ def _branch(name: str) -> str:
 
 
 def _component(result: "Result", name: str) -> str:
-    """The component that a signal is of; what stands before the last dot where nobody knows it."""
+    """Return the component of a signal, or the name before the last dot if it is unknown."""
     own = [c for c in result.record.get("components", ()) if name.startswith(f"{c}.")]
     return max(own, key=len) if own else name.rpartition(".")[0]
 
 
 def _first(signals: Sequence[str], units: Mapping[str, str]) -> list[str]:
-    """The first signals that there is room for."""
+    """Return the first signals that fit in a plot."""
     found = list[str]()
     for name in signals[:_MOST_SIGNALS]:
         if count_panels([*found, name], units) <= _MOST_PANELS:

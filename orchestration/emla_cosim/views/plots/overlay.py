@@ -1,4 +1,4 @@
-"""Any signals of runs, one or several over one another, whether they just ran or were kept in folders."""
+"""Plot signals of one or several runs, finished or stored."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ _MOST_ROWS = 200_000
 """Of longer tables only every n-th row is read."""
 
 _MOST_RUNS = 2 * MOST_LINES
-"""So many runs can be told apart by colour and dashes."""
+"""Most runs that colours and dashes can distinguish."""
 
 
 class _Table(Protocol):
@@ -35,9 +35,9 @@ class _Table(Protocol):
 
 @dataclass(frozen=True)
 class Traces:
-    """The signals of a run by name, with their units as far as they are known, and the roles they play.
+    """The signals of a run by name, with known units and roles.
 
-    `label` is what pictures call it; `files` are those it was read from.
+    `label` is its name in plots; `files` are the files it was read from.
     """
 
     label: str
@@ -50,28 +50,28 @@ class Traces:
 
 @dataclass(frozen=True)
 class Overlay:
-    """A picture of signals of runs, with sentences on what it does not show."""
+    """A plot of signals of runs, with remarks on what it leaves out."""
 
     figure: "Figure"
     notes: Sequence[str]
 
 
 def read_traces(places: Sequence[Path]) -> list[Traces]:
-    """The runs in folders of results, or in tables; CommandError where there is none, or too many."""
+    """Read runs from output folders or tables. Raise CommandError if one is missing, or for too many."""
     if len(places) > _MOST_RUNS:
-        raise CommandError(f"{len(places)} runs cannot be told apart; a picture shows up to {_MOST_RUNS}.")
+        raise CommandError(f"{len(places)} runs are too many: a plot shows up to {_MOST_RUNS}.")
     names = [place.resolve().name for place in places]
     labels = names if len(set(names)) == len(names) else [str(place) for place in places]
     return [_read_trace(place, label) for place, label in zip(places, labels, strict=True)]
 
 
 def plot_signals(result: "Result", patterns: Sequence[str]) -> "Figure":
-    """Signals of a result over time, panels by unit; CommandError for what is not there, and for too many."""
+    """Plot signals of a result, panels by unit. Raise CommandError for unknown or too many signals."""
     if not patterns:
-        raise CommandError("nothing to plot; name one signal or more.")
+        raise CommandError("nothing to plot; name at least one signal.")
     for name in patterns:
         if not any(matches_pattern(n, name) for n in result.names):
-            result.read([name])  # which says what is wrong
+            result.read([name])  # raises an error with a suggestion
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
     run = Traces(result.name, result.names, units, result, result.roles)
     return overlay_runs([run], patterns).figure
@@ -83,14 +83,21 @@ def overlay_runs(
     begin: float | None = None,
     end: float | None = None,
 ) -> Overlay:
-    """Draw the signals that the patterns mean; of several runs each signal has a panel, with a line per run.
+    """Plot the signals that match the patterns: one run by unit, several with a panel per signal.
 
-    Without patterns, those that are followed and what they follow, or the first that there is room for.
-    Only times from `begin` to `end` in s are shown. Raises CommandError for a pattern that finds nothing,
-    for more signals than a picture has room for, and for times at which there is nothing.
+    Args:
+        runs: Runs to plot.
+        patterns: Patterns of signals. Default: references and the signals that follow them, or else the
+            first signals.
+        begin: First time in s.
+        end: Last time in s.
+
+    Raises:
+        CommandError: If a pattern has no match, the signals do not fit in a plot, or there are no rows
+            between these times.
     """
     if begin is not None and end is not None and not begin < end:
-        raise CommandError(f"the picture begins at {begin:g} s, which must be before its end, {end:g} s.")
+        raise CommandError(f"the plot begins at {begin:g} s, which must be before its end, {end:g} s.")
     names = list(dict.fromkeys(name for run in runs for name in run.names))
     units = {name: unit for run in reversed(runs) for name, unit in run.units.items()}
     notes = list[str]()
@@ -102,7 +109,7 @@ def overlay_runs(
     notes += _describe_missing(runs, chosen)
     data = [_cut(run, chosen, begin, end) for run in runs]
     if not any(len(columns["time"]) for columns in data):
-        raise CommandError("there are no rows to draw at these times.")
+        raise CommandError("there are no rows to plot between these times.")
     if len(runs) == 1:
         panels = build_unit_panels(chosen, units, data[0], runs[0].label)
     else:
@@ -119,7 +126,7 @@ def _read_trace(place: Path, label: str) -> Traces:
 
 
 def _record(path: Path) -> dict[str, Any]:
-    """What run.json holds; nothing where it is not there or cannot be understood."""
+    """Return the content of run.json, or nothing if it is missing or invalid."""
     try:
         found = json.loads(read_text(path, "the record"))
     except (CommandError, ValueError, RecursionError):
@@ -128,7 +135,7 @@ def _record(path: Path) -> dict[str, Any]:
 
 
 def _texts(content: Any, key: str) -> dict[str, str]:
-    """Texts by name in a part of a record; none where it holds something else."""
+    """Return texts by name from a part of a record, or nothing if it has other content."""
     found = content.get(key) if isinstance(content, dict) else None
     return {n: t for n, t in found.items() if isinstance(t, str)} if isinstance(found, dict) else {}
 
@@ -139,7 +146,7 @@ def _matching(patterns: Iterable[str], names: Sequence[str]) -> list[str]:
         matching = [name for name in names if matches_pattern(name, pattern)]
         if not matching:
             raise CommandError(
-                f"no signal is called '{pattern}'; {suggest_names(pattern, names)}", name=pattern
+                f"no signal matches '{pattern}'; {suggest_names(pattern, names)}", name=pattern
             )
         found += matching
     return list(dict.fromkeys(found))
@@ -149,15 +156,15 @@ def _check_room(chosen: Sequence[str], units: Mapping[str, str], runs: int) -> N
     needed = len(chosen) if runs > 1 else count_panels(chosen, units)
     if needed > MOST_PANELS:
         raise CommandError(
-            f"{len(chosen)} signals take {needed} panels, and a picture has up to {MOST_PANELS}; name fewer, "
-            f"such as '{chosen[0]}'."
+            f"{len(chosen)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
+            f"fewer, such as '{chosen[0]}'."
         )
 
 
 def _choose_default_signals(
     runs: Sequence[Traces], names: Sequence[str], units: Mapping[str, str]
 ) -> tuple[list[str], list[str]]:
-    """What is drawn where nobody says it, and a sentence where it is not all."""
+    """Return the signals to plot without a pattern, and a remark if some are left out."""
     roles = {role: name for run in runs for role, name in run.roles.items()}
     found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
@@ -167,11 +174,11 @@ def _choose_default_signals(
             kept.append(name)
     if len(kept) == len(names):
         return kept, []
-    return kept, [f"{len(kept)} of {len(names)} signals are drawn; --signals chooses others."]
+    return kept, [f"{len(kept)} of {len(names)} signals are plotted; --signals selects others."]
 
 
 def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str]:
-    """Sentences on the signals that not every run has."""
+    """Return remarks on signals that some runs lack."""
     notes = []
     for run in runs:
         there = set(run.names)
@@ -182,7 +189,7 @@ def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str
 
 
 def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | None) -> dict[str, Vector]:
-    """Those of the signals that the run has, and time, between two times."""
+    """Return the run's signals and `time` between two times."""
     there = set(run.names)
     data = run.table.read(["time", *(name for name in chosen if name in there)], _MOST_ROWS)
     time = data["time"]
@@ -197,7 +204,7 @@ def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | N
 def _overlay_signal(
     name: str, runs: Sequence[Traces], units: Mapping[str, str], data: Sequence[Mapping[str, Vector]]
 ) -> list[Plot]:
-    """A signal of all runs that have it, each with times of its own; of those with another unit apart."""
+    """Return the panels of a signal of all runs that have it, one per unit."""
     found: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:

@@ -1,4 +1,4 @@
-"""Panels as a picture: a grid with a column for each thing that they are of."""
+"""Draw panels as a grid with a column for each subject."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _EARLY = 0.45
-"""A motion that ends in this part of the time is drawn wider than what follows."""
+"""A motion that ends before this fraction of the time is drawn wider than the rest."""
 
 _WIDE = 0.62
-"""The part of the width that it gets."""
+"""Fraction of the width for the motion."""
 
 _LETTERS = 13
-"""What fits into an inch of the line below the title."""
+"""Letters per inch in the line below the title."""
 
 _NEAR = 0.3
-"""A limit is shown if curves come so near to it, relative to what they span."""
+"""Distance at which a limit is shown, relative to the range of the curves."""
 
 
 def draw_panels(panels: Sequence[Plot], title: str, run: str, rest: float | None = None) -> "Figure":
-    """Panels that stand row by row, each with a panel for each column, as a picture of a run.
+    """Draw panels row by row, with one panel per column.
 
-    Rows in which nothing changes have no axes: their values stand under the names of the columns. `rest` is
-    the time in s from which nothing moves any more.
+    Rows without changes have no axes: their values are under the column names. `rest` is the time in s from
+    which nothing moves.
     """
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
@@ -60,24 +60,24 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, rest: float | None
 
 
 def has_changes(panels: Sequence[Plot]) -> bool:
-    """Whether anything changes in any of the panels, without which there is no picture of them."""
+    """Return whether any panel shows a change."""
     return not all(_is_constant(panel) for panel in panels)
 
 
 def _is_constant(panel: Plot) -> bool:
-    """Whether nothing changes in a panel, which has something."""
+    """Return whether a panel has lines and none of them changes."""
     return bool(panel.lines) and all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
 
 
 def _constant(panel: Plot) -> str:
-    """What a panel says in which nothing changes."""
+    """Return the text for a panel without changes."""
     quantity, _, unit = panel.label.partition(" / ")
     value = panel.lines[0].values[0] if panel.lines else np.nan
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
 def _split(rows: Sequence[Sequence[Plot]], rest: float | None) -> tuple[float, float, float] | None:
-    """First time, the end of the motion, and last time; None where time is drawn evenly."""
+    """Return the first time, the end of the motion and the last time, or None if the time scale is even."""
     times = [line.time for row in rows for panel in row for line in panel.lines if len(line.time)]
     if rest is None or not times:
         return None
@@ -87,7 +87,7 @@ def _split(rows: Sequence[Sequence[Plot]], rest: float | None) -> tuple[float, f
 
 
 def _place(time: Vector, split: tuple[float, float, float] | None) -> Vector:
-    """Where times stand: the motion, up to its end, wider than the rest."""
+    """Return the positions of times on the axis, where the motion is wider than the rest."""
     if split is None:
         return time
     first, end, last = split
@@ -96,7 +96,7 @@ def _place(time: Vector, split: tuple[float, float, float] | None) -> Vector:
 
 
 def _widen(axes: "Axes", split: tuple[float, float, float]) -> None:
-    """Say the times at their places, as a scale of the axis would, only sooner."""
+    """Label the axis with times at their positions; a scale of the axis would be slower."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
     first, end, last = split
@@ -110,7 +110,7 @@ def _widen(axes: "Axes", split: tuple[float, float, float]) -> None:
 def _draw_panel(axes: "Axes", panel: Plot, split: tuple[float, float, float] | None) -> None:
     for line in panel.lines:
         draw_line(axes, line, split)
-    axes.locator_params(axis="y", nbins=5)  # each tick takes its time
+    axes.locator_params(axis="y", nbins=5)  # every tick takes time to draw
     labels = [line.label for line in panel.lines]
     tidy_axes(axes, labels if len(labels) > 1 else ())
     _shade(axes, panel)
@@ -119,7 +119,7 @@ def _draw_panel(axes: "Axes", panel: Plot, split: tuple[float, float, float] | N
 
 
 def draw_line(axes: "Axes", line: Line, split: tuple[float, float, float] | None = None) -> None:
-    """Draw a line with as many of its points as can be seen."""
+    """Draw the visible points of a line."""
     values = mask_undrawable(line.values)
     kept = _select_rows(line.time, values, split)
     axes.plot(
@@ -133,7 +133,7 @@ def draw_line(axes: "Axes", line: Line, split: tuple[float, float, float] | None
 
 
 def _select_rows(time: Vector, values: Vector, split: tuple[float, float, float] | None) -> Indices:
-    """The rows to draw, as many of the motion as of what follows it."""
+    """Return the rows to draw, as many of the motion as of the rest."""
     if not len(values):
         return np.arange(0)
     border = 0 if split is None else int(np.searchsorted(time, split[1]))
@@ -143,7 +143,7 @@ def _select_rows(time: Vector, values: Vector, split: tuple[float, float, float]
 
 
 def _shade(axes: "Axes", panel: Plot) -> None:
-    """Shade what is beyond a limit that curves come near to."""
+    """Shade the area beyond a limit that curves come near to."""
     lowest, highest = _reach(panel.lines)
     near = _NEAR * (highest - lowest)
     for limit in panel.limits:

@@ -1,4 +1,4 @@
-"""Pictures of results that are registered for what a run has."""
+"""Plots of results, registered for the kinds of metrics that a run has."""
 
 import math
 from abc import ABC, abstractmethod
@@ -24,19 +24,19 @@ _MOST_ROWS = 20_000
 """Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
 
 _TRANSIENT = 0.3
-"""Time in s after which errors are small enough to show on a scale of their own."""
+"""Time in s after which errors are small enough for a scale of their own."""
 
 
 class Drawing(ABC):
-    """What a picture of a run is drawn by, whatever it shows."""
+    """Base of plots of a run."""
 
     @abstractmethod
     def signals(self, result: "Result") -> Iterable[str]:
-        """The full names of the signals that it would show, of those that the run kept."""
+        """Return the full names of the recorded signals that the plot shows."""
 
     @abstractmethod
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """The picture; None where the signals at hand, `time` among them, are not enough for one."""
+        """Return the figure, or None if `data` lacks signals. `data` includes `time`."""
 
 
 def _inside(column: str, signal: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
@@ -47,10 +47,10 @@ def _inside(column: str, signal: str, names: Collection[str], roles: Mapping[str
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a panel: what it shows and how.
+    """One line of a panel.
 
-    It is `scale` times `signal`, which `times` is multiplied with and `less` subtracted from, all of it
-    integrated over time if it is `integrated`. What the signals' names mean depends on the picture.
+    Its value is `scale` * (`signal` * `times` - `less`), integrated over time if `integrated`. The plot
+    defines how the names of the signals are resolved.
     """
 
     label: str
@@ -64,15 +64,15 @@ class Curve:
 
     @property
     def names(self) -> list[str]:
-        """What it needs."""
+        """Names of the signals that it needs."""
         return [name for name in (self.signal, self.times, self.less) if name is not None]
 
 
 @dataclass(frozen=True)
 class RangeLimit:
-    """A range that curves should not leave: the products of parameters, times `scale`.
+    """A range that curves should stay in: products of parameters, times `scale`.
 
-    Without `low` it is plus and minus the upper one.
+    Without `low` the range is symmetric.
     """
 
     label: str
@@ -83,7 +83,7 @@ class RangeLimit:
 
 @dataclass(frozen=True)
 class PanelSpec:
-    """One row of axes: the same curves for each column. `late` leaves the initial transient out."""
+    """One row of axes, with the same curves for each column. `late` leaves out the initial transient."""
 
     label: str
     curves: tuple[Curve, ...]
@@ -92,16 +92,16 @@ class PanelSpec:
 
 
 Find = Callable[[str, Collection[str]], str | None]
-"""What finds the full name of one of a column's signals, or parameters, among those that there are."""
+"""Function that returns the full name of a column's signal or parameter, from the existing names."""
 
 
 @dataclass(frozen=True)
 class Picture(Drawing):
-    """A grid of panels: a column for everything that metrics of the kind `of` were computed for.
+    """A grid of panels, with a column for each subject that has metrics of the kind `of`.
 
-    `find` gives the full name of a column's signal, of those that there are, or None: it takes the column,
-    what a curve calls the signal, all names, and the result's roles. Usually the signal has the column's
-    name before a dot. While the signal `moving` changes, time is drawn wider than after it.
+    `find` returns the full name of a column's signal, or None. Its arguments are the column, the signal's
+    name in the curve, all names, and the result's roles. By default the full name is the
+    column's name, a dot and the signal's name. The time in which the signal `moving` changes is drawn wider.
     """
 
     title: str
@@ -111,7 +111,7 @@ class Picture(Drawing):
     moving: str | None = None
 
     def signals(self, result: "Result") -> Iterable[str]:
-        """Those of the curves, of every column."""
+        """Return the signals of the curves of all columns."""
         names = set(result.names)
         wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
         found = (
@@ -122,14 +122,14 @@ class Picture(Drawing):
         return [name for name in found if name is not None]
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """The panels with the curves that there are signals for."""
+        """Draw the panels whose curves have signals."""
         shown = self.resolved(result, data)
         if not has_changes(shown):
             return None
         return draw_panels(shown, self.title, format_headline(result), self._rest(result, data))
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
-        """What it shows, row by row: a panel for each column that there are signals for."""
+        """Return the panels row by row: one for each column that has signals."""
         finds = {c: self._find(result, c) for c in result.metrics.get(self.of, ())}
         found = [
             [_resolve_panel(panel, column, find, data, result.parameters) for column, find in finds.items()]
@@ -143,7 +143,7 @@ class Picture(Drawing):
         return lambda name, names: self.find(column, name, names, result.roles)
 
     def _rest(self, result: "Result", data: Mapping[str, Vector]) -> float | None:
-        """The time from which nothing moves any more; None where that is not known, or never."""
+        """Return the time from which nothing moves, or None if it is unknown or never comes."""
         times = []
         for column in result.metrics.get(self.of, ()) if self.moving else ():
             name = self.find(column, str(self.moving), data, result.roles)
@@ -155,11 +155,11 @@ class Picture(Drawing):
 
 
 FIGURES: dict[str, Drawing] = {}
-"""Pictures that are drawn of every run that has signals for them, by the name of their file."""
+"""Plots of every run that has signals for them, by file name."""
 
 
 def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
-    """Draw each picture by name; None where the result has no signals for it, or nothing changes."""
+    """Draw each plot by name. The figure is None if the result has no signals for it, or no value changes."""
     data = result.read(_list_signals(result), _MOST_ROWS)
     if len(data["time"]) >= 2:
         for name, picture in FIGURES.items():
@@ -167,7 +167,7 @@ def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
 
 
 def _list_signals(result: "Result") -> list[str]:
-    """Signals that pictures show, of those that the result has, and time."""
+    """Return the recorded signals that plots show, and `time`."""
     wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
     return ["time", *(name for name in result.names if name in wanted)]
 
@@ -189,7 +189,7 @@ def _resolve_panel(
 
 
 def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
-    """What a curve shows, of the signals that it names."""
+    """Return the values of a curve from the signals that it names."""
     found, *others = values
     with np.errstate(all="ignore"):
         if curve.times is not None:

@@ -1,4 +1,4 @@
-"""Signals over time in panels that stand one below the other: by unit, or runs over one another."""
+"""Draw signals over time in stacked panels: by unit, or several runs overlaid."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_LINES = len(COLORS)
-"""So many signals share a panel, each in a colour of its own."""
+"""Most signals in a panel, each with its own colour."""
 
 MOST_PANELS = 24
-"""So many panels stand in a picture."""
+"""Most panels in a plot."""
 
 _TALLEST = 8
-"""So many panels stand below one another."""
+"""Most panels in a column."""
 
 _LONGEST = 44
-"""Letters of a name that are shown."""
+"""Most letters of a name to show."""
 
 
 def build_unit_panels(
     names: Sequence[str], units: Mapping[str, str], data: Mapping[str, Vector], column: str
 ) -> list[Plot]:
-    """Panels of signals by their unit, in the order of the first one with it; `data` has `time` too."""
+    """Return panels of signals by unit, in order of first appearance. `data` also has `time`."""
     groups: dict[str, list[str]] = {}
     for name in names:
         groups.setdefault(units.get(name, ""), []).append(name)
@@ -40,7 +40,7 @@ def build_unit_panels(
 
 
 def count_panels(names: Sequence[str], units: Mapping[str, str]) -> int:
-    """How many panels `build_unit_panels` makes."""
+    """Return the number of panels that `build_unit_panels` makes."""
     count: dict[str, int] = {}
     for name in names:
         unit = units.get(name, "")
@@ -49,15 +49,15 @@ def count_panels(names: Sequence[str], units: Mapping[str, str]) -> int:
 
 
 def numbered(number: int, label: str, time: Vector, values: Vector) -> Line:
-    """The line that looks as its number among others says: colours first, then dashes."""
+    """Return a line with the style for its number: colours first, then dashes."""
     dashed = number // len(COLORS) % 2 == 1
     return Line(label, time, values, COLORS[number % len(COLORS)], dashed)
 
 
 def draw_stacked(panels: Sequence[Plot], title: str) -> "Figure":
-    """A picture with the panels below one another; many stand in two columns.
+    """Draw panels below each other, in two columns if there are many.
 
-    Where they are of different things, each has its own as a title.
+    If they have different subjects, each panel has its own title.
     """
     columns = 2 if len(panels) > _TALLEST else 1
     figure, grid = new_figure(-(-len(panels) // columns), columns, 7.5)
@@ -74,7 +74,7 @@ def draw_stacked(panels: Sequence[Plot], title: str) -> "Figure":
 
 
 def shorten_name(name: str) -> str:
-    """A name whose middle is left out where it is long; its ends tell names apart."""
+    """Shorten a long name in the middle, because its ends distinguish it."""
     if len(name) <= _LONGEST:
         return name
     return f"{name[: _LONGEST // 2 - 2]}...{name[-(_LONGEST // 2 - 1) :]}"

@@ -1,4 +1,4 @@
-"""How all pictures look: colours, figures that need no state of matplotlib, names as they are."""
+"""Common style of all plots: colours, figures without matplotlib's global state, labels without markup."""
 
 import warnings
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ __all__ = [
 _SOFTWARE = "emla-cosim, Matplotlib"
 
 is_picture = has_mark(b"Software\x00emla-cosim")
-"""Recognizes pictures that `save` wrote."""
+"""Marks plots that `save` wrote."""
 
 
 def new_figure(
@@ -44,14 +44,14 @@ def new_figure(
     sharex: Literal["col", "none"] = "col",
     measured: bool = True,
 ) -> "tuple[Figure, np.ndarray]":
-    """A figure and its grid of axes, each of this width and height in inches.
+    """Return a figure and its grid of axes, each of this width and height in inches.
 
-    Labels are measured to find room for them, unless `with_margins` gives it.
+    `measured` figures measure their labels to make room for them. For others call `with_margins`.
     """
     from matplotlib.figure import Figure
 
     class Shown(Figure):
-        """A figure that a notebook shows as a picture, whatever it was told of matplotlib."""
+        """A figure that a notebook shows as an image, regardless of matplotlib's settings."""
 
         def _repr_png_(self) -> bytes:
             content = BytesIO()
@@ -64,9 +64,9 @@ def new_figure(
 
 
 def with_margins(figure: "Figure", grid: np.ndarray) -> None:
-    """Give the grid of a figure room for titles and labels as they usually are, and put them there.
+    """Set fixed margins that leave room for titles and labels of common size.
 
-    To measure every label, as figures do otherwise, takes more time than all of the drawing.
+    Measuring every label takes longer than all of the drawing.
     """
     rows, columns = grid.shape
     width, height = figure.get_size_inches()
@@ -84,7 +84,7 @@ def with_margins(figure: "Figure", grid: np.ndarray) -> None:
 
 
 def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
-    """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
+    """Add a legend if there are labels. All labels appear literally, also those with $ or _."""
     if labels:
         legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, edgecolor="none")
         for text, label in zip(legend.get_texts(), labels, strict=True):
@@ -100,5 +100,7 @@ def save(figure: "Figure", stream: IO[bytes]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # a box says so too
+        warnings.filterwarnings(
+            "ignore", "Glyph .* missing from", UserWarning
+        )  # the missing glyph is visible as a box
         FigureCanvasAgg(figure).print_png(stream, metadata={"Software": _SOFTWARE})

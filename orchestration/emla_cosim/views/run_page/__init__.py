@@ -1,1 +1,1 @@
-"""The page of a run: what came out, with curves to zoom into, and all that was set."""
+"""The page of a run: results, curves to zoom into, and all settings."""

@@ -1,4 +1,4 @@
-"""A system as boxes and lines, placed as in the packages that we write."""
+"""Draw a system as boxes and lines, with the layout of our SSP packages."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,19 +8,19 @@ from ...ssp.documents.ssd_data import Connector, Element, SsdConnection, SystemE
 from ...ssp.writer.coordinates import add_coordinates
 
 _MOST, _MOST_ALONE = 24, 100
-"""Boxes of one diagram: of more, parts are drawn apart; and of one that has no parts."""
+"""Most boxes in one diagram. Parts of a larger system have diagrams of their own."""
 
 _MOST_DIAGRAMS = 40
 
 _COLORS = ("blue", "orange", "green", "red", "purple", "grey")
 _MARGIN = 4.0
 _LETTER, _SMALL = 0.62, 2.6
-"""Width of a letter as a part of its height, and how high those of labels are."""
+"""Width of a letter relative to its height, and the height of labels in mm."""
 
 
 @dataclass(frozen=True)
 class ComponentLink:
-    """All connections from one component to another: `signals` are pairs of an output and an input."""
+    """All connections from one component to another. `signals` are pairs of an output and an input."""
 
     source: str
     target: str
@@ -29,7 +29,7 @@ class ComponentLink:
 
 @dataclass(frozen=True)
 class Box:
-    """A component, or a part of a system; lengths in mm, `letters` is how high those of its name are."""
+    """A component, or a part of a system. Lengths are in mm; `letters` is the height of its name."""
 
     x: float
     y: float
@@ -44,7 +44,7 @@ class Box:
 
 @dataclass(frozen=True)
 class DiagramLine:
-    """What runs from one box to another: a path of SVG, a label at its beginning, and what it is in full."""
+    """A line between two boxes: SVG path, label at its beginning, and full description."""
 
     path: str
     color: str
@@ -65,7 +65,7 @@ class Diagram:
 
 
 def group_connections(components: Iterable[str], connections: Sequence[str]) -> list[ComponentLink]:
-    """The connections of run.json between these components; what cannot be understood is left out."""
+    """Return the connections in run.json between these components, without invalid entries."""
     known = sorted(components, key=len, reverse=True)
     found: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for text in connections:
@@ -77,16 +77,16 @@ def group_connections(components: Iterable[str], connections: Sequence[str]) -> 
 
 
 def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
-    """Component and variable, where the longest names of components come first."""
+    """Split a path into component and variable. `components` are sorted by length, longest first."""
     name = next((c for c in components if path.startswith(f"{c}.")), None)
     return None if name is None else (name, path.removeprefix(f"{name}."))
 
 
 def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> list[Diagram]:
-    """The diagram of a system; of a large one that of its parts, and one of each part.
+    """Return the diagram of a system; for a large one, a diagram of its parts and one of each part.
 
-    `components` has what there is to know of each by its name. Parts are what names begin with, before
-    the first dot. There is none where even the parts are too many to be seen.
+    `components` has descriptions by name. A part is the name before the first dot. Without diagrams, even the
+    parts are too many to show.
     """
     parts: dict[str, dict[str, str]] = {}
     for name, told in components.items():
@@ -104,7 +104,7 @@ def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]
 
 
 def _between(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
-    """What runs from one part to another."""
+    """Return the connections between parts."""
     found: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
     for wire in wires:
         ends = wire.source.partition(".")[0], wire.target.partition(".")[0]
@@ -134,7 +134,7 @@ def _diagram(title: str, components: Mapping[str, str], wires: Sequence[Componen
 
 
 def _structure(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> SystemElement:
-    """The system with one connector for each wire that begins or ends at a component."""
+    """Return the system with one connector for each end of a link at a component."""
     ends: dict[str, list[Connector]] = {name: [] for name in components}
     for wire in wires:
         ends[wire.source].append(Connector(f"to {wire.target}", "output"))

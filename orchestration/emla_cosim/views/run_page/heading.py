@@ -1,4 +1,4 @@
-"""What a run was and how it ended, in words."""
+"""Heading of a run's page: what was run and how it ended."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from ..formatting import format_short, list_overrides
 
 @dataclass(frozen=True)
 class Heading:
-    """`verdict` is passed, warning or failed, and `sentences` say why.
+    """`verdict` is passed, warning or failed; `sentences` give the reasons.
 
-    `changed` is what was said beside the scenario, by what it is called; `span` the time that was simulated.
+    `changed` has the overrides of the scenario by name; `span` is the simulated time.
     """
 
     title: str
@@ -21,7 +21,7 @@ class Heading:
 
 
 def build_heading(result: Result) -> Heading:
-    """The heading of the page."""
+    """Return the heading of a result."""
     verdict, sentences = _ending(result)
     return Heading(
         result.name,
@@ -43,4 +43,4 @@ def _ending(result: Result) -> tuple[str, list[str]]:
     found = [figures for kind in result.metrics.values() for figures in kind.values()]
     held = [figures["held"] for figures in found if "held" in figures]
     more = "; all joints held" if held and all(held) else ""
-    return "passed", [f"Ran to its end{more}."]
+    return "passed", [f"Completed{more}."]

@@ -1,4 +1,4 @@
-// Signals are found by parts of their names, and drawn when they are chosen: those of one unit share a plot.
+// Search signals by parts of their names, and plot the selected ones. Signals with the same unit share a plot.
 "use strict";
 (() => {
   const section = document.querySelector("#signals");
@@ -20,8 +20,8 @@
       index: Number(element.dataset.signal),
     }));
     const curves = JSON.parse(document.getElementById("signals-data").textContent);
-    const chosen = new Map(); // plots, with the signals in them
-    let turn = Promise.resolve(); // one after the other: a plot that is being drawn must stay
+    const chosen = new Map(); // plots with their signals
+    let turn = Promise.resolve(); // one at a time: a plot must not be removed while it is drawn
 
     function filter() {
       const words = sought();
@@ -66,7 +66,7 @@
       const element = document.createElement("figure");
       element.className = "plot";
       element.tabIndex = 0;
-      element.ariaLabel = `Chosen signals in ${unit || "no unit"}: plot; plus and minus zoom, arrows move, 0 resets`;
+      element.ariaLabel = `Selected signals in ${unit || "no unit"}: plot; plus and minus zoom, arrows move, 0 resets`;
       return element;
     }
 

@@ -1,4 +1,4 @@
-"""The page of a run as one text, which needs nothing else."""
+"""Render the self-contained page of a run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,14 +16,14 @@ from .diagram import build_diagrams, group_connections
 from .heading import build_heading
 
 _VALUES = 20_000_000
-"""That are read at most; of longer results only every n-th row is drawn."""
+"""Most rows to read; of longer results only every n-th row is drawn."""
 
 _COMPARED = 60
-"""Signals beside a reference that are shown."""
+"""Most signals to show beside a reference."""
 
 
 def render_page(result: Result, notes: Sequence[str] = ()) -> str:
-    """The text of the page; `notes` are sentences on what was read. May raise OSError."""
+    """Return the text of the page. `notes` are remarks without full stops. May raise OSError."""
     plots, record, data = Plots(), result.record, _data(result)
     components: Mapping[str, Any] = record.get("components", {})
     connections: Sequence[str] = record.get("connections", ())
@@ -60,12 +60,12 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
 
 
 def _names(result: Result) -> list[str]:
-    """The signals that were kept; none where no table was."""
+    """Return the recorded signals, or none without a table."""
     return [] if result.table is None or result.steps == 0 else result.names
 
 
 def _data(result: Result) -> Mapping[str, Vector]:
-    """Time, and the signals that the page shows."""
+    """Return time and the signals that the page shows."""
     names = _names(result)
     if not names:
         return {"time": np.empty(0)}

@@ -1,4 +1,4 @@
-"""The panels of a run's pictures as plots that can be zoomed into."""
+"""The panels of a run's plots, for zooming on its page."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from ..plots.panel_drawing import has_changes
 from ..plots.pictures import FIGURES, Picture
 
 _POINTS = 110_000
-"""Points of all lines together, of about 11 bytes each."""
+"""Most points of all lines together, of about 11 bytes each."""
 
 _PANELS = 120
-"""Panels that a page has room for."""
+"""Most panels on a page."""
 
 _COLUMNS = 3
-"""Panels side by side at most."""
+"""Most panels side by side."""
 
 
 @dataclass(frozen=True)
 class PagePanel:
-    """What it is of, what it shows, and the id of its plot."""
+    """A panel: subject, label, and id of its plot."""
 
     column: str
     label: str
@@ -34,7 +34,7 @@ class PagePanel:
 
 @dataclass(frozen=True)
 class PagePicture:
-    """A picture: its title, how many columns it has, and its panels row by row."""
+    """A plot: title, number of columns, and panels row by row."""
 
     title: str
     columns: int
@@ -42,15 +42,15 @@ class PagePicture:
 
 
 def list_signals(result: Result) -> Iterable[str]:
-    """The signals that pictures show."""
+    """Return the signals that plots show."""
     known = [name for picture in _pictures() for name in picture.signals(result)]
     return known or (name for group in groups(result) for name in group.signals)
 
 
 def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> tuple[list[PagePicture], int]:
-    """The pictures that there are signals for, as far as there is room, and how many panels are left out.
+    """Return the plots that fit on the page, and the number of panels left out.
 
-    Where there are none, signals are shown by part and unit.
+    Without metrics, signals are shown by part and unit.
     """
     if len(data["time"]) < 2:
         return [], 0

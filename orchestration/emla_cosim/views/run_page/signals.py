@@ -1,4 +1,4 @@
-"""All signals of a run: their figures, and their curves for who wants to see them."""
+"""All signals of a run: their metrics, and curves to select."""
 
 import json
 import math
@@ -15,18 +15,18 @@ from ..pages.plot_data import Shape
 from ..pages.text import make_visible, shorten_text
 
 MOST = 1000
-"""Signals that a page holds."""
+"""Most signals of a page."""
 
 _POINTS, _MOST_POINTS = 150_000, 5000
-"""Points of all curves together, of about 11 bytes each, and of one."""
+"""Most points of all curves together, of about 11 bytes each, and of one curve."""
 
 _LINES = 6
-"""Lines of one plot, which has as many colours."""
+"""Most lines in a plot, which is its number of colours."""
 
 
 @dataclass(frozen=True)
 class SignalRow:
-    """A signal with its figures, None where there is none."""
+    """A signal with its metrics; missing ones are None."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class SignalRow:
 
 
 def list_signal_rows(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[SignalRow]:
-    """The first signals in `data`, whose curves the page then holds."""
+    """Return the first signals in `data`, and add their curves to the page."""
     names = [name for name in data if name != "time"][:MOST]
     units = {name: str(result.units.get(name) or "") for name in names}
     plots.hold("signals-data", _curves(data, units), [Shape(n) for n in range(1, _LINES + 1)])
@@ -58,7 +58,7 @@ def _curves(data: Mapping[str, Vector], units: Mapping[str, str]) -> str:
 
 
 def _small(time: Vector, curves: Sequence[Vector]) -> list[dict[str, Any]]:
-    """Curves of as many points as there is room for; what smooth ones leave is for the others."""
+    """Reduce curves to the points that there is room for. Smooth curves leave room for the others."""
     fair = _POINTS // (2 * len(curves))
     kept = [condense_curve(time, curve, fair) for curve in curves]
     used = sum(map(len, kept))
@@ -69,5 +69,5 @@ def _small(time: Vector, curves: Sequence[Vector]) -> list[dict[str, Any]]:
 
 
 def _figures(figures: Mapping[str, float]) -> dict[str, float | None]:
-    """Those of metrics.json, which has nothing where one is no number."""
+    """Return the metrics of a signal; those that are no numbers are None."""
     return {name: value if math.isfinite(value := figures.get(name, math.nan)) else None for name in NAMES}

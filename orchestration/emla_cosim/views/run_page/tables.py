@@ -1,4 +1,4 @@
-"""Figures and settings of a run as rows."""
+"""Metrics and settings of a run as rows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from ...run.result import Result
 from ..formatting import format_figure, format_value
 
 MOST = 1000
-"""Rows of a table; who needs more has the files."""
+"""Most rows of a table; the files have all of them."""
 
 
 BONDS = (
@@ -17,12 +17,12 @@ BONDS = (
     Shown("energy_error_J", "the same in joules", 1.0, "J"),
     Shown("energy_exchanged_J", "energy exchanged", 1.0, "J"),
 )
-"""How a person sees the figures of power bonds."""
+"""Labels and units of the metrics of power bonds."""
 
 
 @dataclass(frozen=True)
 class FigureTable:
-    """Figures of one kind: what they are of, and a row each of label, values and unit."""
+    """Metrics of one kind: subjects as columns, and rows with label, values and unit."""
 
     kind: str
     columns: tuple[str, ...]
@@ -31,7 +31,7 @@ class FigureTable:
 
 @dataclass(frozen=True)
 class StartValueRow:
-    """A start value that is not that of the FMU, and that one."""
+    """A start value that differs from that of the FMU."""
 
     name: str
     value: str
@@ -40,7 +40,7 @@ class StartValueRow:
 
 
 def list_figure_tables(result: Result) -> Iterator[FigureTable]:
-    """The tables that the terminal shows."""
+    """Yield the tables that the terminal also shows."""
     for kind, found in result.metrics.items():
         if shown := result.shown.get(kind, ()):
             rows = tuple(
@@ -58,12 +58,12 @@ def list_figure_tables(result: Result) -> Iterator[FigureTable]:
 
 
 def list_settings(result: Result) -> list[tuple[str, str]]:
-    """The options as they were in effect."""
+    """Return the options in effect."""
     return [(name, format_value(value)) for name, value in result.record.get("settings", {}).items()]
 
 
 def list_start_values(result: Result) -> list[StartValueRow]:
-    """Start values that differ from those of the FMUs."""
+    """Return the start values that differ from those of the FMUs."""
     return [
         StartValueRow(
             f"{component}.{name}", _value(found["value"]), str(found["unit"] or ""), _value(found["default"])

@@ -1,4 +1,4 @@
-// The data of a plot, as curves.py writes them: read, and turned into differences.
+// Read the data of a plot, written by curve_data.py, and compute differences.
 "use strict";
 const curves = (() => {
   const unpacked = ({ middle, half, data }) => {
@@ -16,7 +16,7 @@ const curves = (() => {
       ? numbers(x)
       : Float64Array.from({ length: x.count }, (_, k) => x.first + (k * (x.last - x.first)) / (x.count - 1));
 
-  // What JSON has as null is no number.
+  // null in JSON means NaN.
   function read(data) {
     const lines = data.lines.map((line) => ({
       ...line,
@@ -34,7 +34,7 @@ const curves = (() => {
     return { ...data, lines, band };
   }
 
-  // The same as differences from what each has as its base.
+  // Return the data as differences from the base of each curve.
   function difference(data) {
     const less = (values, base) => values.map((v, k) => v - base[k]);
     const lines = data.lines.map((line) => ({ ...line, y: less(line.y, line.base) }));
@@ -54,7 +54,7 @@ const curves = (() => {
   }
 
   function thin({ band, y }) {
-    // whether it cannot be seen where the band is left
+    // whether the point where the curve leaves the band is invisible
     const widths = band
       ? [...band.upper]
           .map((v, k) => v - band.lower[k])
@@ -65,7 +65,7 @@ const curves = (() => {
   }
 
   function around(curves, band) {
-    // all there is, as far as it is near the band
+    // the whole range near the band
     let low = Infinity,
       high = -Infinity,
       least = -Infinity,
@@ -88,7 +88,7 @@ const curves = (() => {
   }
 
   function before(times, x) {
-    // the index of the last time that is not later
+    // the index of the last time that is not later than this
     let low = 0,
       high = times.length;
     while (high - low > 1) {
@@ -104,7 +104,7 @@ const curves = (() => {
     return k + 1 < times.length && times[k + 1] - x < x - times[k] ? k + 1 : k;
   }
 
-  // The lowest and the highest of a curve between two times.
+  // Return the lowest and the highest value of a curve between two times.
   function extent({ x, y }, start, end) {
     let low = Infinity,
       high = -Infinity;

@@ -1,6 +1,6 @@
-// Draws each plot when it comes into view: figures are Bokeh's, made in drawing.py, filled with data here.
+// Draw each plot when it becomes visible. bokeh_plots.py makes the figures; this script fills them with data.
 "use strict";
-const drawn = new Map(); // figure elements and what is drawn in them
+const drawn = new Map(); // figure elements with their plots
 
 const plots = (() => {
   const parsed = (id) => JSON.parse(document.getElementById(id).textContent);
@@ -10,7 +10,7 @@ const plots = (() => {
 
   const probe = make("i", "probe");
   const color = (name) => {
-    // as the page has it now
+    // the current theme of the page
     probe.style.color = `var(--${name})`;
     return getComputedStyle(probe).color;
   };
@@ -64,7 +64,7 @@ const plots = (() => {
   }
 
   function view({ plot, data }) {
-    // all of it; reset comes back here
+    // the whole range, which reset restores
     for (const [range, [start, end]] of [
       [plot.x_range, data.x],
       [plot.y_range, data.y],
@@ -73,14 +73,14 @@ const plots = (() => {
   }
 
   function limit({ model, data }) {
-    // shades what is beyond
+    // shade the area beyond the limit
     for (const [k, { low, high }] of data.limits.entries()) {
       if (low !== null) model(`limit-${k}-low`).setv({ top: low, visible: true });
       if (high !== null) model(`limit-${k}-high`).setv({ bottom: high, visible: true });
     }
   }
 
-  // Plots of a group show the same time; those that follow show all values that are in it.
+  // Plots of a group show the same time range; followers show all values in it.
   let leading = false;
   function join(one) {
     const range = one.plot.x_range;
@@ -169,7 +169,7 @@ const plots = (() => {
     model("crosshair").line_color = ink;
   }
 
-  // Says what is what, and what it is where the mouse points.
+  // Legend with the values at the mouse pointer.
   function legend(one) {
     const { element, plot, data, model } = one;
     const list = make("figcaption", "legend"),
@@ -261,7 +261,7 @@ const plots = (() => {
   const waiting = [...document.querySelectorAll("[data-plot]")];
   for (const element of waiting) eyes.observe(element);
 
-  // Draw what nobody has looked at yet while there is nothing else to do, as paper shows all.
+  // Draw the remaining plots when the browser is idle, because a printed page shows all.
   async function rest() {
     for (const element of waiting)
       if (!drawn.has(element) && element.checkVisibility()) {

@@ -1,4 +1,4 @@
-// A search field: "/" leads to it, Escape empties it. Returns what gives the words in it.
+// Set up a search field: "/" focuses it, Escape clears it. Return a function that reads its words.
 "use strict";
 const searchable = (field, filter, reset) => {
   field.addEventListener("input", filter);

@@ -1,4 +1,4 @@
-// Light or dark: as the system has it, until somebody chooses; the choice is remembered where that is allowed.
+// Light or dark theme: the system's until the user selects one; the browser stores the selection if allowed.
 "use strict";
 (() => {
   const root = document.documentElement,
@@ -15,7 +15,7 @@
       try {
         localStorage.setItem("theme", name);
       } catch {
-        /* for this time only */
+        /* not stored */
       }
     },
   };
@@ -48,6 +48,6 @@
   addEventListener("beforeprint", () => {
     before = root.dataset.theme;
     chosen("light");
-  }); // paper is light
+  }); // print in the light theme
   addEventListener("afterprint", () => chosen(before));
 })();
