@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 
@@ -14,6 +14,7 @@ from ..base.errors import CommandError, RunError, check_choice, join_names
 from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import CompareOptions
 from ..run.options import list_options as options_table
 from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import catch_interrupts
@@ -55,7 +56,7 @@ def compare(
     output: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[CompareOptions],
 ) -> CompareResult:
     """Run a built-in scenario with several controllers side by side, and put what came out into tables.
 
@@ -79,18 +80,17 @@ def compare(
     is run; RunError where the cluster is gone, all runs are refused, or files cannot be written.
     """
     told, name = progress or Progress(), _name_of(scenario)
-    options |= {"overwrite": True} if overwrite else {}
-    _check(table, resolution, options)
+    given: dict[str, Any] = {**options, "overwrite": True} if overwrite else {**options}
+    _check(table, resolution, given)
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
-    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), options)
+    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), given)
     folder = None
     if output is not None:
         folder = CompareFolder(convert_value(output, Path, "the output folder"), overwrite)
     if table == STABILITY:
-        options = {"stop_time": stability_stop_time(), **options}
-        terms = replace(terms, options=options)
+        terms = replace(terms, options={"stop_time": stability_stop_time(), **given})
     contest = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
     for kind, known in REGISTRIES.items():
         check_portable(kind, known)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from fmpy.model_description import ValidationError
 
@@ -11,6 +11,7 @@ from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
 from ..fmu.interface import Interface, explain_unsupported, first_problem, read_description, read_interfaces
+from ..run.option_types import LoadOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
 from ..run.scenarios.loading import is_fmu
@@ -25,7 +26,9 @@ from .system_info import Info
 from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_fmu_variables
 
 
-def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
+def info(
+    source: str | Path | System, progress: Progress | None = None, **options: Unpack[LoadOptions]
+) -> Info:
     """What an FMU, a package, a scenario or a system is made of, with all that options change.
 
     `source` and `options` are as in `load`. Our own FMUs are built where they are missing; nothing is

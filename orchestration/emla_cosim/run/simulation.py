@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.files import get_working_folder
@@ -40,6 +40,7 @@ from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
 from .execution import Run
 from .followers import following_values
+from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
 from .preparation import limit_to_data_end, prepare_system
@@ -131,7 +132,11 @@ class Simulation:
         return found
 
     def run(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> Result:
         """Run from start to stop and return what came out.
 
@@ -146,7 +151,11 @@ class Simulation:
             return self._check_complete(self._attempt(recorders, fresh, options))
 
     def attempt(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> Result:
         """`run`, but a run that fails is a result too: its `problem` says why it ended."""
         with self._lock_use():
@@ -168,7 +177,11 @@ class Simulation:
         return self._result(self._run)
 
     def start(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> None:
         """Begin a run that `advance` brings forward; what is given is as in `run`."""
         with self._lock_use():

@@ -1,8 +1,9 @@
 """The one way to a scenario, whatever it is made of."""
 
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
+from ..run.option_types import LoadOptions
 from ..run.scenarios.loading import load_scenario
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
@@ -11,7 +12,7 @@ from .registration import register
 register()
 
 
-def load(source: str | Path | System, **options: Any) -> Scenario:
+def load(source: str | Path | System, **options: Unpack[LoadOptions]) -> Scenario:
     """A scenario: built-in by its name, from a file (.toml, .ssp, .ssd, .fmu, a folder), or of a system.
 
     `options` are those of `Options`, by name, and win over what a file says. Raises CommandError for

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 from distributed import Client
@@ -15,6 +15,7 @@ from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import SweepOptions
 from ..run.run_setup import select_signals
 from ..sandbox.interruption import catch_interrupts
 from .design import Design, design_variants
@@ -49,7 +50,7 @@ def sweep(
     overwrite: bool = False,
     resume: bool = False,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[SweepOptions],
 ) -> SweepResult:
     """Run many variants of a scenario side by side, and return what came out.
 
@@ -72,8 +73,8 @@ def sweep(
     with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
-    options |= {"overwrite": True} if overwrite else {}
-    plan = load_plan(source).updated({**given, "signals": signals, "options": options})
+    chosen = {**options, "overwrite": True} if overwrite else {**options}
+    plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
     check_cluster(scheduler, workers)
     with _open_folder(output, resume, overwrite) as (folder, held):
         told = progress or Progress()

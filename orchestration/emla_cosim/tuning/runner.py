@@ -6,13 +6,14 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
@@ -53,7 +54,7 @@ def tune(
     overwrite: bool = False,
     plots: bool = True,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[TuneOptions],
 ) -> TuneResult:
     """Look for the gains that make an objective small while conditions hold, and return what came out.
 
@@ -71,7 +72,6 @@ def tune(
     with the plan, before anything is run; RunError where the cluster is gone, nothing can be run, or files
     cannot be written.
     """
-    options |= {"overwrite": True} if overwrite else {}
     given = {
         "vary": vary,
         "objective": objective,
@@ -83,7 +83,7 @@ def tune(
         "validation": validation,
         "seed": seed,
         "tolerance": tolerance,
-        "options": options,
+        "options": {**options, "overwrite": True} if overwrite else {**options},
     }
     plan = load_tuning_plan(source).updated(given)
     check_cluster(scheduler, workers)

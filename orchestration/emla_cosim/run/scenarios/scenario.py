@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.progress import Progress
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.bond import Bond
 from ...system.model import System
+from ..option_types import PrepareOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
@@ -61,7 +62,7 @@ class Scenario:
         """Return the notes on a run with these options; CommandError for what cannot be run."""
         return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
 
-    def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
+    def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
         """Build and load all FMUs and compile the loop, so that it can be run many times.
 
         `options` are those of `Options`, by name. Raises CommandError for what does not fit,
@@ -80,7 +81,11 @@ class Scenario:
         )
 
     def export(
-        self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
+        self,
+        file: str | Path,
+        nested: bool = False,
+        progress: Progress | None = None,
+        **options: Unpack[PrepareOptions],
     ) -> Path:
         """Write the system, with all that the options change, and its FMUs as an SSP package.
 
