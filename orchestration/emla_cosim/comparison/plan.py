@@ -171,7 +171,8 @@ def _parts(
     scenario: str, entrant: ControllerVariant, options: Mapping[str, Any], progress: Progress
 ) -> list[Preparation]:
     """The parts of a scenario that have joints, closed by this controller."""
-    chosen = load(scenario, **{**options, "controller": entrant.controller, "gains": entrant.gains})
+    given: dict[str, Any] = {**options, "controller": entrant.controller, "gains": entrant.gains}
+    chosen = load(scenario, **given)
     check_run(chosen.options, chosen.name)
     found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
     if not found:

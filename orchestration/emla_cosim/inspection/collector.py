@@ -29,11 +29,28 @@ from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_f
 def info(
     source: str | Path | System, progress: Progress | None = None, **options: Unpack[LoadOptions]
 ) -> Info:
-    """What an FMU, a package, a scenario or a system is made of, with all that options change.
+    """Return what an FMU, an SSP, a scenario or a system contains, with all changes that the options make.
 
-    `source` and `options` are as in `load`. Our own FMUs are built where they are missing; nothing is
-    simulated. An FMU that this master cannot run is told of, too. Raises CommandError for whatever is
-    wrong, RunError where FMUs cannot be built.
+    Missing FMUs of this project are built; nothing is simulated. For an FMU that cannot run here, the notes of
+    the result say why.
+
+    Args:
+        source: as for `load`.
+        progress: receives the progress of building FMUs.
+        **options: as for `load`.
+
+    Returns:
+        FMUs, components, connections, and variables with units and start values.
+
+    Raises:
+        CommandError: the source or an option is wrong.
+        RunError: an FMU cannot be built.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.info("lift")
+        >>> found["lift.plant.x_L"].unit
+        'm'
     """
     try:
         scenario = load(source, **options)

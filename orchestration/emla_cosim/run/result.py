@@ -25,21 +25,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Result:
-    """How a run went, and what it gave.
+    """Signals, metrics and record of a run.
 
-    `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
-    in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json;
-    `remarks` are sentences to be read before them.
-    `signals` has `minimum`, `maximum`, `rms` and `final` value of every recorded signal by its full name,
-    in its unit and from every communication point; NaN where a value was NaN.
-    `problem` is None, or the sentence that says why the run ended early, or what is not as required;
-    `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
-    `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
-    `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
-    `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
-    the parameters of all components that are numbers, by full name. `roles` are those of the option.
-    `notes` are sentences, without their stops, on the scenario with the values of this run.
-    `coupling` has what the exchange of values cost, by bond and by connection, as in metrics.json.
+    `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `result.time`.
+
+    Attributes:
+        name: name of the scenario.
+        units: unit of each signal by name.
+        times: start, stop and communication points, in s.
+        table: recorder that kept the rows; None if no recorder keeps a table.
+        metrics: metrics by kind, by object (such as the joint) and by name, as in metrics.json.
+        shown: labels and units of the metrics that tables show.
+        remarks: warnings to read before the metrics.
+        steps: number of communication steps of this run.
+        simulated_s: simulated time of this run, in s.
+        end_s: time that was reached, in s.
+        wall_s: wall time of this run, in s.
+        stepping: how the steps were made, as in run.json.
+        pacing: how real time was kept; None without `real_time`.
+        problem: error message if the run ended early or misses a requirement, otherwise None.
+        interrupted: whether Ctrl-C or a signal ended the run.
+        record: content of run.json.
+        comparisons: signals with those of the run that the option `reference` names.
+        parameters: numeric parameters of all components, by full name.
+        signals: `minimum`, `maximum`, `rms` and `final` of each recorded signal, from all communication
+            points, in its unit; NaN where a value was NaN.
+        roles: value of the option `roles`.
+        notes: notes on the scenario with the values of this run, without full stops.
+        coupling: error of the coupling by bond and by connection, as in metrics.json.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run()
+        >>> result.time[-1], str(result.units["lift.plant.x_L"])
+        (np.float64(0.01), 'm')
     """
 
     name: str
@@ -66,28 +85,40 @@ class Result:
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
-        """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""
+        """Return a signal as an array of shape (rows,), in its unit.
+
+        Raises:
+            CommandError: the signal was not kept.
+        """
         return self.read([name])[name]
 
     @property
     def time(self) -> Vector:
-        """The times of the rows in s."""
+        """Times of the rows in s, shape (rows,)."""
         return self["time"]
 
     @property
     def names(self) -> list[str]:
-        """The signals that were kept."""
+        """Names of the signals that were kept."""
         return self._table.names[1:]
 
     @property
     def run_figures(self) -> dict[str, Any]:
-        """Figures of the run itself, as in metrics.json: how many steps, and how long they took."""
+        """Number of steps, wall time in s and steps per second, as in metrics.json."""
         return run_figures(self.steps, self.wall_s)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Some signals, or `time`, by name; of more than `most` rows only every n-th may be given.
+        """Return several signals.
 
-        Raises CommandError for a signal that was not kept.
+        Args:
+            names: names of signals, or `time`.
+            most: of a table with more rows, return only every n-th row. Default: all rows.
+
+        Returns:
+            An array of shape (rows,) by name.
+
+        Raises:
+            CommandError: a signal was not kept.
         """
         known = self._table.names
         for name in names:
@@ -98,13 +129,17 @@ class Result:
         return self._table.read(names, most)
 
     def to_polars(self) -> "polars.DataFrame":
-        """All rows as a polars data frame, `time` first."""
+        """Return all rows as a polars data frame, with `time` as its first column."""
         import polars
 
         return polars.DataFrame(self.read(self._table.names))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """All rows as a pandas data frame with `time` as its index; CommandError without pandas."""
+        """Return all rows as a pandas data frame, with `time` as its index.
+
+        Raises:
+            CommandError: pandas is not installed.
+        """
         try:
             import pandas
         except ImportError as error:
@@ -115,7 +150,17 @@ class Result:
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
     def plot(self, *names: str) -> "Figure":
-        """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
+        """Draw signals over time, with one panel for each unit.
+
+        Args:
+            *names: names of signals, or patterns such as `lift.*.x_*`.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            CommandError: no signal has one of the names.
+        """
         from ..views.plots.overlay import plot_signals
 
         return plot_signals(self, names)
@@ -123,10 +168,25 @@ class Result:
     def compare(
         self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
     ) -> tuple[Comparison, ...]:
-        """Hold every signal against that of a run that was saved, in a tube in value and time around it.
+        """Compare each signal with that of a saved run, in a tube around the saved one.
 
-        `reference` is a folder of results, or a table; `tolerance` says how wide tubes are, by name or
-        pattern, a number relative to the signal's range. Raises CommandError where there is no such run.
+        Args:
+            reference: folder of results, or a table of results.
+            tolerance: width of the tubes by name or pattern of signals. A number is relative to the range of the
+                signal. Default: 1e-3.
+
+        Returns:
+            One comparison for each signal that both runs have.
+
+        Raises:
+            CommandError: there is no saved run, or a tolerance is wrong.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> result = ec.load("lift", stop_time=0.01).prepare().run()
+            >>> pictures = result.save("kept", plots=False)
+            >>> all(one.left_at is None for one in result.compare("kept"))
+            True
         """
         from ..recorders.stored import open_stored_run  # which loads polars
 
@@ -142,11 +202,21 @@ class Result:
         report: bool = False,
         overwrite: bool = False,
     ) -> list[Path]:
-        """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
+        """Write the table, metrics.json, run.json and pictures to a folder.
 
-        `animate` adds an animation, as a GIF, and `report` a page, report.html. Files that emla did not write
-        are only replaced with `overwrite`. Raises CommandError where the folder cannot be written, or nothing
-        can be animated; RunError where the disk is full.
+        Args:
+            folder: output folder; it is created if needed.
+            plots: draw pictures.
+            animate: add an animation of the manipulator, a GIF.
+            report: add a page, report.html.
+            overwrite: replace files that emla did not write.
+
+        Returns:
+            Paths of the pictures.
+
+        Raises:
+            CommandError: the folder cannot be written, or there is nothing to animate.
+            RunError: the disk is full.
         """
         from ..views.animation import check_animated
         from ..views.output_folder import OutputFolder

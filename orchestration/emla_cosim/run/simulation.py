@@ -51,12 +51,20 @@ from .run_setup import run_times, select_isolated, select_signals, steps_per_row
 
 
 class Simulation:
-    """A system whose FMUs are built, loaded and wired, and whose loop is compiled.
+    """A system with loaded FMUs and a compiled loop, which can run many times.
 
-    `run` runs it from start to stop; `start`, `advance` and `finish` do the same in parts, and between
-    them values can be read and set by name: `simulation["lift.plant.x_L"]`. Every run begins anew, with
-    other options if any are given. `close` frees the FMUs; so does the end of a `with` block, and the end
-    of the object.
+    `run` simulates from start to stop. `start`, `advance` and `finish` do the same in parts; between them you
+    can read variables and set inputs by name. Each run begins from the same initial state. `close`, or the
+    end of a `with` block, frees the FMUs.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> with ec.load("lift", stop_time=0.01).prepare() as simulation:
+        ...     simulation.advance(0.005)
+        ...     position = simulation["lift.plant.x_L"]
+        ...     result = simulation.finish()
+        >>> round(position, 3)
+        0.244
     """
 
     def __init__(
@@ -108,7 +116,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the FMUs and what was unpacked; a run that goes on is ended."""
+        """Free the FMUs, and end the current run."""
         with self._lock_use():
             try:
                 self._abandon()
@@ -117,12 +125,12 @@ class Simulation:
 
     @property
     def names(self) -> list[str]:
-        """Names of all signals: component.variable."""
+        """Names of all signals, `component.variable`."""
         return list(self._assembly.network.names)
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
-        """The unit of every signal, by name."""
+        """Unit of each signal by name; None where the FMU declares none."""
         found = {}
         for name in self._assembly.network.names:
             component, variable = self.system.split(name)
@@ -138,14 +146,30 @@ class Simulation:
         fresh: bool = False,
         **options: Unpack[RunOptions],
     ) -> Result:
-        """Run from start to stop and return what came out.
+        """Simulate from start to stop.
 
-        `options` are those of `Options`, by name, and hold for this run only: `stop_time`, `step_size`,
-        `algorithm`, `set` ... Without `recorders`, the table of results is kept in memory; metrics are
-        always computed. `fresh` makes new instances of the FMUs instead of resetting them. Ctrl-C ends
-        the run between two steps, and the result has what was computed. Raises CommandError for options
-        that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails, or whose
-        figures are not as `require` says.
+        Ctrl-C ends the run after the current step; the result contains everything until then.
+
+        Args:
+            recorders: what keeps the rows. Default: a `TimeSeries`, which keeps the table in memory. Metrics
+                are always computed.
+            fresh: create new FMU instances instead of resetting them.
+            **options: values by name, for this run only, such as `stop_time`, `step_size`, `algorithm` and `set`.
+
+        Returns:
+            Signals, metrics and the record of the run.
+
+        Raises:
+            CommandError: an option does not fit. Nothing was run; the simulation can still be used.
+            RunError: the run failed, or a condition of `require` does not hold. `fields["result"]` has the
+                results until then.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> simulation = ec.load("lift").prepare()
+            >>> result = simulation.run(stop_time=0.01, set={"lift.plant.motor.R_s": 0.2})
+            >>> result["lift.plant.x_L"].shape
+            (11,)
         """
         with self._lock_use():
             return self._check_complete(self._attempt(recorders, fresh, options))
@@ -157,7 +181,19 @@ class Simulation:
         fresh: bool = False,
         **options: Unpack[RunOptions],
     ) -> Result:
-        """`run`, but a run that fails is a result too: its `problem` says why it ended."""
+        """Run as `run` does, but return the result of a failed run instead of raising RunError.
+
+        Args:
+            recorders: as for `run`.
+            fresh: as for `run`.
+            **options: as for `run`.
+
+        Returns:
+            The result. Its `problem` is the error message of a failed run, otherwise None.
+
+        Raises:
+            CommandError: an option does not fit.
+        """
         with self._lock_use():
             return self._attempt(recorders, fresh, options)
 
@@ -171,7 +207,7 @@ class Simulation:
         return self._ended()
 
     def so_far(self) -> Result:
-        """What came out of the run that goes on; CommandError where none does."""
+        """Return the results of the current run up to now; raise CommandError if there is no run."""
         if self._run is None:
             raise CommandError("no run goes on; `start` begins one.")
         return self._result(self._run)
@@ -183,7 +219,17 @@ class Simulation:
         fresh: bool = False,
         **options: Unpack[RunOptions],
     ) -> None:
-        """Begin a run that `advance` brings forward; what is given is as in `run`."""
+        """Begin a run, which `advance` continues and `finish` ends.
+
+        Args:
+            recorders: as for `run`.
+            fresh: as for `run`.
+            **options: as for `run`.
+
+        Raises:
+            CommandError: an option does not fit.
+            RunError: an FMU fails during initialization.
+        """
         with self._lock_use():
             self._start(recorders, fresh, options)
 
@@ -268,10 +314,15 @@ class Simulation:
             run.begin(times.stop if chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
-        """Step to a time in s, which must be a communication point; begins a run if none goes on.
+        """Simulate up to a time. Without `start`, this begins a run with the options of the simulation.
 
-        Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
-        Ctrl-C, after the step that was being done: the run can go on then, or be finished.
+        Args:
+            time: communication point to reach, in s.
+
+        Raises:
+            CommandError: the time is not a communication point, or it is after the stop time.
+            RunError: a step failed.
+            KeyboardInterrupt: Ctrl-C was pressed. The run can continue or be finished.
         """
         with self._lock_use():
             interrupted = self._advance(time)
@@ -303,7 +354,15 @@ class Simulation:
         return self._run is not None and self._run.run.interrupted
 
     def finish(self) -> Result:
-        """End the run that goes on, and return what came out; see `run` for errors."""
+        """End the current run.
+
+        Returns:
+            The result up to the time that was reached.
+
+        Raises:
+            CommandError: there is no current run.
+            RunError: as for `run`.
+        """
         with self._lock_use():
             return self._finish()
 
@@ -321,15 +380,21 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Where the run is, in s; its start before it begins."""
+        """Time of the current run in s; the start time if there is no run."""
         if self._run is None:
             return self.options.start_time or 0.0
         return self._run.run.stepping.time
 
     def __getitem__(self, name: str) -> Any:
-        """The present value of a variable, by its full name and in its unit there.
+        """Return the current value of a variable, in its unit.
 
-        Begins a run if none goes on. Raises CommandError for a name that is not there.
+        Without a current run, this begins one.
+
+        Args:
+            name: full name, `component.variable`.
+
+        Raises:
+            CommandError: the variable does not exist.
         """
         with self._lock_to_thread():
             return self._value(name)
@@ -344,9 +409,16 @@ class Simulation:
         return alias.transformation.inverse()(value) if component.aliases else value
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set an input that nothing drives; it holds until it is set again.
+        """Set an input that has no connection. It keeps the value until you set it again.
 
-        Begins a run if none goes on. Raises CommandError for other variables and for values that do not fit.
+        Without a current run, this begins one.
+
+        Args:
+            name: full name, `component.variable`.
+            value: value in the unit of the variable.
+
+        Raises:
+            CommandError: the variable does not exist, is not an unconnected input, or the value does not fit.
         """
         with self._lock_to_thread():
             self._set(name, value)

@@ -20,12 +20,24 @@ from ..simulation import Simulation
 
 @dataclass(frozen=True)
 class Scenario:
-    """A system and how it is run.
+    """A system, and the options to run it with. `load` makes one.
 
-    `notes` are sentences, without their stops, that the user should read before a run: on what was read but
-    means nothing, and what `remarks` say of the system with these options. FMUs of a package are in the
-    folder `unpacked` as long as the scenario, or a simulation of it, lives. `origin` is what was named
-    and given to make it.
+    Attributes:
+        name: name of the scenario.
+        description: one line on its purpose.
+        system: the simulated system.
+        options: values of all options.
+        notes: warnings to read before a run, without full stops.
+        unpacked: folder with the FMUs of an SSP. It exists as long as the scenario, or a simulation of it.
+        resources: object that keeps the folder in existence.
+        origin: source and options that made the scenario.
+        remarks: function that computes further notes from a system and its options.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> scenario = ec.load("lift")
+        >>> [component.name for component in scenario.system.components][:2]
+        ['lift.reference', 'lift.disturbance']
     """
 
     name: str
@@ -41,9 +53,13 @@ class Scenario:
     )
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
-        """Return the scenario with other options, by name, and with the notes that belong to them.
+        """Return the scenario with other options, and with the notes that belong to them.
 
-        Raises CommandError for options that its system was made of, and for what cannot be run with these.
+        Args:
+            given: values by name, as for `load`.
+
+        Raises:
+            CommandError: an option does not fit, or it decides how the system is made, such as `controller`.
         """
         if not given:
             return self
@@ -63,10 +79,25 @@ class Scenario:
         return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
 
     def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
-        """Build and load all FMUs and compile the loop, so that it can be run many times.
+        """Build and load all FMUs and compile the loop, so that the scenario can run many times.
 
-        `options` are those of `Options`, by name. Raises CommandError for what does not fit,
-        RunError where FMUs cannot be built.
+        Args:
+            progress: receives the progress of building FMUs.
+            **options: values by name, for all runs of the simulation.
+
+        Returns:
+            The simulation. Close it, or use it in a `with` block, to free its FMUs.
+
+        Raises:
+            CommandError: options, connections or units do not fit.
+            RunError: an FMU cannot be built or refuses its start values.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> with ec.load("lift").prepare(stop_time=0.01) as simulation:
+            ...     result = simulation.run()
+            >>> result.steps
+            100
         """
         chosen = self.with_options(options)
         return Simulation(
@@ -87,11 +118,25 @@ class Scenario:
         progress: Progress | None = None,
         **options: Unpack[PrepareOptions],
     ) -> Path:
-        """Write the system, with all that the options change, and its FMUs as an SSP package.
+        """Write the system and its FMUs as an SSP, with all changes that the options make.
 
-        `nested` makes one system of all components with the same first part of their names. A file that is
-        no package of ours is only replaced with the option `overwrite`. Raises CommandError for what does not
-        fit, RunError where something cannot be built or written.
+        Args:
+            file: path of the SSP.
+            nested: group components by the first part of their names into a system each.
+            progress: receives the progress of building FMUs.
+            **options: values by name. With `overwrite`, a file that emla did not write is replaced.
+
+        Returns:
+            The path of the SSP.
+
+        Raises:
+            CommandError: an option does not fit, or the file must not be replaced.
+            RunError: an FMU cannot be built, or the file cannot be written.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> ec.load("lift").export("lift.ssp").name
+            'lift.ssp'
         """
         chosen = limit_to_data_end(self.with_options(options).options)
         check_package(Path(file), chosen.overwrite)
