@@ -16,35 +16,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CompareResult(CompareData):
-    """What came out of a comparison of controllers.
+    """Rows and tables of a comparison of controllers.
 
-    `rows` has a row for each scenario, case, joint, controller, set of gains and seed: `seed` is the
-    held-out one, None where nothing is random or the seeds are the scenario's; `held` is the verdict of
-    metrics.json, `lost_at_s` and `why` say when and why a joint was not held; then come the figures of
-    metrics.json under their names, with units in these. `errors` has the position errors in m over `time`
-    in s of each run, by the number in `rows`, in columns by joint, where they were kept. `table` is one of
-    `TABLES`, or None. `complete` says whether all runs are there, `wall_s` how long they took. `notes` say
-    what each controller keeps in reserve, and what was left out. `folder` is where everything was written,
-    if anywhere.
+    Attributes:
+        rows: polars data frame with a row for each scenario, case, joint, controller, set of gains and seed.
+            `held` is the verdict, `lost_at_s` and `why` say when and why a joint was not held; the metrics
+            have units in their names.
+        errors: position errors in m over `time` in s, one frame for each run by its number, with a column for
+            each joint, if they were kept.
+        table: name of the tables, or None.
+        complete: whether all runs are done.
+        wall_s: wall time in s.
+        notes: reserves of each controller, and what was left out.
+        folder: output folder; None without one.
     """
 
     @property
     def grids(self) -> list[TextTable]:
-        """The tables, in the order in which they are shown."""
+        """Tables in the order in which they are shown."""
         return build_tables(self)
 
     @property
     def lost(self) -> polars.DataFrame:
-        """The rows of the joints that were not held."""
+        """Rows of the joints that were not held."""
         return self.rows.filter(~polars.col("held"))
 
     def markdown(self) -> str:
-        """All tables as Markdown: what comparison.md holds."""
+        """Return all tables as Markdown, the content of comparison.md."""
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))
         lost = f"\nNot held:\n\n{lines}" if lines else ""
         return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
 
     def figures(self) -> "dict[str, Figure]":
-        """The pictures by name."""
+        """Return the pictures by name, as matplotlib figures."""
         return draw_pictures(self)

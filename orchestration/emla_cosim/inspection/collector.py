@@ -31,8 +31,8 @@ def info(
 ) -> Info:
     """Return what an FMU, an SSP, a scenario or a system contains, with all changes that the options make.
 
-    Missing FMUs of this project are built; nothing is simulated. For an FMU that cannot run here, the notes of
-    the result say why.
+    Missing FMUs of this project are built; nothing is simulated. For an FMU that cannot run here, the notes
+    of the result say why.
 
     Args:
         source: as for `load`.

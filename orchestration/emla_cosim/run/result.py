@@ -172,8 +172,8 @@ class Result:
 
         Args:
             reference: folder of results, or a table of results.
-            tolerance: width of the tubes by name or pattern of signals. A number is relative to the range of the
-                signal. Default: 1e-3.
+            tolerance: width of the tubes by name or pattern of signals. A number is relative to the range of
+                the signal. Default: 1e-3.
 
         Returns:
             One comparison for each signal that both runs have.

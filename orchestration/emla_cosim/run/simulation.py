@@ -154,7 +154,8 @@ class Simulation:
             recorders: what keeps the rows. Default: a `TimeSeries`, which keeps the table in memory. Metrics
                 are always computed.
             fresh: create new FMU instances instead of resetting them.
-            **options: values by name, for this run only, such as `stop_time`, `step_size`, `algorithm` and `set`.
+            **options: values by name, for this run only, such as `stop_time`, `step_size`, `algorithm` and
+                `set`.
 
         Returns:
             Signals, metrics and the record of the run.

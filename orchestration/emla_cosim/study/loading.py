@@ -16,8 +16,8 @@ def load(source: str | Path | System, **options: Unpack[LoadOptions]) -> Scenari
     """Load a scenario: a system of FMUs, and the options to run it with.
 
     Args:
-        source: name of a built-in scenario, path of a file (.toml, .ssp, .ssd, .fmu) or of a folder of results,
-            or a `System`.
+        source: name of a built-in scenario, path of a file (.toml, .ssp, .ssd, .fmu) or of a folder of
+            results, or a `System`.
         **options: values by name, as in the table of options. They take precedence over those of a file.
 
     Returns:

@@ -28,14 +28,26 @@ _LARGEST_SEED = 2**63 - 1
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep before anything is known of its FMUs.
+    """A sweep: a scenario, what varies, how it is sampled, and what is kept.
 
-    `scenario` is what is run, with `options` over its own. `vary` says what varies and how: the name of
-    a start value (component.variable), of a component (whose FMU varies) or of an option; see
-    `distributions.parse_distribution` for the values. `sampling` is a name of `SAMPLINGS`, by default a grid
-    without `runs` and "random" with them; `seed` is that of whatever is drawn. `metrics` are what is
-    kept, by default all figures; `signals` are names or patterns of those to keep over time. `where` is
-    what sentences call the plan.
+    Args:
+        name: name of the sweep.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: what varies, and how, as for `sweep`.
+        description: one line on its purpose.
+        sampling: how variants are chosen, as for `sweep`.
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        metrics: metrics to keep, as for `sweep`. Default: all.
+        signals: names or patterns of signals to keep over time.
+        options: values of options by name, for all variants.
+        where: what error messages call the plan.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = ec.Plan("warm", "lift", {"lift.plant.motor.R_s": "0.1:0.2"}, runs=8)
+        >>> plan.updated({"runs": 16}).runs
+        16
     """
 
     name: str
@@ -51,10 +63,15 @@ class Plan:
     where: str = "the sweep"
 
     def updated(self, given: Mapping[str, Any]) -> "Plan":
-        """With what is given beside it: `vary` and `options` are merged, None changes nothing.
+        """Return the plan with other values; `vary` and `options` are merged, None changes nothing.
 
-        So are tables among the options, such as `set`. A sampling that takes no runs drops those of the
-        plan. Raises CommandError for values of another type.
+        A sampling that does not take `runs` drops those of the plan.
+
+        Args:
+            given: values of fields by name.
+
+        Raises:
+            CommandError: a value has a wrong type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
@@ -71,7 +88,7 @@ class Plan:
         return changed
 
     def check(self) -> None:
-        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        """Raise CommandError for mistakes that can be found without the scenario."""
         types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
         for name, type_ in types.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")

@@ -19,22 +19,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SweepResult(SweepData):
-    """What came out of a sweep.
+    """Variants of a sweep with their metrics, and the signals that were kept.
 
-    `variants` has a row for each variant, sorted: `variant` (its number, from 0), a column for each of
-    `factors` (what varies), `status` (one of the names in `data`), `problem` (a sentence, or null) and a
-    column for each of `figures`: numbers or truths, null or NaN where there is none. `series` has
-    `variant`, `time` and the `signals` that were kept, a row for each row of each variant; None where
-    none were. `units` are those of factors and signals, by name; `shown` says how a person sees a figure,
-    where that is known. `sampling` is the name of the method and `seed` its seed. `complete` says whether
-    all variants are there, `required` what each had to fulfil, `wall_s` how long they took. `base` is the
-    command that runs the scenario as all variants have it, None where there is none, and `targets` where
-    values of each factor go. `notes` are sentences, without their stops, to read before the figures.
-    `folder` is None where it goes with the result.
+    Attributes:
+        name: name of the sweep.
+        sampling: name of the sampling.
+        seed: its seed.
+        factors: names of what varies.
+        figures: names of the metrics.
+        variants: polars data frame with a row for each variant: `variant` (number from 0), a column for each
+            factor, `status`, `problem` (error message or null), and a column for each metric.
+        signals: names of the signals that were kept.
+        series: lazy polars frame with `variant`, `time` in s and the kept signals; None if there are none.
+        units: units of factors and signals by name.
+        shown: labels and units of the metrics that tables show.
+        folder: folder of the sweep; None if it is deleted together with the result.
+        complete: whether all variants are done.
+        required: conditions of the option `require`.
+        base: command that runs the scenario; None if there is none.
+        targets: start values and options that each factor sets.
+        wall_s: wall time in s.
+        notes: notes to read before the metrics, without full stops.
     """
 
     def options(self, variant: int) -> dict[str, Any]:
-        """The options that are a variant's own; CommandError where there is no such variant."""
+        """Return the options of one variant, by name.
+
+        Raises:
+            CommandError: the variant does not exist.
+        """
         rows = self.variants.filter(polars.col(VARIANT) == variant)
         if not rows.height:
             raise CommandError(f"there is no variant {variant}.", variant=variant)
@@ -42,16 +55,26 @@ class SweepResult(SweepData):
         return merge_options(assign_value(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
-        """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
+        """Return the command that runs one variant; None if the scenario or an option exists in Python
+        only."""
         if self.base is None or (own := format_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])
 
     def sobol(self, figure: str) -> SobolIndices:
-        """Return the Sobol indices of a figure, such as `lift.held`; needs the sampling `saltelli`.
+        """Return the Sobol indices of a metric. The sampling must be `saltelli`.
 
-        Warns (UserWarning) where base samples are left out, as this biases the indices. Raises CommandError
-        for another sampling, a figure that the sweep does not have, or too few base samples.
+        Args:
+            figure: name of the metric, such as `lift.held`.
+
+        Returns:
+            First-order and total indices by factor, with their confidence.
+
+        Raises:
+            CommandError: the sampling or the metric is wrong, or there are too few base samples.
+
+        Warns:
+            UserWarning: base samples are left out because variants failed, which biases the indices.
         """
         found = sobol_indices(self, figure)
         if found.warning is not None:
@@ -59,10 +82,16 @@ class SweepResult(SweepData):
         return found
 
     def plot(self, kind: str, *names: str) -> "Figure":
-        """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+        """Draw a picture of the sweep.
 
-        `names` are the signals or figures to show; a map shows one figure. Raises CommandError for a name
-        that is not there, and where the sweep has nothing for the picture, such as `tornado` of another
-        sampling than one-at-a-time.
+        Args:
+            kind: `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+            *names: signals or metrics to show; a map shows one metric.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            CommandError: a name does not exist, or the sampling does not allow this kind.
         """
         return draw_picture(self, kind, names)

@@ -52,25 +52,43 @@ def sweep(
     progress: Progress | None = None,
     **options: Unpack[SweepOptions],
 ) -> SweepResult:
-    """Run many variants of a scenario side by side, and return what came out.
+    """Run many variants of a scenario on all cores or on a cluster.
 
-    `source` is a plan, its name or its file; or a scenario as `load` takes it, with `vary` to say what
-    varies: the name of a start value (component.variable, or a pattern), of an option or of a component
-    (whose FMU varies), and for each a distribution, a list of values or a text such as "0.05:0.3:20",
-    "normal(0.14, 0.01)" or "±10%". `sampling` is one of `SAMPLINGS`, by default "grid", or "random" with
-    `runs`; `seed` is that of whatever is drawn. `metrics` says what is kept of each variant: names or
-    patterns of figures, "name = expression" over signals, functions of a `Result`; by default all
-    figures. `signals` are names or patterns of those to keep over time. `options` are those of
-    `Options`, for all variants.
+    Ctrl-C ends the sweep early; the result contains the variants that were done.
 
-    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
-    `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
-    default one for each core. What came out is in the folder `output`, where `resume` goes on with a sweep
-    that ended early; without a folder it lives as long as the result. Files there that emla did not write
-    are only replaced with `overwrite`.
+    Args:
+        source: a plan, its name or its file; or a scenario as for `load`, with `vary`.
+        vary: what varies, and how. A name is that of a start value (`component.variable`, or a pattern), of
+            an option, or of a component, whose FMU varies. A value is a `Distribution`, a list of values, or
+            a text such as "0.05:0.3:20", "normal(0.14, 0.01)" or "±10%".
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        sampling: how variants are chosen, such as "grid" or "random". Default: "grid", or "random" with
+            `runs`.
+        metrics: metrics to keep of each variant: names or patterns, "name = expression" over signals, or
+            functions of a `Result`. Default: all registered metrics.
+        signals: names or patterns of signals to keep over time.
+        scheduler: address of a Dask scheduler, or a `distributed.Client`, which stays open. Default: a
+            cluster on this machine.
+        workers: number of processes on this machine. Default: one for each core.
+        output: folder for the results. Default: a temporary one, deleted together with the result.
+        overwrite: replace files that emla did not write.
+        resume: continue the unfinished sweep in `output`.
+        progress: receives progress and notes.
+        **options: values by name, for all variants.
 
-    Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
-    with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
+    Returns:
+        A row for each variant, and the signals that were kept.
+
+    Raises:
+        CommandError: the plan is wrong. Nothing was run.
+        RunError: the cluster is lost, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
+        >>> found.variants["status"].to_list()
+        ['completed', 'completed']
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     chosen = {**options, "overwrite": True} if overwrite else {**options}

@@ -14,20 +14,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrajectoryResult(OptimisedMotion):
-    """The motion that costs least.
+    """The motion that costs least, and how it was found.
 
-    `spline` is the motion, `assessment` has its figures. `given` is the problem as it was given, `problem`
-    with the end speeds of the reading `end_speed`; `contradictions` are sentences on the first. `solution`
-    says how it was found, of `starts` starts.
+    Attributes:
+        spline: the motion.
+        assessment: its metrics.
+        given: the problem as you passed it.
+        problem: the problem after the reading of end speeds.
+        end_speed: that reading.
+        contradictions: contradictions in the problem as you passed it.
+        discretisation: degree, knots, points and weight of the optimization.
+        solution: how the motion was found.
+        starts: number of initial guesses.
     """
 
     def save(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the motion to a trajectory file; CommandError where that cannot be.
+        """Write the motion to a trajectory file.
 
-        A file of something else is only replaced with `overwrite`.
+        Args:
+            path: path of the file (.json).
+            overwrite: replace a file that emla did not write.
+
+        Raises:
+            CommandError: the file cannot be written.
         """
         write_trajectory(self, Path(path), overwrite)
 
     def plot(self) -> "dict[str, Figure]":
-        """Pictures of forces and speeds, and of positions and accelerations, by these names."""
+        """Return figures of forces and speeds, and of positions and accelerations, by name."""
         return draw_pictures(self)

@@ -45,20 +45,30 @@ def trajectory(
     plots: bool = True,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
-    """Find the motion between two postures that costs least actuator power: (14) within the bounds of (15).
+    """Optimize the motion between two postures that costs least actuator power: (14) within the bounds of
+    (15).
 
-    `problem` is the paper's (Table II) unless given: a `MotionProblem`, the path of a TOML file with its
-    fields, or a mapping with some of them, of which `machine` is a mapping with fields of HdrmParameters.
-    `end_speed` says how a v_E beyond its own bound is read: clip, exempt, decimal or rest. `tie_break` is
-    the weight of the joints' own powers beside the square of their sum; 0 is as printed. The motion is a
-    spline of a `degree` with so many different `knots`, and is looked at in `points` points between two of
-    them. Of several `starts` the first is a line, the others wander off; the best motion counts.
+    Args:
+        problem: a `MotionProblem`, a TOML file with its fields, or a mapping with some of them, of which
+            `machine` contains fields of `HdrmParameters`. Default: the problem of the paper, Table II.
+        end_speed: reading of an end speed beyond its own bound: clip, exempt, decimal or rest.
+        tie_break: weight of the powers of single joints beside the square of their sum, 0 to 1000; 0 is as
+            printed in the paper.
+        degree: degree of the spline, 3 to 5.
+        knots: number of different knots, 2 to 48.
+        points: number of points between two knots in which bounds are checked, 3 to 50.
+        starts: number of initial guesses, 1 to 100. The best motion counts.
+        output: file to write the motion to.
+        overwrite: replace files that emla did not write.
+        plots: draw pictures beside the file.
+        progress: receives the progress of the optimization.
 
-    With `output` it is written to that file, and with `plots` pictures beside it. Files that emla did not
-    write are only replaced with `overwrite`.
+    Returns:
+        The motion and its metrics.
 
-    Raises CommandError for whatever is wrong with the problem, before anything is solved; RunError where no
-    motion keeps all bounds, with those that are to blame.
+    Raises:
+        CommandError: the problem is wrong. Nothing was solved.
+        RunError: no motion keeps all bounds; the message names those that are in the way.
     """
     told, reading = progress or Progress(), _parse_reading(end_speed)
     given = load_problem(problem)

@@ -12,10 +12,13 @@ from .score import Score
 
 @dataclass(frozen=True)
 class Tuned:
-    """A set of gains, and what it is worth on the seeds of training and of validation.
+    """A set of gains, with its score on the training and the validation seeds.
 
-    `values` are those that vary, by name, None for one that is no number in the scenario; `set` are the
-    start values that `Simulation.run(set=...)` takes. `validation` is None where it was not come to.
+    Attributes:
+        values: values that vary, by name; None for one that is not a number in the scenario.
+        set: start values for `Simulation.run(set=...)`, by full name.
+        training: score on the training seeds.
+        validation: score on the validation seeds; None if these were not run.
     """
 
     values: Mapping[str, Value | None]
@@ -25,7 +28,7 @@ class Tuned:
 
     @property
     def ratio(self) -> float:
-        """The objective of the validation by that of the training; NaN where there is none."""
+        """Objective on the validation seeds divided by that on the training seeds, or NaN."""
         if self.validation is None or not self.training.objective:
             return float("nan")
         return self.validation.objective / self.training.objective

@@ -28,11 +28,13 @@ _ONE_OF = ("name", "weight", "set", "require")
 
 @dataclass(frozen=True)
 class Case:
-    """Circumstances that gains have to do well in: other start values or options than the scenario's.
+    """Conditions in which gains must do well, with other start values or options than the scenario.
 
-    `set` has them by name, as a sweep varies them, each with one value, "110%" among them. `weight` is
-    that of its objective; with 0 only its requirements count. `require` are the conditions here, None
-    for those of the plan.
+    Args:
+        name: name of the case.
+        weight: weight of its objective in the sum; with 0, only its requirements count.
+        set: start values and options by name, as a sweep varies them, with one value each, such as "110%".
+        require: conditions in this case. Default: those of the plan.
     """
 
     name: str
@@ -43,17 +45,35 @@ class Case:
 
 @dataclass(frozen=True)
 class TuningPlan:
-    """A tuning before anything is known of its FMUs.
+    """A tuning: a scenario, gains and their ranges, an objective and conditions.
 
-    `vary` has the gains and their ranges, as a sweep takes them, and names without a dot that are used
-    in `derive` alone; `derive` has further start values as expressions over all these. `objective` is an
-    expression over figures, to be made small; `require` are conditions as `emla run --require` takes
-    them. `metrics` are further figures that both may name. `seeds` are names or patterns of the start
-    values that begin random sequences; `training` of them are drawn for the search and `validation`
-    others to look at what came of it. `evaluations` is how many sets of gains are tried. `tolerance` is
-    by how much the objective may be worse on the seeds of the validation, as a part of it; `margin` by
-    how much better than its condition a figure has to be in the search, so that it holds on other seeds.
-    `where` is what sentences call the plan.
+    Args:
+        name: name of the tuning.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: gains and their ranges, as for `tune`; names without a dot are used in `derive` only.
+        objective: expression over metrics, to be minimized.
+        derive: further start values, as expressions over what varies.
+        require: conditions on metrics.
+        metrics: further metrics that objective and conditions can use.
+        cases: conditions in which the gains are tried.
+        seeds: names or patterns of start values that are seeds.
+        training: number of seeds for the search.
+        validation: number of other seeds for the validation.
+        evaluations: number of sets of gains to try.
+        seed: seed of the search.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        margin: relative distance that a metric must keep from its condition during the search.
+        description: one line on its purpose.
+        options: values of options by name, for all runs.
+        where: what error messages call the plan.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = ec.TuningPlan(
+        ...     "stiff", "lift", {"lift.controller.k_p": "100:300"}, "lift.position_error_m"
+        ... )
+        >>> plan.evaluations
+        200
     """
 
     name: str
@@ -76,9 +96,13 @@ class TuningPlan:
     where: str = "the tuning"
 
     def updated(self, given: Mapping[str, Any]) -> "TuningPlan":
-        """With what is given beside it: tables are merged, None changes nothing.
+        """Return the plan with other values; tables are merged, conditions are added, None changes nothing.
 
-        Conditions are added to those of the plan. Raises CommandError for values of another type.
+        Args:
+            given: values of fields by name.
+
+        Raises:
+            CommandError: a value has a wrong type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "derive", "options"):
@@ -93,13 +117,13 @@ class TuningPlan:
         return changed
 
     def load_scenario(self) -> Scenario:
-        """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
+        """Return the scenario with the options of the plan; raise CommandError if it does not load."""
         if isinstance(self.scenario, Scenario):
             return self.scenario.with_options(self.options)
         return load(self.scenario, **self.options)
 
     def check(self) -> None:
-        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        """Raise CommandError for mistakes that can be found without the scenario."""
         for name, type_ in PLAIN.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
         for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):

@@ -13,26 +13,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TuneResult(TuneData):
-    """The gains that a tuning began with, the best it found, and everything it tried.
+    """First and best gains of a tuning, and everything it tried.
 
-    `history` has a row for each set of gains that was tried: `evaluation` (its number), `generation`,
-    the gains by name, `objective`, `violation` (0 where all conditions hold), `lost` (runs) and `best`
-    (the least objective so far of those whose conditions hold). `seeds` are those of `training` and
-    `validation`. `complete` says whether nobody ended it early; `folder` is None where it left no files.
-    `notes` are sentences, without their stops, to read before the gains.
+    Attributes:
+        name: name of the tuning.
+        objective: expression that was minimized.
+        start: first gains.
+        best: best gains.
+        history: polars data frame with a row for each set of gains: `evaluation`, `generation`, the gains by
+            name, `objective`, `violation` (0 if all conditions hold), `lost` (failed runs) and `best`
+            (smallest objective so far with all conditions met).
+        units: units of the gains by name.
+        seeds: seeds of `training` and `validation`.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        complete: whether the tuning ended by itself.
+        runs: number of runs.
+        wall_s: wall time in s.
+        folder: output folder; None without one.
+        notes: notes to read before the gains, without full stops.
     """
 
     @property
     def set(self) -> dict[str, Any]:
-        """The start values that bring the best gains to a run."""
+        """Start values of the best gains, for `Simulation.run(set=...)`."""
         return dict(self.best.set)
 
     def problem(self) -> str | None:
-        """A sentence that says why the best gains are not as wanted; None where they are."""
+        """Return why the best gains miss the requirements; None if they meet them."""
         return describe_problem(self)
 
     def plot(self) -> "Figure":
-        """How the search went, and the gains of start and end on the seeds of training and validation."""
+        """Draw the course of the search, and the first and the best gains on both kinds of seeds."""
         return draw_picture(self)
 
 

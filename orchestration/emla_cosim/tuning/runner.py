@@ -56,21 +56,50 @@ def tune(
     progress: Progress | None = None,
     **options: Unpack[TuneOptions],
 ) -> TuneResult:
-    """Look for the gains that make an objective small while conditions hold, and return what came out.
+    """Search gains that make an objective small while conditions hold.
 
-    `source` is a plan (`TuningPlan`), its name or its file; or a scenario as `load` takes it, with `vary`
-    for the gains and their ranges, as `sweep` takes them ("200:4000" is searched by its logarithm).
-    `objective` is an expression over figures, `require` conditions as those of a run, `derive` further
-    start values as expressions over what varies, `metrics` figures beside the registered ones.
-    `evaluations` sets of gains are tried, each in all cases of the plan with `training` seeds; the best
-    and the first are then run with `validation` others. `seed` is that of whatever is drawn: the same
-    gives the same result, whatever the number of `workers`. `scheduler` and `workers` are as in `sweep`,
-    `options` those of `Options`, for all runs. Files go to the folder `output`, if one is given; without
-    `plots` no picture is among them. Files there that emla did not write are only replaced with `overwrite`.
+    Ctrl-C ends the search early; the result contains the best gains so far.
 
-    Ctrl-C ends it early, and the result has the best so far. Raises CommandError for whatever is wrong
-    with the plan, before anything is run; RunError where the cluster is gone, nothing can be run, or files
-    cannot be written.
+    Args:
+        source: a plan (`TuningPlan`), its name or its file; or a scenario as for `load`, with `vary`.
+        vary: gains and their ranges, as for `sweep`. A positive range such as "200:4000" is searched
+            logarithmically.
+        objective: expression over metrics, to be minimized.
+        require: conditions on metrics, such as "lift.position_error_m < 1e-3".
+        derive: further start values, as expressions over what varies.
+        metrics: further metrics that objective and conditions can use.
+        evaluations: number of sets of gains to try.
+        training: number of seeds for the search.
+        validation: number of other seeds, with which the first and the best gains are run at the end.
+        seed: seed of the search. The same seed gives the same result with any number of workers.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        scheduler: as for `sweep`.
+        workers: as for `sweep`.
+        output: folder for the results. Default: no files.
+        overwrite: replace files that emla did not write.
+        plots: draw pictures into the folder.
+        progress: receives progress and notes.
+        **options: values by name, for all runs.
+
+    Returns:
+        The first and the best gains, and a row for each set of gains.
+
+    Raises:
+        CommandError: the plan is wrong. Nothing was run.
+        RunError: the cluster is lost, no run succeeds, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.tune(
+        ...     "lift",
+        ...     {"lift.controller.k_p": "100:300"},
+        ...     objective="lift.position_error_m",
+        ...     controller="foc",
+        ...     evaluations=1,
+        ...     stop_time=0.01,
+        ... )
+        >>> found.history.height
+        1
     """
     given = {
         "vary": vary,

@@ -10,7 +10,16 @@ from .verdict import CheckOutcome, Clause, Verdict
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one check of one FMU, with what the check rests on."""
+    """Outcome of one check of one FMU.
+
+    Attributes:
+        check: name of the check.
+        title: one line on what it checks.
+        outcome: verdict, message and details.
+        clause: section of the standard that the check is based on.
+        hint: what to do about it.
+        seconds: duration in s.
+    """
 
     check: str
     title: str
@@ -21,21 +30,25 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """How it ended."""
+        """Verdict of the check."""
         return self.outcome.verdict
 
     @property
     def sentence(self) -> str:
-        """What was found, in one sentence."""
+        """What was found, as one sentence."""
         return self.outcome.sentence
 
 
 @dataclass(frozen=True)
 class Examined:
-    """All findings about one FMU, or one system, in the order of the checks.
+    """Findings for one FMU or one system, in the order of the checks.
 
-    `facts` are what a person wants to know of it first, by name: model, generation tool, kinds,
-    platforms, size, SHA-256. `seconds` is the time it took.
+    Attributes:
+        path: path of the file.
+        facts: model, generation tool, kinds, platforms, size and SHA-256, by name.
+        findings: one for each check.
+        seconds: duration in s.
+        name: name that the report uses; empty for the path.
     """
 
     path: Path
@@ -46,11 +59,11 @@ class Examined:
 
     @property
     def label(self) -> str:
-        """What reports call it: its name if it was given one, else its path."""
+        """Name of the file in reports: its name if it has one, otherwise its path."""
         return self.name or str(self.path)
 
     def of(self, verdict: Verdict) -> list[Finding]:
-        """The findings with this verdict."""
+        """Return the findings with this verdict."""
         return [f for f in self.findings if f.verdict == verdict]
 
     def __getitem__(self, check: str) -> Finding:

@@ -10,27 +10,51 @@ from .findings import Findings
 
 @dataclass(frozen=True)
 class Report(Findings):
-    """What `verify` found. `report["x.fmu"]` is what concerns one of its FMUs."""
+    """Findings of `verify`. `report["x.fmu"]` has those of one FMU."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
+        """Return the report as plain data, as `save_json` writes it."""
         return json_file.as_dict(self)
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it for programs; a file of something else is only replaced with `overwrite`.
+        """Write the report as JSON.
 
-        Raises CommandError where the file may not be written, RunError where writing fails.
+        Args:
+            path: path of the file.
+            overwrite: replace a file that emla did not write.
+
+        Raises:
+            CommandError: the file must not be written.
+            RunError: writing fails.
         """
         json_file.save(self, Path(path), overwrite)
 
     def save_junit(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it as JUnit XML, as CI systems display it. Raises CommandError as `save_json`."""
+        """Write the report as JUnit XML, which CI systems display.
+
+        Args:
+            path: path of the file.
+            overwrite: replace a file that emla did not write.
+
+        Raises:
+            CommandError: the file must not be written.
+            RunError: writing fails.
+        """
         from .junit import save
 
         save(self, Path(path), overwrite)
 
     def save_html(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write it as one page that needs nothing else. Raises CommandError as `save_json`."""
+        """Write the report as one HTML page without external files.
+
+        Args:
+            path: path of the file.
+            overwrite: replace a file that emla did not write.
+
+        Raises:
+            CommandError: the file must not be written.
+            RunError: writing fails.
+        """
         from .page import save
 
         save(self, Path(path), overwrite)

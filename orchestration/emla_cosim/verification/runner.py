@@ -45,17 +45,32 @@ def verify(
     record: Recording | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Verify FMUs, and systems of FMUs: are they as the standard says, and do they still do what they did?
+    """Check FMUs and systems of FMUs: do they follow the standard, and do they behave as before?
 
-    `paths` are FMU files and SSPs, by what the report calls them if it is a mapping. Every FMU is asked
-    all checks, or those of `only` and none of `skip`, which are names, groups or patterns. `reference`
-    is a folder of reference files, by default that of each FMU; of a system, a folder of results.
-    `tolerance` says how far off signals may be, relative to their ranges: a number, or by name and
-    pattern. A check may take so many `seconds`, and so many MiB of `memory`. With `record`, reference
-    files are made of a run.
+    Args:
+        paths: FMU and SSP files; a mapping has them by the names that the report uses.
+        reference: folder of reference files, for a system a folder of results. Default: the references of
+            each FMU.
+        only: names, groups or patterns of the checks to run. Default: all.
+        skip: names, groups or patterns of checks to leave out.
+        tolerance: deviation that is allowed, relative to the range of each signal: a number, or by name and
+            pattern.
+        seconds: time limit of each check, in s.
+        memory: memory limit of each check, in MiB.
+        record: record reference files instead of checking.
+        progress: receives the number of finished checks.
 
-    Raises CommandError for files that are not there, and for what cannot be meant. Everything else is a
-    finding of the report.
+    Returns:
+        The findings for each file.
+
+    Raises:
+        CommandError: a file does not exist, or an argument is wrong. All other problems are findings.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> report = ec.verify("fmus/Reference/Reference.fmu", only=["structure"])
+        >>> report.passed
+        True
     """
     named = _name_paths(paths)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record)

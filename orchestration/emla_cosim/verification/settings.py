@@ -10,11 +10,16 @@ from ..recorders.tubes.tolerance import Tolerance
 
 @dataclass(frozen=True)
 class Recording:
-    """What is recorded, and where: `folder` has the reference files in the end.
+    """What `verify` records as a reference, and where.
 
-    Inputs come from a CSV file, `inputs`, or have a shape of `excitation.SHAPES` within their ranges.
-    `stop` and `step` are times in s, by default those of the FMU's default experiment. `values` are start
-    values. Files that are there already are only written again if that is wanted: `overwrite`.
+    Args:
+        folder: folder of the reference files.
+        inputs: CSV file with inputs over time. Default: inputs of the given shape within their ranges.
+        shape: shape of the inputs, such as "steps".
+        stop: stop time in s. Default: that of the default experiment of the FMU.
+        step: step size in s. Default: that of the default experiment of the FMU.
+        values: start values by name.
+        overwrite: replace existing files.
     """
 
     folder: Path
@@ -26,7 +31,7 @@ class Recording:
     overwrite: bool = False
 
     def files(self, name: str) -> list[Path]:
-        """The files of an FMU of this name."""
+        """Return the paths of the reference files of an FMU."""
         return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 

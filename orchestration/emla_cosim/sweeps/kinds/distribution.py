@@ -14,9 +14,13 @@ from ...system.model import Value
 
 @dataclass(frozen=True)
 class Distribution(ABC):
-    """How one quantity varies. Where `relative`, it is the factor of the quantity's nominal value.
+    """Base class of distributions: how one quantity varies.
 
-    Raises CommandError when made of values that are none of the right type, not finite, or leave no range.
+    Args:
+        relative: whether values are factors of the nominal value of the quantity.
+
+    Raises:
+        CommandError: a value has a wrong type, is not finite, or leaves no range.
     """
 
     name: ClassVar[str]
