@@ -82,7 +82,25 @@ class FileOrObject:
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
-    """A field of a dataclass that is an option; see `OptionInfo` for what can be said of it."""
+    """Declare a field of a dataclass as an option.
+
+    Args:
+        default: default value of the option.
+        help: one line for the help of the command line.
+        **about: further properties, such as `unit`, `above`, `below` and `choices`; see `OptionInfo`.
+
+    Returns:
+        A dataclass field.
+
+    Examples:
+        >>> from dataclasses import dataclass
+        >>> import emla_cosim as ec
+        >>> @dataclass(eq=False)
+        ... class Relaxed(ec.Jacobi):
+        ...     relaxation: float = ec.option(1.0, help="Factor of each correction.", above=0.0)
+        >>> Relaxed(relaxation=0.5).relaxation
+        0.5
+    """
     described = {"about": OptionInfo(help, **about)}
     if isinstance(default, (list, dict)):
         return field(default_factory=default.copy, metadata=described)

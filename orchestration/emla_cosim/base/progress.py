@@ -4,19 +4,38 @@ from .compatibility import CompatibilityReport
 
 
 class Progress:
-    """Hears how a command goes on; this one keeps quiet."""
+    """Receives the progress of a command. This one ignores it; override the methods that you need.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> class Count(ec.Progress):
+        ...     done = 0
+        ...
+        ...     def advance(self, count):
+        ...         self.done += count
+        >>> counter = Count()
+        >>> found = ec.info("lift", progress=counter)
+        >>> counter.done > 0
+        True
+    """
 
     def begin(self, task: str, total: int, unit: str = "") -> None:
-        """A task of `total` units begins; `unit` is what they are called where their rate matters."""
+        """Begin a task.
+
+        Args:
+            task: name of the task.
+            total: number of units it consists of.
+            unit: name of the units, if their rate is of interest.
+        """
 
     def advance(self, count: int) -> None:
-        """So many units more are done."""
+        """Count further units as done."""
 
     def finish(self) -> None:
-        """The task is done, if with fewer units than expected."""
+        """End the task, also if fewer units than expected were done."""
 
     def note(self, sentence: str) -> None:
-        """Something worth knowing while it goes on."""
+        """Report a note or warning."""
 
     def report_replacement(self, fit: CompatibilityReport) -> None:
-        """A component is replaced; this is how the other FMU fits."""
+        """Report how the FMU of a replacement fits."""

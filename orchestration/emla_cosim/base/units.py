@@ -24,13 +24,24 @@ COLUMN_UNITS = "units"
 
 @dataclass(frozen=True)
 class LinearTransformation:
-    """target = factor source + offset."""
+    """Linear transformation of a value: target = factor * source + offset.
+
+    Args:
+        factor: factor, in units of the target per unit of the source.
+        offset: offset in the unit of the target.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> celsius = ec.LinearTransformation(offset=-273.15)
+        >>> round(celsius(300.0), 2)
+        26.85
+    """
 
     factor: float = 1.0
     offset: float = 0.0
 
     def __call__(self, value: float) -> float:
-        """The target of a source."""
+        """Return the target of a source value."""
         return self.factor * value + self.offset
 
     def __str__(self) -> str:
@@ -38,11 +49,11 @@ class LinearTransformation:
         return f"x {self.factor:.9g}{offset}"
 
     def after(self, first: "LinearTransformation") -> "LinearTransformation":
-        """Both in one, `first` first."""
+        """Return the transformation that applies `first`, then this one."""
         return LinearTransformation(self.factor * first.factor, self.factor * first.offset + self.offset)
 
     def inverse(self) -> "LinearTransformation":
-        """The way back; ZeroDivisionError where there is none."""
+        """Return the inverse; raise ZeroDivisionError for the factor 0."""
         return LinearTransformation(1.0 / self.factor, -self.offset / self.factor)
 
 

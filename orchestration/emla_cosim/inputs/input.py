@@ -34,10 +34,15 @@ def _parts(text: str) -> re.Match[str] | None:
 
 @dataclass(frozen=True)
 class Column:
-    """A column by its name, with the unit that is declared for it, and the order of its derivative.
+    """A column of data that drives a signal.
 
-    The name may have the unit behind it, "Force [kN]", and be that of a derivative, "der(x [mm])". Without
-    a unit in either place the values are in that of the signal.
+    Args:
+        column: name of the column; it may contain the unit, "Force [kN]", and a derivative, "der(x [mm])".
+        unit: unit of the values. Default: the one in the name, otherwise that of the signal.
+        derivative: order of the time derivative to use, 0 to 2.
+
+    Raises:
+        CommandError: the order is not 0, 1 or 2.
     """
 
     column: str
@@ -53,7 +58,7 @@ class Column:
 
     @classmethod
     def of_text(cls, text: str) -> "Column":
-        """A column by its name alone."""
+        """Return the column of this name."""
         return cls(text)
 
     def __str__(self) -> str:
@@ -65,13 +70,30 @@ class Column:
 class Input(FileOrObject):
     """Data over time that drive signals.
 
-    The data are a `file` (CSV, Parquet, or a format of `TABLES`), or in Python `data`: a frame of polars or
-    pandas, or a mapping of names to arrays. `signals` says by full name which column drives what; without
-    it, and for what `columns` has patterns of, columns drive the signals that they are called after. `time`
-    is the column of times, without it the one called time or t; in s unless it says otherwise.
-    `interpolation` is what is between rows: held (the value of the row before), linear, or cubic (a spline).
-    `end` is what follows the last row: hold its values, repeat from the first row, or stop the run. Before
-    the first row its values hold.
+    Before the first row, the values of that row apply.
+
+    Args:
+        file: CSV or Parquet file, or another format of `TABLES`.
+        signals: column by full name of the signal that it drives. Default: columns drive the signals of the
+            same name.
+        columns: names or patterns of columns that drive the signals of the same name.
+        time: column with the times, in s if it has no unit. Default: the column called time or t.
+        interpolation: values between rows: held, linear or cubic.
+        end: values after the last row: hold, repeat or stop (which ends the run).
+        data: instead of a file, a data frame of polars or pandas, or a mapping of names to arrays of shape
+            (n,).
+
+    Raises:
+        CommandError: the arguments contradict each other.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> load = ec.Input(
+        ...     data={"time": [0.0, 0.01], "force": [0.0, 5e3]}, signals={"lift.disturbance.F_L": "force"}
+        ... )
+        >>> result = ec.load("lift", input=[load], stop_time=0.01).prepare().run()
+        >>> float(result["lift.disturbance.F_L"][-1])
+        5000.0
     """
 
     file: Path | None = None
@@ -97,7 +119,12 @@ class Input(FileOrObject):
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
-        """FILE, or FILE:SIGNAL=COLUMN,...,end=repeat as the command line has it. Raises CommandError."""
+        """Return the input that a text of the command line describes: FILE or
+        FILE:SIGNAL=COLUMN,...,end=repeat.
+
+        Raises:
+            CommandError: the text cannot be read.
+        """
         found = _parts(text.strip())
         if found is None or not found["rest"]:
             return cls(Path(found["file"] if found is not None else text.strip()))
@@ -122,17 +149,17 @@ class Input(FileOrObject):
         return cls(Path(found["file"]), signals, columns, **settings)
 
     def within(self, folder: Path) -> "Input":
-        """With a path that is relative to a folder."""
+        """Return the input with its path relative to a folder."""
         return self if self.file is None else dataclasses.replace(self, file=folder / self.file)
 
     @property
     def label(self) -> str:
-        """What sentences call it."""
+        """Name of the input in messages."""
         return f"the input '{self.file}'" if self.file is not None else "the input of data"
 
     @property
     def is_text(self) -> bool:
-        """Whether the command line can say it too; `str` is how."""
+        """Whether `str(self)` describes the input completely."""
         if self.file is None:
             return False
         read = Input.of_text(str(self))
@@ -145,13 +172,13 @@ class Input(FileOrObject):
         return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
-        """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
+        """Return the entry of run.json, with the SHA-256 of the file; None if it cannot be read."""
         if self.file is None:
             return {"data": "given in Python", **self._settings_text()}
         return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._settings_text()}
 
     def repeatable(self) -> dict[str, Any] | None:
-        """Its file, and all that is said of it."""
+        """Return the value of the option that repeats the input; None for data in Python."""
         return None if self.file is None else {"file": str(self.file), **self._settings_text()}
 
     def _settings_text(self) -> dict[str, Any]:

@@ -21,10 +21,20 @@ _BLOCK = 2**20
 
 
 class CsvFile(FileTable):
-    """Writes a table to a CSV file as it comes, by whole lines.
+    """Recorder that writes a table to a CSV file during the run, line by line.
 
-    Numbers have the digits that bring back the same double. Where a run continues another one, whose
-    file is there, the file is cut and continued; without it a new one begins with the rows that follow.
+    Numbers have as many digits as are needed to read back the same double. A run that continues another one
+    continues its file.
+
+    Args:
+        path: path of the file.
+        overwrite: replace a file that emla did not write.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[ec.CsvFile("rows.csv")])
+        >>> result["lift.plant.x_L"].shape
+        (11,)
     """
 
     def begin(self, outline: Outline, memory: Any = None) -> None:

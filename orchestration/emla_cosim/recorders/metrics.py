@@ -33,32 +33,40 @@ class Shown:
 
 
 class Metrics(ABC):
-    """Computes figures of one kind; `shown` are those to show, in order."""
+    """Base class of metrics: computes metrics of one kind during a run.
+
+    Attributes:
+        shown: metrics that tables show, in order.
+    """
 
     shown: Sequence[Shown] = ()
 
     @abstractmethod
     def write(self, rows: Vector) -> None:
-        """Take the next rows, time first."""
+        """Receive rows.
+
+        Args:
+            rows: array of shape (n, 1 + signals): time in s, then all signals.
+        """
 
     @abstractmethod
     def figures(self) -> Figures:
-        """The figures of all rows so far, also where there are none; NaN for one that does not exist."""
+        """Return the metrics of all rows so far; NaN for one that does not exist."""
 
     def remarks(self) -> Sequence[str]:
-        """Sentences that a person should read before the figures."""
+        """Return warnings to read before the metrics."""
         return ()
 
     def ended_early(self, problem: str) -> None:  # noqa: B027
-        """Take the sentence that says why the run ended before its stop time."""
+        """Receive the error message of a run that ended before its stop time."""
 
     @abstractmethod
     def memory(self) -> Any:
-        """Plain data from which another one can go on."""
+        """Return plain data from which `remember` can continue."""
 
     @abstractmethod
     def remember(self, memory: Any) -> None:
-        """Go on from what `memory` gave."""
+        """Continue from what `memory` returned."""
 
 
 METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}

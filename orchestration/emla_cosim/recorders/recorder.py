@@ -19,15 +19,23 @@ from ..system.bond import Bond
 
 @dataclass(frozen=True)
 class Outline:
-    """What recorders are told before the first row.
+    """What a recorder needs to know before the first row.
 
-    Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
-    the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
-    `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
-    which of all these plays a role, by what it is of and the role: `lift.x_L`. `criteria` are those that a
-    user set for the judgement of joints. `exchanged` has the continuous
-    connections, `bonds` the power bonds by name. With `watched`, steps are of any length, and not every one
-    has a row; `Stepping.watch` tells of all. With `halved`, each of them is done in two halves.
+    Each row has the time in s, then all signals.
+
+    Attributes:
+        names: full names of the signals.
+        units: units of the signals.
+        times: start, stop and communication points, in s.
+        recorded: positions of the signals to keep.
+        every: keep every n-th row.
+        parameters: numeric parameters of the components, by full name.
+        roles: signal by joint and role, such as `lift.x_L`.
+        criteria: values of the option `criteria`.
+        exchanged: connections that carry continuous signals.
+        bonds: power bonds by name.
+        watched: whether steps have any length and not each of them has a row; `Stepping.watch` gets all.
+        halved: whether each of these steps is done in two halves.
     """
 
     names: Sequence[str]
@@ -68,29 +76,53 @@ class Pause(Protocol):
 
 
 class Recorder:
-    """Takes the rows of a run block by block; this one does nothing with them.
+    """Base class of recorders, which receive the rows of a run in blocks. This one ignores them.
 
-    `begin` comes first, `end` last, whatever happens between; of these and of `write` each may raise
-    OSError. What `memory` gives, which must be plain data, is kept in checkpoints under `key`, and
-    comes back in the `begin` of a run that continues there.
+    `begin` is called first and `end` last, whatever happens between. They and `write` may raise OSError.
+    Checkpoints keep what `memory` returns under `key`; `begin` gets it when a run continues there.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> class Peak(ec.Recorder):
+        ...     value = 0.0
+        ...
+        ...     def begin(self, outline, memory=None):
+        ...         self.column = 1 + outline.names.index("lift.plant.v_L")
+        ...
+        ...     def write(self, rows):
+        ...         self.value = max(self.value, abs(rows[:, self.column]).max())
+        >>> peak = Peak()
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[peak])
+        >>> bool(peak.value > 0.0)
+        True
     """
 
     key = ""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """A run begins, or goes on from where a recorder with this memory was."""
+        """Begin a run, or continue one.
+
+        Args:
+            outline: names, units and times of the rows.
+            memory: what `memory` returned where the run continues; None for a new run.
+        """
 
     def write(self, rows: Vector) -> None:
-        """Take one row or more (time, then all signals); the array is reused."""
+        """Receive rows.
+
+        Args:
+            rows: array of shape (n, 1 + signals): time in s, then all signals. It is reused; copy what you
+                keep.
+        """
 
     def pause(self, run: Pause) -> None:
-        """Nothing is stepped now: called some times per second, and when stepping is over."""
+        """Do other work while nothing is stepped: called a few times per second, and at the end."""
 
     def end(self) -> None:
-        """The run is over: finish what is pending."""
+        """End the run and finish pending work."""
 
     def memory(self) -> Any:
-        """Plain data from which another recorder can go on; None for nothing."""
+        """Return plain data from which a recorder can continue, or None."""
 
 
 class RecordingError(RunError):

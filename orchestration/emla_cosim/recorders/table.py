@@ -11,9 +11,12 @@ from .recorder import Outline, Recorder
 
 
 class Table(Recorder):
-    """Keeps every n-th row, and the last one, of the signals that are wanted.
+    """Base class of recorders that keep every n-th row, and the last one, of the selected signals.
 
-    A format of a file has all of `open`, `append` and `read`, and is made of the path of its file.
+    A file format implements `open`, `append` and `read`, and its constructor takes the path of the file.
+
+    Attributes:
+        names: names of the columns, `time` first.
     """
 
     names: list[str]
@@ -24,7 +27,7 @@ class Table(Recorder):
     """Whether `memory` costs nothing."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Keep what the outline says from here on; rows seen before count."""
+        """Begin a table with the columns of the outline."""
         self.names = ["time", *(outline.names[i] for i in outline.recorded)]
         self._columns = [0, *(1 + i for i in outline.recorded)]
         self._whole = len(outline.recorded) == len(outline.names)
@@ -49,23 +52,29 @@ class Table(Recorder):
             self.append(last)
 
     def memory(self) -> Any:
-        """How many rows came, due or not."""
+        """Return the number of rows received."""
         return {"rows": self._seen}
 
     @abstractmethod
     def append(self, rows: Vector) -> None:
-        """Append these rows, time first. May raise OSError."""
+        """Append rows; may raise OSError.
+
+        Args:
+            rows: array of shape (n, columns), time in s first.
+        """
 
     def open(self) -> None:
-        """Take the names of the columns from the file that an earlier run wrote, so that `read` can read it.
-
-        May raise OSError.
-        """
+        """Read the names of the columns from an existing file; may raise OSError."""
         raise NotImplementedError(f"{type(self).__name__} has no method 'open'")
 
     @abstractmethod
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Columns by name; one that the table does not have is left out.
+        """Return columns by name; names without a column are left out. May raise OSError.
 
-        Of a table with more than `most` rows only every n-th may be given. May raise OSError.
+        Args:
+            names: names of columns.
+            most: of a table with more rows, return only every n-th row. Default: all rows.
+
+        Returns:
+            An array of shape (rows,) by name.
         """

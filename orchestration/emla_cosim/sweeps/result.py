@@ -55,8 +55,7 @@ class SweepResult(SweepData):
         return merge_options(assign_value(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
-        """Return the command that runs one variant; None if the scenario or an option exists in Python
-        only."""
+        """Return the command that runs one variant; None if an object exists in Python only."""
         if self.base is None or (own := format_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])

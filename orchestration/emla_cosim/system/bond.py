@@ -7,9 +7,18 @@ from ..base.errors import CommandError
 
 @dataclass(frozen=True)
 class Bond:
-    """Two signals by their full names whose product is a power, such as a force and a speed.
+    """Two signals whose product is a power, such as a force and a speed.
 
-    One component gives the effort to another, which gives the flow back.
+    One component sends the effort to another one, which sends back the flow.
+
+    Args:
+        effort: full name of the first signal.
+        flow: full name of the second signal.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> ec.Bond.read("axis", "load.F * actuator.v")
+        Bond(effort='load.F', flow='actuator.v')
     """
 
     effort: str
@@ -19,12 +28,20 @@ class Bond:
         return f"{self.effort} * {self.flow}"
 
     def with_names(self, **names: object) -> "Bond":
-        """Return the bond with these names in the place of their placeholders, such as {joint}."""
+        """Return the bond with names instead of placeholders such as {joint}."""
         return Bond(self.effort.format(**names), self.flow.format(**names))
 
     @classmethod
     def read(cls, name: str, text: str) -> "Bond":
-        """Read EFFORT * FLOW, a bond of this name; CommandError for any other text."""
+        """Read a bond from the text EFFORT * FLOW.
+
+        Args:
+            name: name of the bond in error messages.
+            text: names of two signals.
+
+        Raises:
+            CommandError: the text cannot be read.
+        """
         effort, flow, *more = [part.strip() for part in text.split("*")] + [""]
         if not effort or not flow or any(more):
             raise CommandError(

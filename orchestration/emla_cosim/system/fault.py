@@ -18,10 +18,24 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True)
 class Fault:
-    """What becomes of a signal, by its full name, from `start` for `duration`, both in s; None is to the end.
+    """Failure of a signal for some time.
 
-    An output fails for all its receivers, an input for itself alone. `freeze` keeps the last value;
-    `offset` adds `value`, `gain` multiplies by it, `constant` is it, in the unit of the signal.
+    The fault of an output affects all its receivers, that of an input only this input.
+
+    Args:
+        signal: full name of the signal.
+        kind: `freeze` keeps the last value, `offset` adds `value`, `gain` multiplies by it, `constant` is it.
+        start: start of the fault, in s.
+        duration: duration in s. Default: to the end of the run.
+        value: offset, gain or constant, in the unit of the signal.
+
+    Raises:
+        CommandError: the arguments contradict each other.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> str(ec.Fault("lift.plant.x_measured", "offset", start=1.0, duration=0.1, value=1e-3))
+        'lift.plant.x_measured=offset:0.001@1.0+0.1'
     """
 
     signal: str
@@ -46,7 +60,11 @@ class Fault:
 
     @classmethod
     def of_text(cls, text: str) -> "Fault":
-        """SIGNAL=KIND:VALUE@START+DURATION, without :VALUE or +DURATION where there is none; CommandError."""
+        """Return the fault that a text describes: SIGNAL=KIND:VALUE@START+DURATION.
+
+        Raises:
+            CommandError: the text cannot be read.
+        """
         found = _TEXT.fullmatch(text.strip())
         if found is None:
             raise CommandError(

@@ -26,13 +26,16 @@ class Alias:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU instance in a system, and the start values it gets.
+    """One FMU in a system, with its start values.
 
-    `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs or a
-    block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to
-    values; enumerations by number or by the literal's name. `aliases` has those variables that the FMU
-    knows by another name or unit. `samples` says that it computes at communication points, as a digital
-    controller does: what it holds between them is no error of the coupling.
+    Args:
+        name: path with dots, such as joint.component.
+        model: name of an FMU of this project, or a block of `fmublock`; or leave it out and pass `fmu`.
+        parameters: start values by name of the variable; those of enumerations by number or name.
+        fmu: path of an FMU.
+        aliases: variables that have another name or unit in the FMU.
+        samples: whether it computes at communication points only, as a digital controller does. The values it
+            holds between them are then no error of the coupling.
     """
 
     name: str
@@ -44,17 +47,22 @@ class Component:
 
     @property
     def branch(self) -> str:
-        """What stands before the first dot of the name."""
+        """Part of the name before the first dot."""
         return self.name.partition(".")[0]
 
     def alias(self, name: str) -> Alias:
-        """What the FMU calls a variable that has a start value here."""
+        """Return name and unit of a variable in the FMU."""
         return self.aliases.get(name) or Alias(name)
 
 
 @dataclass(frozen=True)
 class Replacement:
-    """The FMU to use in the place of a component, and a file (SSM) that maps our names to its names."""
+    """FMU that replaces a component.
+
+    Args:
+        fmu: path of the FMU.
+        mapping: SSP parameter mapping (.ssm) from the names of the component to those of the FMU.
+    """
 
     fmu: Path
     mapping: Path | None = None
@@ -67,10 +75,14 @@ class Replacement:
 
 @dataclass(frozen=True)
 class Connection:
-    """An output of one component that drives an input of another, by the names of their FMUs.
+    """Connection from an output to an input.
 
-    Without a `transformation`, values are converted from the output's unit to the input's; with
-    one, it makes the input of the output whatever their units.
+    Args:
+        source: name of the component with the output.
+        output: name of the output in its FMU.
+        target: name of the component with the input.
+        input: name of the input in its FMU.
+        transformation: how values are transformed. Default: from the unit of the output to that of the input.
     """
 
     source: str
@@ -90,7 +102,13 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """Components in the order in which they are declared, and their connections; power bonds by name."""
+    """Components and their connections. `System.of` makes one from names.
+
+    Args:
+        components: components in the order of declaration.
+        connections: connections between them.
+        bonds: power bonds by name.
+    """
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
@@ -103,11 +121,28 @@ class System:
         connections: Iterable[str] = (),
         set: Mapping[str, Value] | None = None,
     ) -> "System":
-        """A system from names: what each component is, and which output drives which input.
+        """Return a system from names.
 
-        A component is an FMU file, a block of `fmublock`, or the name of one of our models; a connection is
-        written as "lift.plant.x_L -> lift.observer.y". `set` has start values by full name. Raises
-        CommandError for names that are not there; units and types are checked when it is prepared.
+        Units and types are checked when the system is prepared.
+
+        Args:
+            components: an FMU file, a block of `fmublock` or the name of an FMU of this project, by
+                component.
+            connections: texts such as "lift.plant.x_L -> lift.observer.y".
+            set: start values by full name.
+
+        Raises:
+            CommandError: a component does not exist, or a connection cannot be read.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> system = ec.System.of(
+            ...     {"reference": "Reference", "load": "Disturbance"},
+            ...     ["reference.v_d -> load.v_L"],
+            ...     set={"reference.waypoint[2]": 0.1},
+            ... )
+            >>> ec.load(system, stop_time=0.01).prepare().run().steps
+            10
         """
         made = cls(tuple(_component(name, what) for name, what in components.items()), ())
         wired = replace(made, connections=tuple(made._connection(text) for text in connections))
@@ -115,30 +150,34 @@ class System:
 
     @property
     def branches(self) -> list[str]:
-        """What stands before the first dot of the components' names, in order."""
+        """Parts of the component names before the first dot, in order."""
         return list(dict.fromkeys(c.branch for c in self.components))
 
     def __add__(self, other: "System") -> "System":
-        """Both systems side by side."""
+        """Return a system with the components and connections of both."""
         bonds = {**self.bonds, **other.bonds}
         return System(self.components + other.components, self.connections + other.connections, bonds)
 
     def component(self, name: str) -> Component:
-        """The component of this name; CommandError names the choices if there is none."""
+        """Return the component of this name; raise CommandError if it does not exist."""
         if name not in self._by_name:
             raise self._unknown(name)
         return self._by_name[name]
 
     def into(self, name: str) -> Sequence[Connection]:
-        """The connections that drive inputs of a component, in order."""
+        """Return the connections to inputs of a component, in order."""
         return self._into.get(name, ())
 
     def out_of(self, name: str) -> Sequence[Connection]:
-        """The connections that read outputs of a component, in order."""
+        """Return the connections from outputs of a component, in order."""
         return self._out_of.get(name, ())
 
     def split(self, path: str) -> tuple[Component, str]:
-        """component.variable as component and variable name, both of which may hold dots."""
+        """Split a full name into the component and the name of the variable; both may contain dots.
+
+        Raises:
+            CommandError: the component does not exist.
+        """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
         found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
@@ -152,7 +191,14 @@ class System:
         return self._by_name[path[:found]], path[found + 1 :]
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
-        """The system with further start values, by full name."""
+        """Return the system with further start values.
+
+        Args:
+            values: start values by full name.
+
+        Raises:
+            CommandError: a component does not exist.
+        """
         changed: dict[str, dict[str, Value]] = {}
         for path, value in values.items():
             component, variable = self.split(path)
@@ -163,22 +209,33 @@ class System:
         return replace(self, components=tuple(components)) if changed else self
 
     def with_component(self, changed: Component) -> "System":
-        """The system with the component of this name changed."""
+        """Return the system with another component of the same name."""
         self.component(changed.name)
         return replace(
             self, components=tuple(changed if c.name == changed.name else c for c in self.components)
         )
 
     def with_connections(self, *connections: str) -> "System":
-        """The system with further connections, written as in `of`; what drove their inputs goes."""
+        """Return the system with further connections, which replace earlier ones of the same inputs.
+
+        Args:
+            *connections: texts as for `of`.
+
+        Raises:
+            CommandError: a connection cannot be read.
+        """
         added = {x.ends[1]: x for x in map(self._connection, connections)}
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))
 
     def without_connections(self, *inputs: str) -> "System":
-        """The system with nothing that drives these inputs, given by full name, so that they can be set.
+        """Return the system without the connections to these inputs, so that you can set them.
 
-        Raises CommandError for an input that nothing drives.
+        Args:
+            *inputs: full names.
+
+        Raises:
+            CommandError: an input has no connection.
         """
         freed = set()
         for name in inputs:

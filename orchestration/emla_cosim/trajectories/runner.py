@@ -45,8 +45,7 @@ def trajectory(
     plots: bool = True,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
-    """Optimize the motion between two postures that costs least actuator power: (14) within the bounds of
-    (15).
+    """Optimize the motion between two postures for least actuator power, (14) within the bounds of (15).
 
     Args:
         problem: a `MotionProblem`, a TOML file with its fields, or a mapping with some of them, of which

@@ -8,11 +8,21 @@ from .tube import Tube
 
 @dataclass(frozen=True)
 class Comparison:
-    """One signal at `time` in s, with its `reference` at `reference_time`, both in `unit`.
+    """One signal with its reference and the tube around it.
 
-    `lower` and `upper` are the tube's edges at `time`. `worst` is the largest difference from the
-    reference that no shift in time within the tube explains, at `worst_at`; `left_at` is the
-    first time outside of the tube, None if there is none. `tube` is how wide the tube is.
+    Attributes:
+        signal: full name.
+        unit: unit of the values.
+        time: times of the signal in s, shape (n,).
+        values: values of the signal, shape (n,).
+        reference_time: times of the reference in s, shape (m,).
+        reference: values of the reference, shape (m,).
+        lower: lower edge of the tube at `time`, shape (n,).
+        upper: upper edge of the tube at `time`, shape (n,).
+        worst: largest difference that no shift in time within the tube explains.
+        worst_at: its time in s.
+        left_at: first time outside of the tube in s; None if the signal stays inside.
+        tube: size of the tube.
     """
 
     signal: str

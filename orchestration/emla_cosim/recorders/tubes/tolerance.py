@@ -20,11 +20,18 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far off a signal may be: relative to its range, in its own unit, and in time in s.
+    """Allowed deviation of a signal from its reference.
 
-    None leaves a part to what is said of more signals, and in the end to the default: 1e-3 of the range,
-    nothing more, half a reference interval. The tube is as wide as `relative` and `absolute` together;
-    the range of a signal that is constant is its value.
+    None leaves a part to the tolerance of a more general pattern, or to the default: 1e-3 of the range, no
+    absolute part, half an interval of the reference.
+
+    Args:
+        relative: part of the range of the signal; of a constant signal, part of its value.
+        absolute: deviation in the unit of the signal, added to the relative one.
+        time: shift in time, in s.
+
+    Raises:
+        CommandError: a part is negative or not a number.
     """
 
     relative: float | None = None
