@@ -119,8 +119,10 @@ class Input(FileOrObject):
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
-        """Return the input that a text of the command line describes: FILE or
-        FILE:SIGNAL=COLUMN,...,end=repeat.
+        """Return the input that a text of the command line describes.
+
+        Args:
+            text: FILE, or FILE:SIGNAL=COLUMN,...,end=repeat.
 
         Raises:
             CommandError: the text cannot be read.

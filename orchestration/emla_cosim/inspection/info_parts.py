@@ -8,10 +8,26 @@ Start = float | int | bool | str
 
 @dataclass(frozen=True)
 class FmuInfo:
-    """What an FMU file says of itself; times in s, None where it says none.
+    """Model description of an FMU file.
 
-    `kinds` are `CoSimulation`, `ModelExchange` and `ScheduledExecution`, `platforms` what it has binaries
-    for, `size` the bytes of its file.
+    Attributes:
+        path: path of the file.
+        model: name of the model.
+        description: one line on its purpose.
+        fmi_version: such as 2.0.
+        kinds: `CoSimulation`, `ModelExchange` and `ScheduledExecution`, as far as supported.
+        platforms: platforms it has binaries for.
+        start_time: of the default experiment, in s, or None.
+        stop_time: of the default experiment, in s, or None.
+        step_size: of the default experiment, in s, or None.
+        tolerance: relative tolerance of the default experiment, or None.
+        tool: generation tool.
+        version: version of the model.
+        author: author of the model.
+        license: license of the model.
+        guid: identifier of the model.
+        sha256: hash of the file.
+        size: size of the file in bytes.
     """
 
     path: str
@@ -35,7 +51,13 @@ class FmuInfo:
 
 @dataclass(frozen=True)
 class ComponentInfo:
-    """A component of a system; `fmu` is the place of its file among the FMUs."""
+    """Component of a system.
+
+    Attributes:
+        name: path with dots.
+        model: name of the model.
+        fmu: position of its file in `Info.fmus`.
+    """
 
     name: str
     model: str
@@ -44,7 +66,14 @@ class ComponentInfo:
 
 @dataclass(frozen=True)
 class ConnectionInfo:
-    """An output that drives an input, by full names: input = factor output + offset, in their FMUs' units."""
+    """Connection from an output to an input: input = factor * output + offset.
+
+    Attributes:
+        output: full name of the output.
+        input: full name of the input.
+        factor: in units of the input per unit of the output, as their FMUs declare them.
+        offset: in the unit of the input.
+    """
 
     output: str
     input: str
@@ -54,13 +83,25 @@ class ConnectionInfo:
 
 @dataclass(frozen=True)
 class VariableInfo:
-    """A variable of a system, by the name that options call it, `component.variable`.
+    """Variable of a system.
 
-    `fmu_name` is what its FMU calls it. `start` is the value that it starts from, with all that the scenario
-    sets, `default` that of the FMU alone; None where the FMU calculates it. `unit` is None where there is
-    none; values, `minimum` and `maximum` are in it. `choices` are the literals of an enumeration.
-    `driven_by` is the output that drives an input, `read_by` are the inputs that an output drives.
-    `settable` says whether `--set` takes it.
+    Attributes:
+        name: full name, `component.variable`.
+        component: name of the component.
+        fmu_name: name in the FMU.
+        causality: as in the FMU, such as input, output or parameter.
+        variability: as in the FMU, such as fixed, tunable or continuous.
+        type: Real, Integer, Boolean, String or Enumeration.
+        unit: unit of all values; None without one.
+        start: start value in the scenario; None if the FMU computes it.
+        default: start value of the FMU; None if the FMU computes it.
+        minimum: smallest value allowed, or None.
+        maximum: largest value allowed, or None.
+        choices: names of the values of an enumeration.
+        description: one line on its meaning.
+        driven_by: full name of the output that is connected to an input, or None.
+        read_by: full names of the inputs that are connected to an output.
+        settable: whether `set` accepts it.
     """
 
     name: str

@@ -31,10 +31,19 @@ is_info = has_format(FORMAT)
 
 @dataclass(frozen=True)
 class Info:
-    """What an FMU, a package or a scenario is made of; times in s, None where nobody says them.
+    """Content of an FMU, an SSP or a scenario. `info["lift.plant.x_L"]` is one of its variables.
 
-    `fmus` are files, each once however many components are made of it. `notes` are sentences on what
-    is worth knowing. `info["lift.plant.x_L"]` is one of its variables.
+    Attributes:
+        name: name of the scenario, or of the file.
+        description: one line on its purpose.
+        start_time: in s; None if none is defined.
+        stop_time: in s; None if none is defined.
+        step_size: in s; None if none is defined.
+        notes: notes and warnings.
+        fmus: FMU files, each once.
+        components: components of the system.
+        connections: connections between them.
+        variables: variables of all components.
     """
 
     name: str
@@ -49,7 +58,7 @@ class Info:
     variables: tuple[VariableInfo, ...]
 
     def __getitem__(self, name: str) -> VariableInfo:
-        """The variable of this full name; CommandError suggests what may have been meant."""
+        """Return the variable of this full name; raise CommandError if it does not exist."""
         found = self._by_name.get(name)
         if found is None:
             near = difflib.get_close_matches(name, self._by_name, n=3, cutoff=0.5)
@@ -62,11 +71,19 @@ class Info:
         return {v.name: v for v in self.variables}
 
     def matching(self, *patterns: str) -> "Info":
-        """The same with those variables only that one of the patterns finds.
+        """Return the same with the matching variables only.
 
-        A pattern with `*` or `?` is that of a full name, or of a name inside of a component; a word without
-        is looked for in full names and descriptions, whether in capitals or not. Raises CommandError for
-        a pattern that finds nothing.
+        Args:
+            *patterns: a pattern with `*` or `?` matches full names and names inside of a component. A word
+                without them is searched in full names and descriptions, in upper or lower case.
+
+        Raises:
+            CommandError: a pattern matches no variable.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> [v.name for v in ec.info("lift").matching("*.plant.x_L").variables]
+            ['lift.plant.x_L']
         """
         kept: set[str] = set()
         for pattern in patterns:
@@ -81,7 +98,7 @@ class Info:
         return replace(self, variables=tuple(v for v in self.variables if v.name in kept))
 
     def to_polars(self) -> "polars.DataFrame":
-        """The variables as a polars data frame; start values are texts, since their types differ."""
+        """Return the variables as a polars data frame; start values are text."""
         import polars
 
         columns: dict[str, Sequence[Any]] = {
@@ -94,11 +111,11 @@ class Info:
         return polars.DataFrame(columns, schema_overrides=_schema())
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it as JSON has it; a number that is infinite or not a number is None."""
+        """Return everything as plain data; numbers that are not finite become None."""
         return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
 
     def as_json(self) -> str:
-        """The text of `as_dict`, a line for each variable, in letters that no terminal obeys."""
+        """Return everything as JSON text, with one line for each variable."""
         head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
         rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
@@ -110,9 +127,15 @@ class Info:
         return to_plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write `as_json` to a file; CommandError where none can be written, RunError where that fails.
+        """Write everything to a JSON file.
 
-        A file of something else is only replaced with `overwrite`.
+        Args:
+            path: path of the file.
+            overwrite: replace a file that emla did not write.
+
+        Raises:
+            CommandError: the file must not be written.
+            RunError: writing fails.
         """
         write_text(self.as_json(), Path(path), JSON_FILE, is_info, overwrite)
 

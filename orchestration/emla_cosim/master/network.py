@@ -14,12 +14,19 @@ from .instances.fmu_instance import FmuInstance
 
 @dataclass(frozen=True)
 class Link:
-    """One output that drives one input, by positions of slaves and of variables in their vectors.
+    """One output that drives one input: input = factor * output + offset.
 
-    `direct` says whether an output of the target that is connected itself depends on this input
-    without delay, and `through` has the positions of these outputs; `initial` says the same of the
-    initial values. The input is `factor` times the
-    output plus `offset`, which is in the unit of the input. `name` is what people call it.
+    Attributes:
+        source: position of the FMU instance with the output.
+        output: position of the output in its vector.
+        target: position of the FMU instance with the input.
+        input: position of the input in its vector.
+        direct: whether a connected output of the target depends on the input without delay.
+        initial: the same for initial values.
+        factor: in units of the input per unit of the output.
+        offset: in the unit of the input.
+        name: name in messages.
+        through: positions of the outputs that depend on the input without delay.
     """
 
     source: int
@@ -35,14 +42,26 @@ class Link:
 
 
 class Network:
-    """Slaves, one vector of all their outputs, and for each slave the signals that it reads.
+    """FMU instances, one vector of all their outputs, and the signals that each instance reads.
 
-    The slave at position i writes its outputs to `signals[parts[i]]` and reads
-    `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. They are `factors[i]`
-    times these signals plus `offsets[i]`; `transforms[i]` says whether that makes a difference.
-    `followers` only pass on what their single source gives, and do not change the order of the others.
-    `read` lists all signals that somebody reads. `order` is a good order of stepping one after the
-    other, and may be replaced by another one.
+    The instance at position i writes its outputs to `signals[parts[i]]` and reads `signals[sources[i]]`. Its
+    inputs, `inputs[input_parts[i]]`, are these signals times `factors[i]` plus `offsets[i]`.
+
+    Attributes:
+        instances: FMU instances.
+        links: links between them.
+        names: names of the signals.
+        signals: all outputs, shape (signals,).
+        inputs: all inputs, shape (inputs,).
+        parts: slice of `signals` by position of the instance.
+        input_parts: slice of `inputs` by position of the instance.
+        sources: positions in `signals` that an instance reads.
+        factors: factors of its inputs.
+        offsets: offsets of its inputs.
+        transforms: whether these change the values.
+        read: positions of all signals that an instance reads.
+        followers: positions of instances that only pass on the values of one source.
+        order: positions in a good order of stepping one after the other.
     """
 
     def __init__(
@@ -86,11 +105,11 @@ class Network:
             self._against[link.target].append(link)
 
     def signal(self, link: Link) -> int:
-        """Position in `signals` of the output that drives a link."""
+        """Return the position in `signals` of the output that drives a link."""
         return int(self.parts[link.source].start) + link.output
 
     def pass_inputs(self, i: int) -> None:
-        """Give slave i the present signals that it reads."""
+        """Set the inputs of instance i to the current signals."""
         slave = self.instances[i]
         self.signals.take(self.sources[i], out=slave.inputs, mode="clip")
         if self.transforms[i]:

@@ -19,10 +19,14 @@ Figures = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Shown:
-    """How a person sees a figure: what it is called, its factor and unit there.
+    """How tables show a metric.
 
-    A value that is too long in that unit is shown without the factor, in the unit `large`. A figure
-    that is true or false needs neither.
+    Args:
+        name: name of the metric.
+        label: label in tables.
+        factor: factor from the value to the displayed number.
+        unit: unit of the displayed number.
+        large: unit for values without the factor, if the number becomes too long.
     """
 
     name: str

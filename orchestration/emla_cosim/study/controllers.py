@@ -23,12 +23,15 @@ from ..fmu.models import find_block
 
 @dataclass(frozen=True)
 class Gains:
-    """A set of gains: where controller and observer of a joint get theirs.
+    """Set of gains of the controller and the observer of a joint.
 
-    `observer` has the gains of the observer by joint, or is the name of the joint's set, `[observer.NAME]` of
-    its file. `controller` has the gains of the controller by joint, `on_machine` those of joints that move a
-    whole machine, where they differ. `printed_estimate` starts the observer as in (103). With `in_file`
-    the joint's file has all of them, in `[gains.CONTROLLER.NAME]`.
+    Args:
+        observer: gains of the observer by joint, or the name of a set `[observer.NAME]` in the file of the
+            joint.
+        controller: gains of the controller by joint.
+        printed_estimate: start the observer as in (103) of the paper.
+        on_machine: gains by joint that moves a whole machine, if they differ.
+        in_file: whether the file of the joint has all gains, in `[gains.CONTROLLER.NAME]`.
     """
 
     observer: Mapping[str, Any] | str = ""
@@ -39,18 +42,27 @@ class Gains:
 
     @property
     def has_controller_gains(self) -> bool:
-        """Return whether the set has gains of the controller, not of the observer alone."""
+        """Whether the set has gains of the controller."""
         return self.in_file or bool(self.controller)
 
 
 @dataclass(frozen=True)
 class Controller:
-    """What closes a joint's loop, a block or the file of an FMU, and the names of its sets of gains.
+    """Controller of a joint, with its sets of gains.
 
-    The first set is the recommended one: every command takes it unless gains are named, and comparisons
-    use it. A controller that brings no gains of its own runs with its start values, and with one of the
-    joint's observers. `gain_type` is the class of its gains in joint files, `rules` are functions that
-    make them.
+    The first set is the recommended one, and the default.
+
+    Args:
+        model: block of `fmublock`, or path of an FMU.
+        gains: sets of gains by name. Default: sets for the observer only; the controller keeps its start
+            values.
+        gain_type: class of the gains in files of joints.
+        rules: functions that compute gains, by name of the set.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> ec.CONTROLLERS["foc"].recommended
+        'tuned'
     """
 
     model: type[Block] | Path
@@ -62,7 +74,7 @@ class Controller:
 
     @property
     def recommended(self) -> str:
-        """Return the name of the recommended set of gains."""
+        """Name of the recommended set of gains."""
         return next(iter(self.gains))
 
 

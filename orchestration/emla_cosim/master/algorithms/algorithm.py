@@ -21,13 +21,19 @@ Span = Callable[[int], tuple[float, float]]
 
 @dataclass(eq=False)
 class Algorithm(ABC):
-    """Advances a network by communication steps.
+    """Base class of co-simulation algorithms: advances a network by communication steps.
 
-    Its fields are its options; `setup` begins everything else anew, so that one can serve many runs.
+    Fields made with `option` are options of the algorithm. The master calls `setup` and `initialize` once for
+    each run, then `step` for each step. All of them may raise RunError; the algorithm is then not used any
+    more, except that a discarded step may be repeated from an earlier state.
 
-    The calling order is `setup` once, `initialize` once, then `step` for each step. All may
-    raise InstanceError; after that the algorithm is not used again, except that a step which raised
-    StepDiscardedError may be tried anew from a snapshot.
+    Args:
+        extrapolation: values of inputs during a step: none (held), or extrapolated by the master or the FMU.
+
+    Attributes:
+        network: FMU instances and signals, since `setup`.
+        exchange: how inputs get their values, since `setup`.
+        steps: number of steps since `setup`.
     """
 
     extrapolation: str = option(
@@ -43,9 +49,13 @@ class Algorithm(ABC):
     """Steps done since `setup`."""
 
     def setup(self, network: Network) -> None:
-        """Take the network to work on; nothing has been called on its slaves yet.
+        """Prepare for a run.
 
-        Raises CommandError where a slave lacks an ability that the algorithm needs.
+        Args:
+            network: FMU instances that have not been initialized yet.
+
+        Raises:
+            CommandError: an FMU lacks an ability that the algorithm needs.
         """
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
@@ -54,46 +64,51 @@ class Algorithm(ABC):
         self.steps = 0
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
-        """Bring all slaves through initialization mode; signals then hold the initial outputs.
+        """Initialize all FMU instances; the signals then have their initial values.
 
-        Without a stop time slaves have to be ready for steps without end.
+        Args:
+            start_time: in s.
+            stop_time: in s; None for a run without a fixed end.
         """
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 
     def step(self, time: float, step: float, span: Span | None = None) -> None:
-        """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end.
+        """Advance all FMU instances; the signals then have their values at the end of the step.
 
-        `span` knows the steps that some slaves do at once, whose lengths rounding may make differ
-        from multiples of `step`.
+        Args:
+            time: start of the step, in s.
+            step: step size in s.
+            span: returns start and length, in s, of so many steps up to the end of this one. Default:
+                multiples of `step`.
         """
         self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 
     @abstractmethod
     def late(self) -> list[Link]:
-        """Links whose target sees its source one step late, or extrapolated."""
+        """Return the links whose target gets values of its source one step late, or extrapolated."""
 
     def warning(self) -> str | None:
-        """A sentence on why a run may have failed that is the algorithm's doing; None where it is not."""
+        """Return why the algorithm may have caused a failure; None if it did not."""
         return None
 
     def report(self) -> dict[str, Any]:
-        """How the steps are made, as plain data for run.json."""
+        """Return how the steps are made, as plain data for run.json."""
         return {"late_connections": [link.name for link in self.late()]}
 
     def memory(self) -> dict[str, Vector]:
-        """What the algorithm remembers besides the signals, as arrays by name; see `remember`."""
+        """Return what the algorithm keeps besides the signals, as arrays by name."""
         return self.kept | {"steps": np.array([float(self.steps)])}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Take over what an algorithm of the same kind remembered."""
+        """Continue from what `memory` returned in an algorithm of the same class."""
         self.steps = int(memory["steps"][0])
         for name, present in self.kept.items():
             present[:] = memory[name]
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Free what the algorithm holds of the slaves; never raises."""
+        """Free what the algorithm holds of the FMU instances; never raises."""
 
     @abstractmethod
     def _step(self, time: float, step: float, span: Span) -> None:
@@ -101,12 +116,12 @@ class Algorithm(ABC):
 
     @property
     def accuracy(self) -> int:
-        """Order of accuracy in the step size, of states in smooth motion."""
+        """Order of accuracy in the step size, for states in smooth motion."""
         return self.exchange.accuracy
 
     @property
     def kept(self) -> dict[str, Vector]:
-        """The arrays, by name, that go back with a snapshot; they are changed in place."""
+        """Arrays by name that a repeated step restores; they are changed in place."""
         return vars(self.exchange.history)
 
 

@@ -9,15 +9,15 @@ from .tasks import Call, Operation
 
 @dataclass(eq=False)
 class Jacobi(Explicit):
-    """All slaves get their inputs, all step, then all outputs are read.
+    """Algorithm in which all FMUs get their inputs, then all step, then all outputs are read.
 
-    The order of the slaves does not matter; every connection is late by one step.
+    The order of the FMUs does not matter. Each connection is late by one step.
     """
 
     def table(self, network: Network) -> list[Operation]:
-        """All inputs, all steps, all outputs."""
+        """Return all inputs, all steps, then all outputs."""
         return [Operation(call, i) for call in Call for i in range(len(network.instances))]
 
     def late(self) -> list[Link]:
-        """All of them."""
+        """Return all links."""
         return self.network.links

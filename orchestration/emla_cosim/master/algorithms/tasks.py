@@ -8,7 +8,7 @@ from .extrapolation import Exchange
 
 
 class Call(IntEnum):
-    """What is done with a slave."""
+    """Call of an FMU instance: set its inputs, do its step, or get its outputs."""
 
     SET = 0
     STEP = 1
@@ -20,7 +20,12 @@ _SET, _STEP = int(Call.SET), int(Call.STEP)  # comparing numbers is cheaper in t
 
 @dataclass(frozen=True)
 class Operation:
-    """One call on the slave at this position."""
+    """One call of one FMU instance.
+
+    Attributes:
+        call: what is called.
+        slave: position of the instance in the network.
+    """
 
     call: Call
     slave: int

@@ -53,16 +53,23 @@ class EntryPoints:
 
 
 class FmuInstance(ABC):
-    """A co-simulation slave that exchanges two preallocated vectors.
+    """Co-simulation FMU as algorithms see it: it exchanges two vectors with the network.
 
-    `inputs` holds the values of its connected inputs until `set_inputs` passes them on;
-    `get_outputs` writes to `outputs`, a part of the network's signals. Both are bound to memory
-    of the network by `bind`. Every method may raise InstanceError.
+    `inputs` has the values of its connected inputs until `set_inputs` passes them on; `get_outputs` writes to
+    `outputs`, a part of the signals of the network. Every method may raise InstanceError, a RunError.
 
-    `continuous_inputs` and `continuous_outputs` say which elements change smoothly, and
-    `nominals` gives the usual size of each output. The flags say what the slave is able to do:
-    steps of any length, going back to a saved state, writing a state as bytes, taking
-    derivatives of its inputs, and giving those of its outputs.
+    Attributes:
+        name: name of the component.
+        inputs: connected inputs, shape (inputs,), in their units.
+        outputs: outputs, shape (outputs,), in their units.
+        continuous_inputs: which inputs change smoothly, shape (inputs,).
+        continuous_outputs: which outputs change smoothly, shape (outputs,).
+        nominals: nominal values of the outputs, shape (outputs,), in their units.
+        varies_step: whether it accepts steps of any length.
+        rolls_back: whether it can restore a saved state.
+        serializes: whether it can write its state as bytes.
+        interpolates: whether it accepts derivatives of its inputs.
+        differentiates: whether it can compute directional derivatives.
     """
 
     name: str
@@ -82,80 +89,101 @@ class FmuInstance(ABC):
     """Whether its calls may be made while another thread calls other slaves of its kind."""
 
     def reset(self) -> None:
-        """Become as it was when it was new; needs nothing to be set or stepped before."""
+        """Return to the state of a new instance."""
         raise NotImplementedError
 
     @abstractmethod
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
-        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        """Enter initialization mode.
+
+        Args:
+            start_time: in s.
+            stop_time: in s; None for a run without a fixed end.
+        """
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """Leave initialization mode: the slave is ready to step."""
+        """Leave initialization mode; the instance can step then."""
 
     @abstractmethod
     def set_inputs(self) -> None:
-        """Pass `inputs` on to the slave."""
+        """Pass `inputs` on to the FMU."""
 
     @abstractmethod
     def get_outputs(self) -> None:
-        """Read the slave's outputs into `outputs`."""
+        """Read the outputs of the FMU into `outputs`."""
 
     @abstractmethod
     def do_step(self, time: float, step: float) -> None:
-        """Advance from `time` by `step`, both in s; StepDiscardedError where it could not."""
+        """Advance by one step.
+
+        Args:
+            time: start of the step, in s.
+            step: step size in s.
+
+        Raises:
+            DiscardedStepError: the FMU discarded the step; from an earlier state, a shorter one may succeed.
+        """
 
     def begin_step(self, time: float, step: float) -> None:
-        """Begin to advance, if the slave `steps_apart`; nothing else is called before `end_step`."""
+        """Begin a step if `steps_apart`; call nothing else before `end_step`."""
         raise NotImplementedError
 
     def end_step(self) -> None:
-        """Wait until the step that was begun is done; raises what `do_step` does."""
+        """Wait until the step is done; raises the errors of `do_step`."""
         raise NotImplementedError
 
     @abstractmethod
     def close(self) -> None:
-        """Free the slave; never raises."""
+        """Free the instance; never raises."""
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
-        """Use this memory from now on; values of the inputs are kept."""
+        """Use other memory for inputs and outputs; the inputs keep their values."""
         inputs[:] = self.inputs
         self.inputs, self.outputs = inputs, outputs
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
-        """Say how fast the inputs change during the next step, per s; needs `interpolates`."""
+        """Set the derivatives of the inputs during the next step, per s; needs `interpolates`."""
         raise NotImplementedError
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
-        """How fast the outputs change at once when the inputs move in a direction; needs `differentiates`.
+        """Return the immediate change of the outputs for a change of the inputs; needs `differentiates`.
 
-        None where the slave cannot say it here.
+        Args:
+            direction: change of the inputs, shape (inputs,).
+
+        Returns:
+            Change of the outputs, shape (outputs,); None if the FMU cannot compute it now.
         """
         raise NotImplementedError
 
     def save(self, state: Any = None) -> Any:
-        """A copy of the slave's state, in the memory of an earlier one if given; needs `rolls_back`."""
+        """Return a copy of the state; needs `rolls_back`.
+
+        Args:
+            state: earlier copy whose memory is reused.
+        """
         raise NotImplementedError
 
     def restore(self, state: Any) -> None:
-        """Go back to a saved state."""
+        """Restore a saved state."""
         raise NotImplementedError
 
     def forget(self, state: Any) -> None:  # noqa: B027 - needed only where states are saved
         """Free a saved state; never raises."""
 
     def serialize(self) -> bytes:
-        """The slave's state as bytes; needs `serializes`."""
+        """Return the state as bytes; needs `serializes`."""
         raise NotImplementedError
 
     def deserialize(self, content: bytes) -> None:
-        """Go to a state that was written by `serialize`, perhaps by another process."""
+        """Restore a state from `serialize`, also from another process."""
         raise NotImplementedError
 
     def entry_points(self) -> EntryPoints | None:
-        """Addresses for compiled code; None where the slave has none."""
+        """Return addresses for compiled code; None if there are none."""
         return None
 
     def error(self, call: str, status: int) -> InstanceError:
-        """The error of an FMI call that compiled code made."""
+        """Return the error of an FMI call that compiled code made."""
         return InstanceError(self.name, call, f"status {status}", [])

@@ -16,12 +16,16 @@ from .timing import CommunicationPoints
 
 @dataclass(frozen=True)
 class StepRequest:
-    """What a run asks of its steps; times in s.
+    """What a run requires of its steps.
 
-    `times` says where the run begins and ends, and has the step size. `interval` is the time between rows,
-    where the user set it. `sampled` says whether a component computes at communication points, as a digital
-    controller does. `compiled` and `threads` are the options. `events` computes the times at which inputs
-    jump or bend, `row_distance` the distance of rows in the data of inputs.
+    Attributes:
+        times: start time, stop time and step size, in s.
+        interval: time between rows in s, if the user set it.
+        sampled: whether a component computes at communication points only, as a digital controller does.
+        compiled: value of the option `compiled`.
+        threads: value of the option `threads`.
+        events: returns the times in s at which inputs jump or bend.
+        row_distance: returns the distance of rows in the data of inputs, in s.
     """
 
     times: CommunicationPoints
@@ -34,7 +38,10 @@ class StepRequest:
 
 
 class StepSizeControl(ABC):
-    """Decides how long the steps of a run are. The fields of a subclass, a dataclass, are its options."""
+    """Base class of step-size controls: decides how long the steps of a run are.
+
+    A subclass is a dataclass; its fields made with `option` are its options.
+    """
 
     is_regular: ClassVar[bool] = False
     """Whether all steps have the step size, so that every n-th has a row.
@@ -46,13 +53,21 @@ class StepSizeControl(ABC):
     """Whether each step that is not regular is done in two halves."""
 
     def check(self) -> None:
-        """Raise CommandError for values of options that do not fit."""
+        """Raise CommandError if values of options do not fit."""
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
 
     @abstractmethod
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return what does the steps of an algorithm that is set up; CommandError where that cannot be."""
+        """Return what does the steps of a run.
+
+        Args:
+            algorithm: algorithm after its `setup`.
+            request: what the run requires.
+
+        Raises:
+            CommandError: the run cannot be stepped in this way.
+        """
 
 
 @dataclass(eq=False)
