@@ -26,17 +26,34 @@ def build(
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
 ) -> Path:
-    """Build the FMU of a block, a class or an instance of it; returns its file.
+    """Build the FMU of a block.
 
-    `flavour` is native (C, compiled) or python (PythonFMU). `platforms` are the FMI platforms of a
-    native FMU's binaries ("linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin"); none
-    is this machine's. `documents` are its page and licence; without them the page is the class's
-    docstring and the table of its variables. `advance` is called for each binary as it is compiled.
-    The same block, documents and tools give the same bytes. A file that fmublock did not build is only
-    replaced with `overwrite`.
+    The same block, documents and tools give the same bytes.
 
-    Raises BuildError, one sentence, where anything is wrong with these, where the equations would
-    not mean the same in C and in Python, or where the file cannot be written.
+    Args:
+        block: a class or an instance of a block.
+        path: path of the FMU.
+        flavour: native (compiled C) or python (PythonFMU).
+        platforms: FMI platforms of a native FMU: "linux64", "win64", "darwin64", "aarch64-linux",
+            "aarch64-darwin". Default: this machine's.
+        producer: generation tool, version and license in the model description.
+        documents: page and license to include. Default: the docstring of the class and a table of its
+            variables.
+        advance: called after each compiled binary.
+        overwrite: replace a file that fmublock did not build.
+
+    Returns:
+        The path of the FMU.
+
+    Raises:
+        BuildError: an argument is wrong, the equations would differ between C and Python, or the file cannot
+            be written.
+
+    Examples:
+        >>> import fmublock
+        >>> from emla_fmu import SignalFault
+        >>> fmublock.build(SignalFault, "SignalFault.fmu").name
+        'SignalFault.fmu'
     """
     recipe = Recipe.of(block, flavour, producer, documents)
     if platforms and flavour != "native":

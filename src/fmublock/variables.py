@@ -12,23 +12,29 @@ from .symbols import symbol_of
 
 
 class Variable:
-    """What every variable of a block has.
+    """Base class of the variables of a block.
 
-    `start` is the value before anybody sets another; for a state it may be a `Parameter` of
-    the same block, whose value is then taken when initialization ends. Its type is the
-    variable's: float is Real, int Integer, bool Boolean, an `IntEnum` member Enumeration.
-    `unit` is written as in Modelica ("N.m/rad", "m/s2"). `name` is the FMI name, the
-    attribute's own unless given. `shape` makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`):
-    the equations see a list, or a list of rows, and the FMI names are x[1], x[2], ... or M[1,1],
-    M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
-    `symbol` is what the block's equations call it, as LaTeX, where the attribute does not say so.
-    `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
-    has another name for the variable, that follows after a dot ("sensor.x_measured").
-    `limits` are two parameters of the block, the lowest and the highest value that a state or an output
-    is meant to have, or one for both directions; they are scalar, or have the variable's shape. A value
-    beyond them stops nothing, but an instance reports it, the first time.
+    Args:
+        start: start value; its type is that of the variable: float is Real, int Integer, bool Boolean, a
+            member of an `IntEnum` Enumeration. A state can start from a `Parameter` of the block, whose value
+            is used when initialization ends. For an array, one value for all elements, or a list of its
+            shape.
+        unit: unit as in Modelica, such as "N.m/rad" or "m/s2".
+        description: one line on its meaning.
+        symbol: symbol in equations, as LaTeX. Default: derived from the attribute.
+        name: FMI name. Default: the name of the attribute. Elements are x[1], x[2], ... or M[1,1], M[1,2],
+            ...
+        shape: number of elements of a vector, or (rows, columns) of a matrix.
+        minimum: smallest value allowed, in the unit.
+        maximum: largest value allowed, in the unit.
+        nominal: typical size, in the unit.
+        terminal: name of the terminal that bundles inputs and outputs, such as "drive". If the partner has
+            another name for the variable, it follows after a dot, such as "sensor.x_measured".
+        limits: parameters with the lowest and the highest value of a state or an output, or one for both
+            directions. An instance reports the first value beyond them, and continues.
 
-    Raises TypeError for a start value that does not fit.
+    Raises:
+        TypeError: the start value, the shape or the limits do not fit.
     """
 
     def __init__(

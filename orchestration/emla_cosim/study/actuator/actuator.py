@@ -37,11 +37,10 @@ def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
 
 @dataclass(frozen=True)
 class Actuator(FileOrObject):
-    """Actuator as its data sheets describe it. Parameters of plant, observer and controller are derived from
-    it.
+    """Actuator as its data sheets describe it.
 
-    Each table has quantities as on the data sheet, such as `motor={"R": "2.3 Ohm line to line", ...}`.
-    docs/actuator.md lists the entries.
+    Parameters of plant, observer and controller are derived from it. Each table has quantities as on the data
+    sheet, such as `motor={"R": "2.3 Ohm line to line", ...}`; docs/actuator.md lists the entries.
 
     Args:
         motor: entries of the motor.
