@@ -1,6 +1,8 @@
 """Every example in a docstring of a public name works as it is shown."""
 
 import doctest
+import re
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
@@ -11,6 +13,7 @@ import emla_fmu
 import fmublock
 import hdrm_fmu
 import rsba_fmu
+from tests.support.paths import ROOT
 
 PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu, hdrm_fmu]
 
@@ -46,8 +49,17 @@ def test_an_example_works(
     assert runner.run(EXAMPLES[name]).failed == 0, capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "name", ["load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run"]
-)
-def test_functions_have_examples(name: str) -> None:
-    assert f"emla_cosim.{name}" in EXAMPLES
+def test_functions_have_examples() -> None:
+    functions = {"load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run", "verify"}
+    assert {f"emla_cosim.{name}" for name in functions} <= set(EXAMPLES)
+
+
+def test_what_extensions_need_is_public() -> None:
+    assert {"Progress", "Network", "Link", "FmuInstance", "__version__"} <= set(ec.__all__)
+    assert ec.__version__ == version("emla-cosim")
+
+
+def test_public_names_are_documented() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs/api").glob("*.md"))
+    listed = {name.rpartition(".")[2] for name in re.findall(r"^::: (\S+)", pages, re.MULTILINE)}
+    assert {name for package in PACKAGES for name in package.__all__} - listed == {"BLOCKS", "HDRM"}
