@@ -37,7 +37,7 @@ class Scenario:
         >>> import emla_cosim as ec
         >>> scenario = ec.load("lift")
         >>> [component.name for component in scenario.system.components][:2]
-        ['lift.reference', 'lift.disturbance']
+        ['lift.reference', 'lift.plant']
     """
 
     name: str
