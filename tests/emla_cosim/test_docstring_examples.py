@@ -50,7 +50,7 @@ def test_an_example_works(
 
 
 def test_functions_have_examples() -> None:
-    functions = {"load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run", "verify"}
+    functions = {"load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run"}
     assert {f"emla_cosim.{name}" for name in functions} <= set(EXAMPLES)
 
 

@@ -63,8 +63,8 @@ class Simulation:
         ...     simulation.advance(0.005)
         ...     position = simulation["lift.plant.x_L"]
         ...     result = simulation.finish()
-        >>> round(position, 3)
-        0.244
+        >>> round(position, 2)
+        0.24
     """
 
     def __init__(

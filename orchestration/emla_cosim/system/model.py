@@ -141,7 +141,7 @@ class System:
             ...     ["reference.v_d -> load.v_L"],
             ...     set={"reference.waypoint[2]": 0.1},
             ... )
-            >>> ec.load(system, stop_time=0.01).prepare().run().steps
+            >>> ec.load(system, step_size=1e-3, stop_time=0.01).prepare().run().steps
             10
         """
         made = cls(tuple(_component(name, what) for name, what in components.items()), ())

@@ -65,12 +65,6 @@ def verify(
 
     Raises:
         CommandError: a file does not exist, or an argument is wrong. All other problems are findings.
-
-    Examples:
-        >>> import emla_cosim as ec
-        >>> report = ec.verify("fmus/Reference/Reference.fmu", only=["structure"])
-        >>> report.passed
-        True
     """
     named = _name_paths(paths)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record)
