@@ -2,8 +2,10 @@ from .base.errors import CommandError as CommandError
 from .base.errors import CosimError as CosimError
 from .base.errors import RunError as RunError
 from .base.option import option as option
+from .base.progress import Progress as Progress
 from .base.units import LinearTransformation as LinearTransformation
 from .base.units import SiUnit as SiUnit
+from .base.version import __version__ as __version__
 from .comparison.result import CompareResult as CompareResult
 from .comparison.runner import compare as compare
 from .inputs.input import Column as Column
@@ -22,6 +24,9 @@ from .master.algorithms.registry import ALGORITHMS as ALGORITHMS
 from .master.algorithms.strong import Strong as Strong
 from .master.algorithms.tasks import Call as Call
 from .master.algorithms.tasks import Operation as Operation
+from .master.instances.fmu_instance import FmuInstance as FmuInstance
+from .master.network import Link as Link
+from .master.network import Network as Network
 from .master.stepping.registry import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
 from .master.stepping.step_size_control import StepRequest as StepRequest
 from .master.stepping.step_size_control import StepSizeControl as StepSizeControl

@@ -3,6 +3,13 @@
 The paper is Mehdi Heydari Shahna, Mohammad Bahari and Jouni Mattila, "Robustness-Guaranteed Observer-Based
 Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty Robotic Manipulator". Numbers in
 parentheses are those of its equations as printed, Roman numbers those of its tables and sections.
+
+Examples:
+    >>> from fmublock import Instance
+    >>> from emla_fmu import EmlaPlant
+    >>> block = Instance(EmlaPlant())
+    >>> block["motor.R_s"]
+    0.14
 """
 
 from .disturbance import Disturbance, DisturbanceReading

@@ -15,9 +15,12 @@ _STRUCTURED_NAME = re.compile(rf"{_NAME}(\.{_NAME})*", re.ASCII)
 
 @dataclass(frozen=True)
 class DefaultExperiment:
-    """Stop time and communication step in s that suit a block, for its model description.
+    """Default experiment in the model description of a block.
 
-    `tolerance` is the relative tolerance for tools that integrate the block through Model Exchange.
+    Args:
+        stop_time: in s.
+        step_size: communication step size in s.
+        tolerance: relative tolerance for integration by Model Exchange.
     """
 
     stop_time: float = 1.0
@@ -104,18 +107,36 @@ class Origin:
 
 
 class Block:
-    """Base of all blocks; subclasses declare variables and define the equations.
+    """Base class of blocks. A subclass declares variables as attributes and defines the equations.
 
-    `derivatives`, `update` and `outputs` take a `Values` and return a dict from attribute name
-    to value (a list for a vector, a list of rows for a matrix). They may call helper methods but
-    must not store anything: declare all that evolves as a state.
+    `derivatives`, `update` and `outputs` get the values of all variables and return values by attribute name:
+    a list for a vector, a list of rows for a matrix. They can call helper methods, but must not keep
+    anything: what evolves is a declared state. Use + - * /, abs, comparisons and the functions of `fmublock`
+    only, which work on floats and on symbols. Use `where`, not `if`, for what depends on a value. The export
+    fails if symbols and floats give different results.
 
-    The equations run on floats and on symbols. They can use + - * /, abs, comparisons and
-    `fmublock`'s functions. Choose by a value with `where`, not with `if`. An operation whose result
-    on symbols differs from that on floats stops the export with an error message.
+    In a PythonFMU FMU, a division by zero discards the step also in the branch that `where` does not choose.
+    Keep divisors away from zero there.
 
-    A division by zero discards the step of a PythonFMU FMU even in the branch that `where` does not
-    choose. Keep divisors away from zero there.
+    Attributes:
+        default_experiment: stop time and step size for the model description.
+        internal_step: longest internal integration step, in s (a parameter of each block with states).
+
+    Examples:
+        >>> from fmublock import Block, Input, Instance, State
+        >>> class Mass(Block):
+        ...     F = Input(unit="N")
+        ...     v = State(unit="m/s")
+        ...
+        ...     def derivatives(self, v):
+        ...         return {"v": v.F / 2.0}
+        >>> mass = Instance(Mass())
+        >>> mass["F"] = 4.0
+        >>> mass.enter_initialization()
+        >>> mass.exit_initialization()
+        >>> mass.do_step(0.0, 0.5)
+        >>> round(mass["v"], 9)
+        1.0
     """
 
     default_experiment: ClassVar[DefaultExperiment] = DefaultExperiment()
@@ -135,22 +156,38 @@ class Block:
         cls.origin = Origin(cls.__module__, file, time.time())
 
     def derivatives(self, v: Values) -> dict[str, Any]:
-        """Return the time derivatives of the continuous states, per s."""
+        """Return the time derivatives of the continuous states, per s, by attribute name.
+
+        Args:
+            v: values of all variables by attribute name, and `time` in s.
+        """
         return {}
 
     def update(self, v: Values) -> dict[str, Any]:
-        """Return the next values of the discrete states; called at the end of a communication step."""
+        """Return the values of the discrete states after a communication step, by attribute name.
+
+        Args:
+            v: values of all variables by attribute name, and `time` in s.
+        """
         return {}
 
     def outputs(self, v: Values) -> dict[str, Any]:
-        """Return the values of the declared `Output` variables; states are outputs anyway."""
+        """Return the values of the `Output` variables by attribute name.
+
+        Args:
+            v: values of all variables by attribute name, and `time` in s.
+        """
         return {}
 
     def conditions(self, v: Values) -> dict[str, Any]:
-        """Return the conditions that must hold when initialization ends, beside the variables' ranges.
+        """Return what must hold at the end of initialization, beside the ranges of single values.
 
-        The keys are error messages without a full stop that name the variables, the values are
-        comparisons. If one is false, the instance does not start and reports its message.
+        Args:
+            v: values of all variables by attribute name, and `time` in s.
+
+        Returns:
+            Comparisons by error message, without a full stop. If one does not hold, the instance does not
+            start and reports the message, which therefore names the variables.
         """
         return {}
 

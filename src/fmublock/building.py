@@ -26,26 +26,34 @@ def build(
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
 ) -> Path:
-    """Build the FMU of a block. The same block, documents and tools give the same bytes.
+    """Build the FMU of a block.
+
+    The same block, documents and tools give the same bytes.
 
     Args:
-        block: A block class or an instance of one.
-        path: The file to write.
-        flavour: "native" (C, compiled) or "python" (PythonFMU).
-        platforms: FMI platforms of a native FMU's binaries: "linux64", "win64", "darwin64",
-            "aarch64-linux", "aarch64-darwin". Default: this machine's.
-        documents: Page and licence. Without a page, the class's docstring is used. The table of
-            variables is added to either.
-        producer: The tool that the FMU names.
-        advance: Called after each binary is compiled.
-        overwrite: Whether to replace a file that fmublock did not build.
+        block: a class or an instance of a block.
+        path: path of the FMU.
+        flavour: native (compiled C) or python (PythonFMU).
+        platforms: FMI platforms of a native FMU: "linux64", "win64", "darwin64", "aarch64-linux",
+            "aarch64-darwin". Default: this machine's.
+        producer: generation tool, version and license in the model description.
+        documents: page and license to include. Default: the docstring of the class and a table of its
+            variables.
+        advance: called after each compiled binary.
+        overwrite: replace a file that fmublock did not build.
 
     Returns:
-        The file.
+        The path of the FMU.
 
     Raises:
-        BuildError: An argument is wrong, the equations would give different results in C and in
-            Python, or the file cannot be written.
+        BuildError: an argument is wrong, the equations would differ between C and Python, or the file cannot
+            be written.
+
+    Examples:
+        >>> import fmublock
+        >>> from emla_fmu import SignalFault
+        >>> fmublock.build(SignalFault, "SignalFault.fmu").name
+        'SignalFault.fmu'
     """
     recipe = Recipe.of(block, flavour, producer, documents)
     if platforms and flavour != "native":

@@ -2,7 +2,7 @@
 
 
 class BuildError(Exception):
-    """An FMU could not be built."""
+    """An FMU cannot be built. The message says why."""
 
 
 class LoadError(BuildError):

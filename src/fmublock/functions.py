@@ -54,12 +54,12 @@ def tan(x: Any) -> Any:
 
 
 def arcsin(x: Any) -> Any:
-    """Return the arc sine in rad, between -pi/2 and pi/2; NaN outside -1 to 1."""
+    """Return the arc sine in rad, between -pi/2 and pi/2; NaN beyond -1 and 1."""
     return _defined(math.asin, x) if isinstance(x, _NUMBER) else _on_symbols("asin", x)
 
 
 def arccos(x: Any) -> Any:
-    """Return the arc cosine in rad, between 0 and pi; NaN outside -1 to 1."""
+    """Return the arc cosine in rad, between 0 and pi; NaN beyond -1 and 1."""
     return _defined(math.acos, x) if isinstance(x, _NUMBER) else _on_symbols("acos", x)
 
 
@@ -81,7 +81,7 @@ def tanh(x: Any) -> Any:
 
 
 def exp(x: Any) -> Any:
-    """Return the exponential; infinity if it overflows."""
+    """Return the exponential; infinity on overflow."""
     if not isinstance(x, _NUMBER):
         return _on_symbols("exp", x)
     try:
@@ -98,7 +98,7 @@ def log(x: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    """Return the square root; NaN below zero, which `where` allows in the branch it does not choose."""
+    """Return the square root; NaN below zero, so that `where` can choose another branch."""
     if not isinstance(x, _NUMBER):
         return _on_symbols("sqrt", x)
     return math.sqrt(x) if x >= 0.0 else math.nan
@@ -119,14 +119,14 @@ def mod(x: Any, y: Any) -> Any:
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """Return the smaller of x and y, or the one that is not NaN; of two zeros either (C's `fmin`)."""
+    """Return the smaller of x and y, or the other one if one is NaN; of two zeros either (C's `fmin`)."""
     if not isinstance(x, _NUMBER) or not isinstance(y, _NUMBER):
         return _on_symbols("fmin", x, y)
     return 1.0 * (x if x <= y or y != y else y)
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """Return the larger of x and y, or the one that is not NaN; of two zeros either (C's `fmax`)."""
+    """Return the larger of x and y, or the other one if one is NaN; of two zeros either (C's `fmax`)."""
     if not isinstance(x, _NUMBER) or not isinstance(y, _NUMBER):
         return _on_symbols("fmax", x, y)
     return 1.0 * (x if x >= y or y != y else y)
@@ -140,9 +140,19 @@ def sign(x: Any) -> Any:
 
 
 def where(condition: Any, x: Any, y: Any) -> Any:
-    """Return x if the condition holds, else y. Both are evaluated; the one not chosen may be NaN.
+    """Return x if the condition holds, otherwise y. Both are evaluated; the other one can be NaN.
 
     Written as the sum that CasADi generates, so that signed zeros agree as well.
+
+    Args:
+        condition: comparison, number or symbol.
+        x: value if it holds.
+        y: value if it does not hold.
+
+    Examples:
+        >>> from fmublock import where
+        >>> where(1.0 < 2.0, 3.0, 4.0)
+        3.0
     """
     if isinstance(condition, _NUMBER):
         return (x if condition else 0.0) + (0.0 if condition else y)
@@ -169,16 +179,33 @@ def logical_not(a: Any) -> Any:
 
 
 def clamp(x: Any, low: Any, high: Any) -> Any:
-    """Limit x to the range from low to high."""
+    """Return x, limited to the range from low to high.
+
+    Examples:
+        >>> from fmublock import clamp
+        >>> clamp(5.0, -1.0, 1.0)
+        1.0
+    """
     return minimum(maximum(x, low), high)
 
 
 def limit_magnitude(x: Any, y: Any, limit: Any) -> tuple[Any, Any, Any]:
-    """Shorten the vector (x, y) to a length of at most `limit` > 0.
+    """Shorten the vector (x, y) to a length of at most `limit`.
+
+    A vector that is longer by rounding only does not count as shortened.
+
+    Args:
+        x: first component.
+        y: second component, in the unit of x.
+        limit: largest length, greater than 0, in the unit of x.
 
     Returns:
-        x and y of the result, and 1 if the vector was too long, else 0. A vector that was limited before
-        may be longer by rounding; that gives 0.
+        Both components, and 1 if the vector was shortened, otherwise 0.
+
+    Examples:
+        >>> from fmublock import limit_magnitude
+        >>> limit_magnitude(3.0, 4.0, 10.0)
+        (3.0, 4.0, 0.0)
     """
     length = sqrt(x * x + y * y)
     scale = minimum(limit / maximum(length, limit), 1.0)
@@ -188,8 +215,17 @@ def limit_magnitude(x: Any, y: Any, limit: Any) -> tuple[Any, Any, Any]:
 def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     """Return the scalar product of two vectors, summed from the first element on.
 
+    Args:
+        a: list of n values.
+        b: list of n values.
+
     Raises:
-        ValueError: The vectors have different lengths.
+        ValueError: the vectors have different lengths.
+
+    Examples:
+        >>> from fmublock import dot
+        >>> dot([1.0, 2.0], [3.0, 4.0])
+        11.0
     """
     products = [x * y for x, y in zip(a, b, strict=True)]
     total = products[0]
@@ -199,5 +235,21 @@ def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def matvec(M: Sequence[Sequence[Any]], x: Sequence[Any]) -> list[Any]:
-    """Multiply the matrix M, a list of rows, by the vector x. Raises ValueError if they do not fit."""
+    """Return the product of a matrix and a vector.
+
+    Args:
+        M: list of m rows of n values.
+        x: list of n values.
+
+    Returns:
+        List of m values.
+
+    Raises:
+        ValueError: a row and the vector have different lengths.
+
+    Examples:
+        >>> from fmublock import matvec
+        >>> matvec([[1.0, 0.0], [0.0, 2.0]], [3.0, 4.0])
+        [3.0, 8.0]
+    """
     return [dot(row, x) for row in M]

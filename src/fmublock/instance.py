@@ -46,29 +46,37 @@ class Phase(IntEnum):
 
 
 class BlockError(Exception):
-    """A call was refused; the instance is as it was before the call."""
+    """A call that the block refuses. The instance is unchanged."""
 
 
 class StepDiscardedError(BlockError):
-    """A step had a result that is not finite; the instance is as it was before the step."""
+    """A step without a finite result. The instance is as before the step."""
 
 
 class Instance:
-    """One running instance of a block.
+    """Running instance of a block, in Python.
 
-    Address variables by FMI name, `instance["v"]` and `instance["F"] = 3.0`, or by value reference
-    with `get` and `set` (`Block.layout`). The name of a vector or matrix addresses the list of its
-    values. Values are floats, Booleans are 0 or 1.
+    Use variables by FMI name, `instance["v"]` and `instance["F"] = 3.0`, or by value reference with `get` and
+    `set`. The name of a vector or matrix means the list of its values. Values are floats; Booleans are 0 or
+    1. Outputs change only during initialization and at the end of a step: they are g(x(t+h), u held over the
+    step).
 
-    Outputs change during initialization and at the end of a step only. Then they are
-    g(x(t+h), u held over the step); values set afterwards do not change them.
+    Args:
+        block: the block.
+        name: name in messages. Default: the class of the block.
 
-        instance = Instance(Drive())
-        instance["F"] = 3.0
-        instance.enter_initialization()
-        instance.exit_initialization()
-        instance.do_step(0.0, 0.01)
-        instance["v"]
+    Examples:
+        >>> from fmublock import Block, Input, Instance, Output
+        >>> class Twice(Block):
+        ...     u = Input(unit="m")
+        ...     y = Output(unit="m")
+        ...
+        ...     def outputs(self, v):
+        ...         return {"y": 2.0 * v.u}
+        >>> twice = Instance(Twice())
+        >>> twice["u"] = 3.0
+        >>> twice["y"]
+        6.0
     """
 
     def __init__(self, block: Block, name: str = "") -> None:
@@ -116,22 +124,21 @@ class Instance:
 
     @property
     def time(self) -> float:
-        """The instance's time in s: the end of the last step."""
+        """Time of the instance in s: the end of the last step."""
         return self._v.time
 
     def __getitem__(self, name: str) -> Any:
-        """Return the value of the variable with this FMI name; a list, or a list of rows, for an array."""
+        """Return the value of a variable by FMI name; a list, or a list of rows, for an array."""
         references = self._references_of(name)
         values = self.get(references)
         array = self.layout.arrays.get(name)
         return values[0] if array is None else array.nested(values)
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set the variable with this FMI name; a list, or a list of rows, for an array.
+        """Set a variable by FMI name; a list, or a list of rows, for an array.
 
         Raises:
-            BlockError: There is no such variable, it cannot be set in this phase, or the value does not
-                fit. Nothing is set then.
+            BlockError: the variable does not exist, cannot be set now, or the value does not fit.
         """
         references = self._references_of(name)
         array = self.layout.arrays.get(name)
@@ -142,10 +149,13 @@ class Instance:
         self.set(references, values)
 
     def get(self, references: Sequence[int]) -> list[float]:
-        """Return the values of the variables with these value references.
+        """Return the values of variables.
+
+        Args:
+            references: value references.
 
         Raises:
-            BlockError: An output cannot be computed during initialization.
+            BlockError: an output cannot be computed during initialization.
         """
         if self.phase <= Phase.INITIALIZATION:
             self._take_start_values()
@@ -155,8 +165,12 @@ class Instance:
     def set(self, references: Sequence[int], values: Sequence[float]) -> None:
         """Set inputs at any time, parameters and start values of states before the first step.
 
+        Args:
+            references: value references.
+            values: one value for each reference.
+
         Raises:
-            BlockError: A variable cannot be set in this phase. Nothing is set then.
+            BlockError: a variable cannot be set now. Nothing was set.
         """
         if self.phase == Phase.TERMINATED:
             raise BlockError(f"{self.name}: cannot set values in phase terminated.")
@@ -165,7 +179,15 @@ class Instance:
         self._write(references, [float(x) for x in values])
 
     def setup_experiment(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
-        """Set start and stop time in s; steps past the stop time are refused."""
+        """Set start and stop time.
+
+        Args:
+            start_time: in s.
+            stop_time: in s; later steps are refused. Default: none.
+
+        Raises:
+            BlockError: the times are not finite or not in order, or initialization has begun.
+        """
         self._require(Phase.INSTANTIATED, "set up the experiment")
         if not math.isfinite(start_time):
             raise BlockError(f"{self.name}: the start time {start_time} is not a finite number of seconds.")
@@ -177,7 +199,7 @@ class Instance:
         self._stop_time = math.inf if stop_time is None else stop_time
 
     def enter_initialization(self) -> None:
-        """Start initialization."""
+        """Begin initialization."""
         self._require(Phase.INSTANTIATED, "enter initialization mode")
         self.phase = Phase.INITIALIZATION
 
@@ -185,8 +207,8 @@ class Instance:
         """End initialization.
 
         Raises:
-            BlockError: A value is outside its declared range, one of the block's conditions does not
-                hold, or an output cannot be computed.
+            BlockError: a value is out of range, a condition of the block does not hold, or an output cannot
+                be computed.
         """
         self._require(Phase.INITIALIZATION, "exit initialization mode")
         self._take_start_values()
@@ -197,15 +219,19 @@ class Instance:
         self.phase = Phase.STEP
 
     def do_step(self, time: float, step: float) -> None:
-        """Advance from `time` to `time + step`, both in s, with the inputs held.
+        """Advance by one step, with constant inputs.
 
-        A step that begins and ends within rounding of the instance's time does nothing: tools that
-        sum up their steps may end with such a sliver. Rounding is 1e-6 of this or the last step,
-        whichever is longer, plus a few units in the last place of the time.
+        A step that begins and ends within rounding of the time of the instance does nothing. Tools that add
+        up their steps make such a step before the end. Rounding is 1e-6 of this or the last step, whichever
+        is longer, and a few units in the last place of the time.
+
+        Args:
+            time: start of the step, in s.
+            step: step size in s.
 
         Raises:
-            StepDiscardedError: A state or output is infinite or NaN after the step.
-            BlockError: The step is not possible in this phase, at this time or with this size.
+            StepDiscardedError: a state or an output becomes infinite or NaN.
+            BlockError: the step does not begin at the time of the instance, or is not allowed.
         """
         self._require(Phase.STEP, "do a step")
         self._check_step(time, step)
@@ -241,12 +267,12 @@ class Instance:
         return messages
 
     def terminate(self) -> None:
-        """End the run; values can still be read."""
+        """End the run. Values can still be read."""
         self._require(Phase.STEP, "terminate")
         self.phase = Phase.TERMINATED
 
     def get_state(self) -> dict[str, Any]:
-        """Return all values that evolve or were set, as a dict of plain values."""
+        """Return everything that evolves or was set, as plain values."""
         values = [container[key] for container, key in self._slots]
         return {
             "phase": int(self.phase),
@@ -257,7 +283,7 @@ class Instance:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Return to a state taken from an instance of the same block."""
+        """Restore a state of an instance of the same block."""
         values = state["values"]
         if len(values) != len(self._slots):
             raise BlockError(f"{self.name}: the state has {len(values)} values, not {len(self._slots)}.")

@@ -15,14 +15,16 @@ from .errors import LoadError
 
 
 def load_block(place: str) -> type[Block]:
-    """Return the block class that `FILE.py:BLOCK` names.
+    """Return the block class that a text names.
 
-    The file is run as if it were imported, and can import files beside it. In a folder with an
-    `__init__.py` it is a module of that package. These modules do not stay imported, so that another
-    file of the same name can be loaded afterwards.
+    The file runs as if it were imported, and can import modules beside it. In a folder with an `__init__.py`
+    it is a module of that package. The modules do not stay imported.
+
+    Args:
+        place: FILE.py:BLOCK.
 
     Raises:
-        LoadError: There is no such file or block, or the file fails.
+        LoadError: the file or the block does not exist, or the file fails.
     """
     name, _, block = place.rpartition(":")
     if not name or not block.isidentifier():

@@ -24,7 +24,13 @@ _FLAVOUR_TOOLS = {"native": ("ziglang",), "python": ("pythonfmu",)}
 
 @dataclass(frozen=True)
 class Producer:
-    """The tool that made an FMU, its version, and the licence of the FMU's content, if any."""
+    """Producer of an FMU, as its model description names it.
+
+    Args:
+        tool: generation tool.
+        version: version of the tool or of the model.
+        license: license of the content.
+    """
 
     tool: str = "EMLA-Cosim fmublock"
     version: str | None = None
@@ -33,9 +39,11 @@ class Producer:
 
 @dataclass(frozen=True)
 class Documents:
-    """The texts in an FMU: its page (Markdown) and the licence.
+    """Texts to include in an FMU.
 
-    Without a page, the FMU gets the block's docstring. The variables' table follows in both cases.
+    Args:
+        readme: page in Markdown. Default: the docstring of the block. A table of the variables follows it.
+        license: text of the license.
     """
 
     readme: str | None = None

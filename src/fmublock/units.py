@@ -18,9 +18,13 @@ _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 
 @dataclass(frozen=True)
 class SiUnit:
-    """A unit with a name; a value in SI base units is factor * value + offset.
+    """Unit with its name; a value in SI base units is factor * value + offset.
 
-    `exponents` are those of `BASE_UNITS`; None if they are unknown.
+    Attributes:
+        name: name such as "N.m/rad".
+        exponents: exponents of the SI base units in the order of `BASE_UNITS`; None for an undefined unit.
+        factor: factor to SI base units.
+        offset: offset in SI base units.
     """
 
     name: str

@@ -12,30 +12,29 @@ from .symbols import symbol_of
 
 
 class Variable:
-    """Base of the variables of a block.
+    """Base class of the variables of a block.
 
     Args:
-        start: Start value; its type is that of the variable: float is Real, int Integer, bool Boolean, an
-            `IntEnum` member Enumeration. An array takes one value for all elements, or a list of its
-            shape. A state can have a `Parameter` of the same block, whose value it gets when
-            initialization ends.
-        unit: As in Modelica ("N.m/rad", "m/s2").
-        description: One line for the model description.
-        symbol: LaTeX symbol in the block's equations. Default: derived from the attribute.
-        name: FMI name. Default: the attribute.
-        shape: Makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`). The equations use a list, or a list
-            of rows. The FMI names are x[1], x[2], ... or M[1,1], M[1,2], ..., row by row.
-        minimum: Lowest value allowed.
-        maximum: Highest value allowed.
-        nominal: Typical magnitude.
-        terminal: Groups inputs and outputs that are connected together ("drive"). If the partner's
-            variable has another name, that follows after a dot ("sensor.x_measured").
-        limits: Parameters of the block with the lowest and the highest intended value of a state or an
-            output, or one for both directions. They are scalar or have the variable's shape. An instance
-            reports the first value beyond them, and continues.
+        start: start value; its type is that of the variable: float is Real, int Integer, bool Boolean, a
+            member of an `IntEnum` Enumeration. A state can start from a `Parameter` of the block, whose value
+            is used when initialization ends. For an array, one value for all elements, or a list of its
+            shape.
+        unit: unit as in Modelica, such as "N.m/rad" or "m/s2".
+        description: one line on its meaning.
+        symbol: symbol in equations, as LaTeX. Default: derived from the attribute.
+        name: FMI name. Default: the name of the attribute. Elements are x[1], x[2], ... or M[1,1], M[1,2],
+            ...
+        shape: number of elements of a vector, or (rows, columns) of a matrix.
+        minimum: smallest value allowed, in the unit.
+        maximum: largest value allowed, in the unit.
+        nominal: typical size, in the unit.
+        terminal: name of the terminal that bundles inputs and outputs, such as "drive". If the partner has
+            another name for the variable, it follows after a dot, such as "sensor.x_measured".
+        limits: parameters with the lowest and the highest value of a state or an output, or one for both
+            directions. An instance reports the first value beyond them, and continues.
 
     Raises:
-        TypeError: The start value, the shape or the limits do not fit.
+        TypeError: the start value, the shape or the limits do not fit.
     """
 
     def __init__(

@@ -3,6 +3,13 @@
 Closed-chain kinematics, inverse and forward dynamics, and the motion along a B-spline are functions and
 blocks. The paper is the one that `emla_fmu` names. Numbers in parentheses are those of its equations as
 printed.
+
+Examples:
+    >>> from fmublock import Instance
+    >>> from hdrm_fmu import HdrmManipulator
+    >>> block = Instance(HdrmManipulator())
+    >>> block["x_L"]
+    [0.244, 0.389, 0.499]
 """
 
 from .manipulator import HdrmManipulator

@@ -3,6 +3,13 @@
 The paper is Mehdi Heydari Shahna, Mohammad Bahari and Jouni Mattila, "Robustness-Guaranteed Observer-Based
 Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty Robotic Manipulator". Numbers in
 parentheses are those of its equations as printed, Roman numbers those of its tables and sections.
+
+Examples:
+    >>> from fmublock import Instance
+    >>> from rsba_fmu import FocController
+    >>> block = Instance(FocController())
+    >>> block["k_p"]
+    150.0
 """
 
 from .anatc import AnatcController

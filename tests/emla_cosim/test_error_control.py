@@ -121,9 +121,7 @@ def test_a_step_cut_short_leaves_the_next_as_it_was() -> None:
 
 def test_a_step_that_would_be_too_short_ends_the_run() -> None:
     control = StepControl(1e-3, 1, 5e-4)
-    with pytest.raises(
-        RunError, match=r"^the error exceeds its tolerance even with a step of 0.001 s"
-    ):
+    with pytest.raises(RunError, match=r"^the error exceeds its tolerance even with a step of 0.001 s"):
         control.judge(1e-3, 1e9)
     control = StepControl(1e-3, 1, 5e-4)
     control.discard(1e-3)

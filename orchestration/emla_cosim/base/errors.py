@@ -10,9 +10,10 @@ from typing import Any
 
 
 class CosimError(Exception):
-    """An error message for the user: what is wrong, where, and what to do.
+    """Base class of all errors that a user can cause or must know about.
 
-    `fields` has the parts of the message that a program may need, by name.
+    Attributes:
+        fields: parts of the error message by name, for programs.
     """
 
     exit_code = 1
@@ -27,13 +28,13 @@ class CosimError(Exception):
 
 
 class CommandError(CosimError):
-    """The command, or a file that it names, is wrong; nothing was run."""
+    """The arguments, or a file they name, are wrong. Nothing was run."""
 
     exit_code = 2
 
 
 class RunError(CosimError):
-    """The run failed; results computed before the failure are kept."""
+    """A run failed. `fields["result"]` has the results until then, if there are any."""
 
 
 def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:

@@ -93,12 +93,24 @@ class FileOrObject:
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
-    """Return a dataclass field that is an option.
+    """Declare a field of a dataclass as an option.
 
     Args:
-        default: The default value.
-        help: The help text.
-        **about: The other fields of `OptionInfo`.
+        default: default value of the option.
+        help: one line for the help of the command line.
+        **about: further properties, such as `unit`, `above`, `below` and `choices`; see `OptionInfo`.
+
+    Returns:
+        A dataclass field.
+
+    Examples:
+        >>> from dataclasses import dataclass
+        >>> import emla_cosim as ec
+        >>> @dataclass(eq=False)
+        ... class Relaxed(ec.Jacobi):
+        ...     relaxation: float = ec.option(1.0, help="Factor of each correction.", above=0.0)
+        >>> Relaxed(relaxation=0.5).relaxation
+        0.5
     """
     described = {"about": OptionInfo(help, **about)}
     if isinstance(default, (list, dict)):

@@ -21,13 +21,24 @@ COLUMN_UNITS = "units"
 
 @dataclass(frozen=True)
 class LinearTransformation:
-    """The transformation `target = factor * source + offset`."""
+    """Linear transformation of a value: target = factor * source + offset.
+
+    Args:
+        factor: factor, in units of the target per unit of the source.
+        offset: offset in the unit of the target.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> celsius = ec.LinearTransformation(offset=-273.15)
+        >>> round(celsius(300.0), 2)
+        26.85
+    """
 
     factor: float = 1.0
     offset: float = 0.0
 
     def __call__(self, value: float) -> float:
-        """Return the target of a source."""
+        """Return the target of a source value."""
         return self.factor * value + self.offset
 
     def __str__(self) -> str:
@@ -39,11 +50,7 @@ class LinearTransformation:
         return LinearTransformation(self.factor * first.factor, self.factor * first.offset + self.offset)
 
     def inverse(self) -> "LinearTransformation":
-        """Return the inverse transformation.
-
-        Raises:
-            ZeroDivisionError: If the factor is zero.
-        """
+        """Return the inverse; raise ZeroDivisionError for the factor 0."""
         return LinearTransformation(1.0 / self.factor, -self.offset / self.factor)
 
 

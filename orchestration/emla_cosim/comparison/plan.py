@@ -177,7 +177,8 @@ def _parts(
     scenario: str, variant: ControllerVariant, options: Mapping[str, Any], progress: Progress
 ) -> list[Preparation]:
     """Return the subsystems of a scenario that have joints, with this controller."""
-    chosen = load(scenario, **{**options, "controller": variant.controller, "gains": variant.gains})
+    overrides: dict[str, Any] = {**options, "controller": variant.controller, "gains": variant.gains}
+    chosen = load(scenario, **overrides)
     check_run(chosen.options, chosen.name)
     found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
     if not found:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 
@@ -14,6 +14,7 @@ from ..base.errors import CommandError, RunError, check_choice, join_names
 from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import CompareOptions
 from ..run.options import list_options as options_table
 from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import catch_interrupts
@@ -55,50 +56,57 @@ def compare(
     output: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[CompareOptions],
 ) -> CompareResult:
-    """Run a built-in scenario with several controllers, and collect their figures in tables.
+    """Run a built-in scenario with several controllers, and put their metrics into tables.
 
-    Joints that no connection links run separately, so that none ends the run of another. Runs use the
-    workers of a sweep. Ctrl-C ends the comparison early; the result has the runs that finished.
+    Joints without connections to each other run separately, so that none of them ends the others. Ctrl-C ends
+    the comparison early; the result contains the runs that were done.
 
     Args:
-        scenario: The name or the file of a scenario.
-        controllers: Names, FILE.fmu, FILE.py:BLOCK or blocks; default: all of `CONTROLLERS`.
-        gains: Sets of gains: SET for every controller that has it, CONTROLLER/SET for one, "all" for all.
-            Controllers without a named set use their recommended one.
-        table: "paper" (Tables VI and VIII of the paper beside ours, by default with all sets of gains),
-            "robustness" (many cases, by default also with the sets `robust` and `rule`),
-            "stability" (maps over delay and parameters), or None.
-        seeds: Number of held-out seeds, which no tuning used, for scenarios with random sequences. 0 keeps
-            the seeds of the scenario. Default: 5, and 0 for maps.
-        reserves: Parts of current and voltage, such as (0.02, 0.2), that every controller keeps; default:
-            those of each controller.
-        resolution: Points along each axis of the maps of "stability".
-        scheduler: See `sweep`.
-        workers: See `sweep`.
-        output: The output folder.
-        overwrite: Whether to replace files in it that emla did not write.
-        progress: Receives messages and progress.
-        **options: Options of all runs; see `Options`.
+        scenario: name of a built-in scenario.
+        controllers: names, FILE.fmu, FILE.py:BLOCK, or blocks. Default: all of `CONTROLLERS`.
+        gains: sets of gains: SET for each controller that has it, CONTROLLER/SET for one, "all" for all.
+            Default: the recommended set of each controller.
+        table: "paper" (Tables VI and VIII of the paper beside ours), "robustness" (the scenario in many
+            conditions), "stability" (maps over delay and parameters), or None.
+        seeds: number of held-out seeds, the same for all controllers; 0 for the seeds of the scenario.
+            Default: 5, for maps 0.
+        reserves: parts of current and voltage that each controller keeps, such as (0.02, 0.2). Default: those
+            of each controller.
+        resolution: points on each axis of a map.
+        scheduler: as for `sweep`.
+        workers: as for `sweep`.
+        output: folder for the results. Default: no files.
+        overwrite: replace files that emla did not write.
+        progress: receives progress and notes.
+        **options: values by name, for all runs.
+
+    Returns:
+        A row for each joint, controller and case, and the tables.
 
     Raises:
-        CommandError: Controllers, gains, scenario or options are wrong. Raised before the first run.
-        RunError: The cluster is lost, all runs fail, or files cannot be written.
+        CommandError: a controller, a set of gains, the scenario or an option is wrong. Nothing was run.
+        RunError: the cluster is lost, all runs are refused, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> compared = ec.compare("lift", ["rsba", "foc"], seeds=0, stop_time=0.01)
+        >>> compared.rows["controller"].to_list()
+        ['rsba', 'foc']
     """
     reporter, name = progress or Progress(), _name_of(scenario)
-    options |= {"overwrite": True} if overwrite else {}
-    _check(table, resolution, options)
+    overrides: dict[str, Any] = {**options, "overwrite": True} if overwrite else {**options}
+    _check(table, resolution, overrides)
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
-    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), options)
+    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), overrides)
     folder = None
     if output is not None:
         folder = CompareFolder(convert_value(output, Path, "the output folder"), overwrite)
     if table == STABILITY:
-        options = {"stop_time": stability_stop_time(), **options}
-        terms = replace(terms, options=options)
+        terms = replace(terms, options={"stop_time": stability_stop_time(), **overrides})
     plan = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, reporter)
     for kind, known in REGISTRIES.items():
         check_portable(kind, known)

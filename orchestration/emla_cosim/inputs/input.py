@@ -34,12 +34,15 @@ def _parts(text: str) -> re.Match[str] | None:
 
 @dataclass(frozen=True)
 class Column:
-    """A column, by its name.
+    """A column of data that drives a signal.
 
-    Attributes:
-        column: The name, possibly with a unit, "Force [kN]", or as a derivative, "der(x [mm])".
-        unit: The unit of the values; default: that in the name, otherwise that of the signal.
-        derivative: The order of the derivative that drives the signal.
+    Args:
+        column: name of the column; it may contain the unit, "Force [kN]", and a derivative, "der(x [mm])".
+        unit: unit of the values. Default: the one in the name, otherwise that of the signal.
+        derivative: order of the time derivative to use, 0 to 2.
+
+    Raises:
+        CommandError: the order is not 0, 1 or 2.
     """
 
     column: str
@@ -55,7 +58,7 @@ class Column:
 
     @classmethod
     def of_text(cls, text: str) -> "Column":
-        """Return a column by its name."""
+        """Return the column of this name."""
         return cls(text)
 
     def __str__(self) -> str:
@@ -65,17 +68,32 @@ class Column:
 
 @dataclass(frozen=True)
 class Input(FileOrObject):
-    """Data over time that drive signals. Before the first row its values hold.
+    """Data over time that drive signals.
 
-    Attributes:
-        file: A file in CSV, Parquet or a format of `TABLES`.
-        signals: The column that drives each signal, by full name of the signal.
-        columns: Patterns of columns that drive the signals of the same name. Default: all, unless there are
-            `signals`.
-        time: The column of times, in s unless it has another unit; default: `time` or `t`.
-        interpolation: The values between rows: held (that of the row before), linear, or cubic (a spline).
-        end: What follows the last row: hold its values, repeat from the first row, or stop the run.
-        data: In Python, instead of a file: a frame of polars or pandas, or a mapping of names to arrays.
+    Before the first row, the values of that row apply.
+
+    Args:
+        file: CSV or Parquet file, or another format of `TABLES`.
+        signals: column by full name of the signal that it drives. Default: columns drive the signals of the
+            same name.
+        columns: names or patterns of columns that drive the signals of the same name.
+        time: column with the times, in s if it has no unit. Default: the column called time or t.
+        interpolation: values between rows: held, linear or cubic.
+        end: values after the last row: hold, repeat or stop (which ends the run).
+        data: instead of a file, a data frame of polars or pandas, or a mapping of names to arrays of shape
+            (n,).
+
+    Raises:
+        CommandError: the arguments contradict each other.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> load = ec.Input(
+        ...     data={"time": [0.0, 0.01], "force": [0.0, 5e3]}, signals={"lift.disturbance.F_L": "force"}
+        ... )
+        >>> result = ec.load("lift", input=[load], stop_time=0.01).prepare().run()
+        >>> result.steps
+        100
     """
 
     file: Path | None = None
@@ -105,10 +123,13 @@ class Input(FileOrObject):
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
-        """Parse `FILE` or `FILE:SIGNAL=COLUMN,...,end=repeat`.
+        """Return the input that a text of the command line describes.
+
+        Args:
+            text: FILE, or FILE:SIGNAL=COLUMN,...,end=repeat.
 
         Raises:
-            CommandError: If the text has another form.
+            CommandError: the text cannot be read.
         """
         found = _parts(text.strip())
         if found is None or not found["rest"]:
@@ -139,12 +160,12 @@ class Input(FileOrObject):
 
     @property
     def label(self) -> str:
-        """Return its name in error messages."""
+        """Name of the input in messages."""
         return f"the input '{self.file}'" if self.file is not None else "the input of data"
 
     @property
     def is_text(self) -> bool:
-        """Return whether the command line can express it; if so, `str` returns the text."""
+        """Whether `str(self)` describes the input completely."""
         if self.file is None:
             return False
         read = Input.of_text(str(self))
@@ -157,13 +178,13 @@ class Input(FileOrObject):
         return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
-        """Return its entry in run.json, with the hash of the file or None if the file cannot be read."""
+        """Return the entry of run.json, with the SHA-256 of the file; None if it cannot be read."""
         if self.file is None:
             return {"data": "given in Python", **self._settings_text()}
         return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._settings_text()}
 
     def repeatable(self) -> dict[str, Any] | None:
-        """Return its file and settings."""
+        """Return the value of the option that repeats the input; None for data in Python."""
         return None if self.file is None else {"file": str(self.file), **self._settings_text()}
 
     def _settings_text(self) -> dict[str, Any]:

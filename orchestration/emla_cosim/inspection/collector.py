@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from fmpy.model_description import ValidationError
 
@@ -11,6 +11,7 @@ from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
 from ..fmu.interface import Interface, explain_unsupported, first_problem, read_description, read_interfaces
+from ..run.option_types import LoadOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
 from ..run.scenarios.loading import is_fmu
@@ -25,20 +26,31 @@ from .system_info import Info
 from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_fmu_variables
 
 
-def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
-    """Return information on an FMU, a package, a scenario or a system, with the changes of options.
+def info(
+    source: str | Path | System, progress: Progress | None = None, **options: Unpack[LoadOptions]
+) -> Info:
+    """Return what an FMU, an SSP, a scenario or a system contains, with all changes that the options make.
 
-    Built-in FMUs that are missing are built. Nothing is simulated. FMUs that this master cannot run are
-    included.
+    Missing FMUs of this project are built; nothing is simulated. For an FMU that cannot run here, the notes
+    of the result say why.
 
     Args:
-        source: As in `load`.
-        progress: Receives the progress.
-        **options: As in `load`.
+        source: as for `load`.
+        progress: receives the progress of building FMUs.
+        **options: as for `load`.
+
+    Returns:
+        FMUs, components, connections, and variables with units and start values.
 
     Raises:
-        CommandError: If the source or an option is wrong.
-        RunError: If an FMU cannot be built.
+        CommandError: the source or an option is wrong.
+        RunError: an FMU cannot be built.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.info("lift")
+        >>> found["lift.plant.x_L"].unit
+        'm'
     """
     try:
         scenario = load(source, **options)

@@ -8,10 +8,26 @@ Start = float | int | bool | str
 
 @dataclass(frozen=True)
 class FmuInfo:
-    """What an FMU file says about itself. Times are in s, or None if missing.
+    """Model description of an FMU file.
 
-    `kinds` are `CoSimulation`, `ModelExchange` and `ScheduledExecution`; `platforms` are those of its
-    binaries; `size` is the size of its file in bytes.
+    Attributes:
+        path: path of the file.
+        model: name of the model.
+        description: one line on its purpose.
+        fmi_version: such as 2.0.
+        kinds: `CoSimulation`, `ModelExchange` and `ScheduledExecution`, as far as supported.
+        platforms: platforms it has binaries for.
+        start_time: of the default experiment, in s, or None.
+        stop_time: of the default experiment, in s, or None.
+        step_size: of the default experiment, in s, or None.
+        tolerance: relative tolerance of the default experiment, or None.
+        tool: generation tool.
+        version: version of the model.
+        author: author of the model.
+        license: license of the model.
+        guid: identifier of the model.
+        sha256: hash of the file.
+        size: size of the file in bytes.
     """
 
     path: str
@@ -35,7 +51,13 @@ class FmuInfo:
 
 @dataclass(frozen=True)
 class ComponentInfo:
-    """A component of a system. `fmu` is the index of its file among the FMUs."""
+    """Component of a system.
+
+    Attributes:
+        name: path with dots.
+        model: name of the model.
+        fmu: position of its file in `Info.fmus`.
+    """
 
     name: str
     model: str
@@ -44,7 +66,14 @@ class ComponentInfo:
 
 @dataclass(frozen=True)
 class ConnectionInfo:
-    """An output that drives an input, by full names: input = factor * output + offset, in the FMUs' units."""
+    """Connection from an output to an input: input = factor * output + offset.
+
+    Attributes:
+        output: full name of the output.
+        input: full name of the input.
+        factor: in units of the input per unit of the output, as their FMUs declare them.
+        offset: in the unit of the input.
+    """
 
     output: str
     input: str
@@ -54,17 +83,25 @@ class ConnectionInfo:
 
 @dataclass(frozen=True)
 class VariableInfo:
-    """A variable of a system, by its name in options, `component.variable`.
+    """Variable of a system.
 
     Attributes:
-        fmu_name: Its name in the FMU.
-        start: Start value with all changes of the scenario, or None if the FMU calculates it.
-        default: Start value of the FMU alone.
-        unit: Unit of the values, of `minimum` and of `maximum`, or None.
-        choices: Literals of an enumeration.
-        driven_by: Output that drives an input.
-        read_by: Inputs that an output drives.
-        settable: Whether `--set` accepts it.
+        name: full name, `component.variable`.
+        component: name of the component.
+        fmu_name: name in the FMU.
+        causality: as in the FMU, such as input, output or parameter.
+        variability: as in the FMU, such as fixed, tunable or continuous.
+        type: Real, Integer, Boolean, String or Enumeration.
+        unit: unit of all values; None without one.
+        start: start value in the scenario; None if the FMU computes it.
+        default: start value of the FMU; None if the FMU computes it.
+        minimum: smallest value allowed, or None.
+        maximum: largest value allowed, or None.
+        choices: names of the values of an enumeration.
+        description: one line on its meaning.
+        driven_by: full name of the output that is connected to an input, or None.
+        read_by: full names of the inputs that are connected to an output.
+        settable: whether `set` accepts it.
     """
 
     name: str

@@ -31,10 +31,19 @@ is_info = has_format(FORMAT)
 
 @dataclass(frozen=True)
 class Info:
-    """Information on an FMU, a package or a scenario. Times are in s, or None if unknown.
+    """Content of an FMU, an SSP or a scenario. `info["lift.plant.x_L"]` is one of its variables.
 
-    `fmus` has each file once, even if several components use it. `notes` are remarks without full stops.
-    `info["lift.plant.x_L"]` is one of its variables.
+    Attributes:
+        name: name of the scenario, or of the file.
+        description: one line on its purpose.
+        start_time: in s; None if none is defined.
+        stop_time: in s; None if none is defined.
+        step_size: in s; None if none is defined.
+        notes: notes and warnings.
+        fmus: FMU files, each once.
+        components: components of the system.
+        connections: connections between them.
+        variables: variables of all components.
     """
 
     name: str
@@ -49,7 +58,7 @@ class Info:
     variables: tuple[VariableInfo, ...]
 
     def __getitem__(self, name: str) -> VariableInfo:
-        """Return the variable of this full name. Raise CommandError with suggestions for an unknown name."""
+        """Return the variable of this full name; raise CommandError if it does not exist."""
         found = self._by_name.get(name)
         if found is None:
             near = difflib.get_close_matches(name, self._by_name, n=3, cutoff=0.5)
@@ -62,13 +71,19 @@ class Info:
         return {v.name: v for v in self.variables}
 
     def matching(self, *patterns: str) -> "Info":
-        """Return the same information with only the variables that match one of the patterns.
+        """Return the same with the matching variables only.
 
-        A pattern with `*` or `?` matches full names, or names within a component. Other words are searched
-        in full names and descriptions, ignoring case.
+        Args:
+            *patterns: a pattern with `*` or `?` matches full names and names inside of a component. A word
+                without them is searched in full names and descriptions, in upper or lower case.
 
         Raises:
-            CommandError: If a pattern has no match.
+            CommandError: a pattern matches no variable.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> [v.name for v in ec.info("lift").matching("*.plant.x_L").variables]
+            ['lift.plant.x_L']
         """
         kept: set[str] = set()
         for pattern in patterns:
@@ -83,7 +98,7 @@ class Info:
         return replace(self, variables=tuple(v for v in self.variables if v.name in kept))
 
     def to_polars(self) -> "polars.DataFrame":
-        """Return the variables as a polars data frame. Start values are texts, because their types differ."""
+        """Return the variables as a polars data frame; start values are text."""
         import polars
 
         columns: dict[str, Sequence[Any]] = {
@@ -96,11 +111,11 @@ class Info:
         return polars.DataFrame(columns, schema_overrides=_schema())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the content as for JSON; infinite numbers and NaN are None."""
+        """Return everything as plain data; numbers that are not finite become None."""
         return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
 
     def as_json(self) -> str:
-        """Return `as_dict` as JSON text, a line for each variable, without control characters."""
+        """Return everything as JSON text, with one line for each variable."""
         head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
         rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
@@ -112,15 +127,15 @@ class Info:
         return to_plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write `as_json` to a file.
+        """Write everything to a JSON file.
 
         Args:
-            path: The file.
-            overwrite: Whether to replace a file that emla did not write.
+            path: path of the file.
+            overwrite: replace a file that emla did not write.
 
         Raises:
-            CommandError: If no file can be written there.
-            RunError: If writing fails.
+            CommandError: the file must not be written.
+            RunError: writing fails.
         """
         write_text(self.as_json(), Path(path), JSON_FILE, is_info, overwrite)
 

@@ -14,19 +14,19 @@ from .instances.fmu_instance import FmuInstance
 
 @dataclass(frozen=True)
 class Link:
-    """One output that drives one input.
+    """One output that drives one input: input = factor * output + offset.
 
-    Args:
-        source: Position of the instance with the output.
-        output: Position of the output in that instance's `outputs`.
-        target: Position of the instance with the input.
-        input: Position of the input in that instance's `inputs`.
-        direct: Whether a connected output of the target depends on this input without delay.
-        initial: Whether the initial value of such an output depends on this input.
-        factor: The input is `factor` times the output, plus `offset`.
-        offset: In the unit of the input.
-        name: Name in messages and reports.
-        through: Positions of the outputs that depend on this input without delay.
+    Attributes:
+        source: position of the FMU instance with the output.
+        output: position of the output in its vector.
+        target: position of the FMU instance with the input.
+        input: position of the input in its vector.
+        direct: whether a connected output of the target depends on the input without delay.
+        initial: the same for initial values.
+        factor: in units of the input per unit of the output.
+        offset: in the unit of the input.
+        name: name in messages.
+        through: positions of the outputs that depend on the input without delay.
     """
 
     source: int
@@ -42,16 +42,26 @@ class Link:
 
 
 class Network:
-    """FMU instances, one vector with all their outputs, and the signals that each instance reads.
+    """FMU instances, one vector of all their outputs, and the signals that each instance reads.
+
+    The instance at position i writes its outputs to `signals[parts[i]]` and reads `signals[sources[i]]`. Its
+    inputs, `inputs[input_parts[i]]`, are these signals times `factors[i]` plus `offsets[i]`.
 
     Attributes:
-        signals: All outputs; instance i writes `signals[parts[i]]` and reads `signals[sources[i]]`.
-        inputs: All inputs; those of instance i are `inputs[input_parts[i]]`. They are `factors[i]` times
-            the signals that it reads, plus `offsets[i]`.
-        transforms: Per instance, whether factors and offsets change anything.
-        followers: Instances that only pass on their single source, without effect on the order of the others.
-        read: Positions of all signals that an instance reads.
-        order: Positions of the instances, in a good order for stepping one after the other; see `reorder`.
+        instances: FMU instances.
+        links: links between them.
+        names: names of the signals.
+        signals: all outputs, shape (signals,).
+        inputs: all inputs, shape (inputs,).
+        parts: slice of `signals` by position of the instance.
+        input_parts: slice of `inputs` by position of the instance.
+        sources: positions in `signals` that an instance reads.
+        factors: factors of its inputs.
+        offsets: offsets of its inputs.
+        transforms: whether these change the values.
+        read: positions of all signals that an instance reads.
+        followers: positions of instances that only pass on the values of one source.
+        order: positions in a good order of stepping one after the other.
     """
 
     def __init__(

@@ -21,10 +21,20 @@ _BLOCK = 2**20
 
 
 class CsvFile(FileTable):
-    """A table in a CSV file, written during the run in whole lines.
+    """Recorder that writes a table to a CSV file during the run, line by line.
 
-    Numbers have enough digits to restore the same double. A run that continues another one truncates its
-    file at that point and appends to it. Without the file, the table begins with the new rows.
+    Numbers have as many digits as are needed to read back the same double. A run that continues another one
+    continues its file.
+
+    Args:
+        path: path of the file.
+        overwrite: replace a file that emla did not write.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[ec.CsvFile("rows.csv")])
+        >>> result["lift.plant.x_L"].shape
+        (11,)
     """
 
     def begin(self, outline: Outline, memory: Any = None) -> None:

@@ -19,14 +19,14 @@ Figures = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Shown:
-    """How to display a figure.
+    """How tables show a metric.
 
     Args:
-        name: Name of the figure.
-        label: Label on the display.
-        factor: Factor from the figure to the displayed value.
-        unit: Unit of the displayed value.
-        large: Unit for values that are too long in `unit`. They are displayed without the factor.
+        name: name of the metric.
+        label: label in tables.
+        factor: factor from the value to the displayed number.
+        unit: unit of the displayed number.
+        large: unit for values without the factor, if the number becomes too long.
     """
 
     name: str
@@ -37,32 +37,40 @@ class Shown:
 
 
 class Metrics(ABC):
-    """Compute figures of one kind; `shown` lists those to display, in order."""
+    """Base class of metrics: computes metrics of one kind during a run.
+
+    Attributes:
+        shown: metrics that tables show, in order.
+    """
 
     shown: Sequence[Shown] = ()
 
     @abstractmethod
     def write(self, rows: Vector) -> None:
-        """Take the next rows, time first."""
+        """Receive rows.
+
+        Args:
+            rows: array of shape (n, 1 + signals): time in s, then all signals.
+        """
 
     @abstractmethod
     def figures(self) -> Figures:
-        """Return the figures of all rows so far. All names are present, with NaN for missing values."""
+        """Return the metrics of all rows so far; NaN for one that does not exist."""
 
     def remarks(self) -> Sequence[str]:
-        """Return remarks for users to read before the figures."""
+        """Return warnings to read before the metrics."""
         return ()
 
     def ended_early(self, problem: str) -> None:  # noqa: B027
-        """Take the error message of a run that ended before its stop time."""
+        """Receive the error message of a run that ended before its stop time."""
 
     @abstractmethod
     def memory(self) -> Any:
-        """Return the state as plain data, from which another object can continue."""
+        """Return plain data from which `remember` can continue."""
 
     @abstractmethod
     def remember(self, memory: Any) -> None:
-        """Restore the state from `memory`."""
+        """Continue from what `memory` returned."""
 
 
 METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}

@@ -23,10 +23,20 @@ _OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
 
 
 class ParquetFile(FileTable):
-    """A table in a Parquet file: parts during the run, joined to one file at the end.
+    """Recorder that writes a table to a Parquet file.
 
-    During the run, the parts are in the folder `results.parquet.parts` beside the file. Each part is
-    complete and on disk as soon as it has its name.
+    During the run, finished parts are in a folder beside the file, `results.parquet.parts`. At the end they
+    become one file.
+
+    Args:
+        path: path of the file.
+        overwrite: replace a file that emla did not write.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[ec.ParquetFile("rows.parquet")])
+        >>> result["lift.plant.x_L"].shape
+        (11,)
     """
 
     quick_memory = False  # it writes a part

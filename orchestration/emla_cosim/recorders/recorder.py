@@ -19,21 +19,23 @@ from ..system.bond import Bond
 
 @dataclass(frozen=True)
 class Outline:
-    """What recorders know before the first row.
+    """What a recorder needs to know before the first row.
 
-    Args:
-        names: Names of the signals. Rows have the time in s, then these signals.
-        units: Units of the signals.
-        times: The communication points of the run.
-        recorded: Positions of the signals to keep.
-        every: Every `every`-th row is kept.
-        parameters: Numeric parameters of the components, by full name.
-        roles: Names of signals or parameters by role, such as `lift.x_L`.
-        criteria: The user's criteria for the verdicts on joints.
-        exchanged: The continuous connections.
-        bonds: The power bonds by name.
-        watched: Whether steps have any length and not all have a row; `Stepping.watch` gets all.
-        halved: Whether each step is done in two halves.
+    Each row has the time in s, then all signals.
+
+    Attributes:
+        names: full names of the signals.
+        units: units of the signals.
+        times: start, stop and communication points, in s.
+        recorded: positions of the signals to keep.
+        every: keep every n-th row.
+        parameters: numeric parameters of the components, by full name.
+        roles: signal by joint and role, such as `lift.x_L`.
+        criteria: values of the option `criteria`.
+        exchanged: connections that carry continuous signals.
+        bonds: power bonds by name.
+        watched: whether steps have any length and not each of them has a row; `Stepping.watch` gets all.
+        halved: whether each of these steps is done in two halves.
     """
 
     names: Sequence[str]
@@ -74,29 +76,53 @@ class Pause(Protocol):
 
 
 class Recorder:
-    """Take the rows of a run block by block. The methods of this base class do nothing.
+    """Base class of recorders, which receive the rows of a run in blocks. This one ignores them.
 
-    `begin` is called first, and `end` last, also after errors. `begin`, `write` and `end` may raise OSError.
-    Checkpoints keep the result of `memory`, which must be plain data, under `key`. A run that continues from
-    a checkpoint passes it to `begin`.
+    `begin` is called first and `end` last, whatever happens between. They and `write` may raise OSError.
+    Checkpoints keep what `memory` returns under `key`; `begin` gets it when a run continues there.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> class Peak(ec.Recorder):
+        ...     value = 0.0
+        ...
+        ...     def begin(self, outline, memory=None):
+        ...         self.column = 1 + outline.names.index("lift.plant.v_L")
+        ...
+        ...     def write(self, rows):
+        ...         self.value = max(self.value, abs(rows[:, self.column]).max())
+        >>> peak = Peak()
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[peak])
+        >>> bool(peak.value > 0.0)
+        True
     """
 
     key = ""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a run, or continue from a recorder with this `memory`."""
+        """Begin a run, or continue one.
+
+        Args:
+            outline: names, units and times of the rows.
+            memory: what `memory` returned where the run continues; None for a new run.
+        """
 
     def write(self, rows: Vector) -> None:
-        """Take one row or more: time, then all signals. Copy what you keep; the array is reused."""
+        """Receive rows.
+
+        Args:
+            rows: array of shape (n, 1 + signals): time in s, then all signals. It is reused; copy what you
+                keep.
+        """
 
     def pause(self, run: Pause) -> None:
-        """Called between steps, several times per second, and after the last step."""
+        """Do other work while nothing is stepped: called a few times per second, and at the end."""
 
     def end(self) -> None:
-        """Finish pending work after the run."""
+        """End the run and finish pending work."""
 
     def memory(self) -> Any:
-        """Return the state as plain data, from which another recorder can continue; None without one."""
+        """Return plain data from which a recorder can continue, or None."""
 
 
 class RecordingError(RunError):

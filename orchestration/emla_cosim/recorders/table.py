@@ -11,9 +11,12 @@ from .recorder import Outline, Recorder
 
 
 class Table(Recorder):
-    """Keep every n-th row, and the last row, of the recorded signals.
+    """Base class of recorders that keep every n-th row, and the last one, of the selected signals.
 
-    A file format implements `open`, `append` and `read`. Its constructor takes the path of the file.
+    A file format implements `open`, `append` and `read`, and its constructor takes the path of the file.
+
+    Attributes:
+        names: names of the columns, `time` first.
     """
 
     names: list[str]
@@ -24,7 +27,7 @@ class Table(Recorder):
     """Whether `memory` is fast."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a table, or continue from a `memory`, whose rows count."""
+        """Begin a table with the columns of the outline."""
         self.names = ["time", *(outline.names[i] for i in outline.recorded)]
         self._columns = [0, *(1 + i for i in outline.recorded)]
         self._whole = len(outline.recorded) == len(outline.names)
@@ -49,22 +52,29 @@ class Table(Recorder):
             self.append(last)
 
     def memory(self) -> Any:
-        """Return the number of rows so far, due or not."""
+        """Return the number of rows received."""
         return {"rows": self._seen}
 
     @abstractmethod
     def append(self, rows: Vector) -> None:
-        """Append these rows, time first. May raise OSError."""
+        """Append rows; may raise OSError.
+
+        Args:
+            rows: array of shape (n, columns), time in s first.
+        """
 
     def open(self) -> None:
-        """Read the column names from the file of an earlier run, before `read`. May raise OSError."""
+        """Read the names of the columns from an existing file; may raise OSError."""
         raise NotImplementedError(f"{type(self).__name__} has no method 'open'")
 
     @abstractmethod
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Return columns by name, without those that the table does not have. May raise OSError.
+        """Return columns by name; names without a column are left out. May raise OSError.
 
         Args:
-            names: Names of the columns.
-            most: If the table has more rows, only every n-th row may be returned.
+            names: names of columns.
+            most: of a table with more rows, return only every n-th row. Default: all rows.
+
+        Returns:
+            An array of shape (rows,) by name.
         """

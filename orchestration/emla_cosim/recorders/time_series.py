@@ -11,7 +11,15 @@ from .table import Table
 
 
 class TimeSeries(Table):
-    """A table that keeps its rows in memory."""
+    """Recorder that keeps a table in memory.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> table = ec.TimeSeries()
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(recorders=[table])
+        >>> table.rows.shape[0]
+        11
+    """
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin an empty table, also in a run that continues another one."""
@@ -24,7 +32,7 @@ class TimeSeries(Table):
 
     @property
     def rows(self) -> Vector:
-        """All rows: time, then the signals, as in `names`."""
+        """All rows as an array of shape (rows, columns), time in s first."""
         if len(self._blocks) != 1:
             self._blocks = [np.concatenate([np.empty((0, len(self.names))), *self._blocks])]
         return self._blocks[0]

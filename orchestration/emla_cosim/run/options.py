@@ -76,10 +76,10 @@ _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 @dataclass(frozen=True)
 class Options:
-    """All settings of a run, in SI units. None means the scenario's value, or the default.
+    """Values of all options of a run, as in the table of options. Times are in s.
 
-    `own` has the options of algorithms, step-size controls and recorders, by name; see `ALGORITHMS`,
-    `STEP_SIZE_CONTROLS` and `RECORDERS`.
+    None means the value of the scenario, or the default. `own` has the options of algorithms, step-size
+    controls and recorders by name; see `ALGORITHMS`, `STEP_SIZE_CONTROLS` and `RECORDERS`.
     """
 
     set: Mapping[str, Value] = _system(
@@ -334,7 +334,21 @@ class Options:
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
-        """Return the options with new values. Read them and raise errors as `read_options` does."""
+        """Return the options with other values.
+
+        Args:
+            given: values by name, as `load` takes them.
+            where: what error messages call the place of the values.
+            folder: folder that relative paths refer to.
+
+        Raises:
+            CommandError: a name does not exist, or a value has a wrong type or range.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> ec.Options().updated({"stop_time": "10 ms"}).stop_time
+            0.01
+        """
         return self.merged(read_options(given, where, folder))
 
     def merged(self, values: Mapping[str, Any]) -> "Options":
@@ -347,7 +361,7 @@ class Options:
 
     @property
     def algorithm_name(self) -> str:
-        """Return the name of the algorithm, or the class name of the user's own."""
+        """Name of the algorithm; the class name of an algorithm of your own."""
         return _name_of(self.algorithm, ALGORITHMS)
 
     @property
@@ -366,10 +380,10 @@ class Options:
         return self.isolate
 
     def replacements(self) -> dict[str, Replacement]:
-        """Return the replacements by component, including the mappings from the option `mapping`.
+        """Return the replacements by component, with the files of the option `mapping`.
 
         Raises:
-            CommandError: If a mapping names a component that is not replaced.
+            CommandError: a mapping belongs to a component that is not replaced.
         """
         found = dict(self.replace)
         for name, file in self.mapping.items():
@@ -399,7 +413,11 @@ class Options:
         return found
 
     def make_algorithm(self) -> Algorithm:
-        """Return the algorithm with its options. Raise CommandError for options that it does not have."""
+        """Return the algorithm with its options.
+
+        Raises:
+            CommandError: the algorithm does not have one of the options.
+        """
         return self._made(self.algorithm, ALGORITHMS, "algorithm")
 
     def make_step_size_control(self) -> StepSizeControl:
@@ -428,14 +446,14 @@ class Options:
         return kinds[chosen](**given)
 
     def make_recorders(self) -> list[Recorder]:
-        """Return the recorders of `RECORDERS` that an option selects."""
+        """Return the recorders of `RECORDERS` whose options are set."""
         asked = (
             (kind, {n: v for n, v in self.own.items() if n in _names(kind)}) for kind in RECORDERS.values()
         )
         return [kind(**given) for kind, given in asked if given]
 
     def in_effect(self) -> list[tuple[Option, Any]]:
-        """Return every option that applies, with its value."""
+        """Return each option that applies, with its value."""
         found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
         control = self.make_step_size_control()
         for part in (self.make_algorithm(), control, *self.make_recorders()):

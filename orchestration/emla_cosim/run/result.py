@@ -25,28 +25,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Result:
-    """Signals, metrics and statistics of a run.
+    """Signals, metrics and record of a run.
 
-    `result["lift.plant.x_L"]` is a signal as an array, with a value for each element of `time`.
+    `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `result.time`.
 
     Attributes:
-        units: Units of the signals, by name.
-        metrics: Metrics by kind, subject and name, as in metrics.json.
-        remarks: Messages to read before the metrics.
-        signals: `minimum`, `maximum`, `rms` and `final` value of every recorded signal, by its full name and
-            in its unit, over all communication points; NaN if a value was NaN.
-        problem: Message that says why the run ended early or which requirement is not met, or None.
-        interrupted: Whether the user interrupted the run.
-        steps, simulated_s, wall_s: Extent of this run, without the part before its checkpoint.
-        end_s: Simulated time reached.
-        stepping: Statistics of the steps.
-        pacing: Statistics of real-time pacing.
-        record: Content of run.json.
-        comparisons: Comparisons with the run that the option `reference` names.
-        parameters: Numeric parameters of all components, by full name.
-        roles: The option `roles`.
-        notes: Remarks on the scenario with the values of this run, without full stops.
-        coupling: Errors of the coupling, by bond and by connection, as in metrics.json.
+        name: name of the scenario.
+        units: unit of each signal by name.
+        times: start, stop and communication points, in s.
+        table: recorder that kept the rows; None if no recorder keeps a table.
+        metrics: metrics by kind, by object (such as the joint) and by name, as in metrics.json.
+        shown: labels and units of the metrics that tables show.
+        remarks: warnings to read before the metrics.
+        steps: number of communication steps of this run.
+        simulated_s: simulated time of this run, in s.
+        end_s: time that was reached, in s.
+        wall_s: wall time of this run, in s.
+        stepping: how the steps were made, as in run.json.
+        pacing: how real time was kept; None without `real_time`.
+        problem: error message if the run ended early or misses a requirement, otherwise None.
+        interrupted: whether Ctrl-C or a signal ended the run.
+        record: content of run.json.
+        comparisons: signals with those of the run that the option `reference` names.
+        parameters: numeric parameters of all components, by full name.
+        signals: `minimum`, `maximum`, `rms` and `final` of each recorded signal, from all communication
+            points, in its unit; NaN where a value was NaN.
+        roles: value of the option `roles`.
+        notes: notes on the scenario with the values of this run, without full stops.
+        coupling: error of the coupling by bond and by connection, as in metrics.json.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run()
+        >>> result.time[-1], str(result.units["lift.plant.x_L"])
+        (np.float64(0.01), 'm')
     """
 
     name: str
@@ -73,33 +85,40 @@ class Result:
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
-        """Return a signal at the times of `time`, in its unit. Raise CommandError if it does not exist."""
+        """Return a signal as an array of shape (rows,), in its unit.
+
+        Raises:
+            CommandError: the signal was not kept.
+        """
         return self.read([name])[name]
 
     @property
     def time(self) -> Vector:
-        """Times of the rows in s."""
+        """Times of the rows in s, shape (rows,)."""
         return self["time"]
 
     @property
     def names(self) -> list[str]:
-        """Names of the recorded signals."""
+        """Names of the signals that were kept."""
         return self._table.names[1:]
 
     @property
     def run_figures(self) -> dict[str, Any]:
-        """Statistics of the run as in metrics.json: number of steps and durations."""
+        """Number of steps, wall time in s and steps per second, as in metrics.json."""
         return run_figures(self.steps, self.wall_s)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-        """Read signals, or `time`, by name.
+        """Return several signals.
 
         Args:
-            names: Names of signals.
-            most: Largest number of rows. If there are more, every n-th row may be returned.
+            names: names of signals, or `time`.
+            most: of a table with more rows, return only every n-th row. Default: all rows.
+
+        Returns:
+            An array of shape (rows,) by name.
 
         Raises:
-            CommandError: If a signal was not recorded.
+            CommandError: a signal was not kept.
         """
         known = self._table.names
         for name in names:
@@ -110,13 +129,17 @@ class Result:
         return self._table.read(names, most)
 
     def to_polars(self) -> "polars.DataFrame":
-        """Return all rows as a polars data frame; the first column is `time`."""
+        """Return all rows as a polars data frame, with `time` as its first column."""
         import polars
 
         return polars.DataFrame(self.read(self._table.names))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return all rows as a pandas data frame, indexed by `time`. Raise CommandError without pandas."""
+        """Return all rows as a pandas data frame, with `time` as its index.
+
+        Raises:
+            CommandError: pandas is not installed.
+        """
         try:
             import pandas
         except ImportError as error:
@@ -127,7 +150,17 @@ class Result:
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
     def plot(self, *names: str) -> "Figure":
-        """Plot signals over time, a panel per unit. Patterns such as `lift.*.x_*` select several signals."""
+        """Draw signals over time, with one panel for each unit.
+
+        Args:
+            *names: names of signals, or patterns such as `lift.*.x_*`.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            CommandError: no signal has one of the names.
+        """
         from ..views.plots.overlay import plot_signals
 
         return plot_signals(self, names)
@@ -135,14 +168,25 @@ class Result:
     def compare(
         self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
     ) -> tuple[Comparison, ...]:
-        """Compare every signal with that of a saved run, in a tube in value and time around it.
+        """Compare each signal with that of a saved run, in a tube around the saved one.
 
         Args:
-            reference: Output folder of a run, or a table.
-            tolerance: Width of the tubes relative to a signal's range, by name or pattern.
+            reference: folder of results, or a table of results.
+            tolerance: width of the tubes by name or pattern of signals. A number is relative to the range of
+                the signal. Default: 1e-3.
+
+        Returns:
+            One comparison for each signal that both runs have.
 
         Raises:
-            CommandError: If there is no such run.
+            CommandError: there is no saved run, or a tolerance is wrong.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> result = ec.load("lift", stop_time=0.01).prepare().run()
+            >>> pictures = result.save("kept", plots=False)
+            >>> all(one.left_at is None for one in result.compare("kept"))
+            True
         """
         from ..recorders.stored import open_stored_run  # importing it loads polars
 
@@ -158,21 +202,21 @@ class Result:
         report: bool = False,
         overwrite: bool = False,
     ) -> list[Path]:
-        """Write results.csv, metrics.json, run.json and plots to a folder.
+        """Write the table, metrics.json, run.json and pictures to a folder.
 
         Args:
-            folder: Output folder.
-            plots: Whether to write plots.
-            animate: Whether to write an animation (GIF).
-            report: Whether to write a page, report.html.
-            overwrite: Whether to replace files that emla did not write.
+            folder: output folder; it is created if needed.
+            plots: draw pictures.
+            animate: add an animation of the manipulator, a GIF.
+            report: add a page, report.html.
+            overwrite: replace files that emla did not write.
 
         Returns:
-            The plot files.
+            Paths of the pictures.
 
         Raises:
-            CommandError: If the folder cannot be written, or the run cannot be animated.
-            RunError: If the disk is full.
+            CommandError: the folder cannot be written, or there is nothing to animate.
+            RunError: the disk is full.
         """
         from ..views.animation import check_animated
         from ..views.output_folder import OutputFolder

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.files import get_working_folder
@@ -40,6 +40,7 @@ from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
 from .execution import Run
 from .followers import following_values
+from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
 from .preparation import limit_to_data_end, prepare_system
@@ -50,11 +51,20 @@ from .run_setup import run_times, select_isolated, select_signals, steps_per_row
 
 
 class Simulation:
-    """A system with loaded and connected FMUs and a compiled loop.
+    """A system with loaded FMUs and a compiled loop, which can run many times.
 
-    `run` runs it from start to stop. `start`, `advance` and `finish` do the same in parts; between them you
-    can read and set values by name: `simulation["lift.plant.x_L"]`. Every run starts again, with other
-    options if you give any. `close`, the end of a `with` block or the end of the object free the FMUs.
+    `run` simulates from start to stop. `start`, `advance` and `finish` do the same in parts; between them you
+    can read variables and set inputs by name. Each run begins from the same initial state. `close`, or the
+    end of a `with` block, frees the FMUs.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> with ec.load("lift", stop_time=0.01).prepare() as simulation:
+        ...     simulation.advance(0.005)
+        ...     position = simulation["lift.plant.x_L"]
+        ...     result = simulation.finish()
+        >>> round(position, 2)
+        0.24
     """
 
     def __init__(
@@ -112,7 +122,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """End the current run, free the FMUs and remove unpacked files."""
+        """Free the FMUs, and end the current run."""
         with self._lock_use():
             try:
                 self._abandon()
@@ -121,12 +131,12 @@ class Simulation:
 
     @property
     def names(self) -> list[str]:
-        """Names of all signals: component.variable."""
+        """Names of all signals, `component.variable`."""
         return list(self._assembly.network.names)
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
-        """Units of the signals, by name."""
+        """Unit of each signal by name; None where the FMU declares none."""
         found = {}
         for name in self._assembly.network.names:
             component, variable = self.system.split(name)
@@ -136,29 +146,61 @@ class Simulation:
         return found
 
     def run(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> Result:
-        """Run from start to stop and return the result.
+        """Simulate from start to stop.
 
-        Ctrl-C ends the run between two steps; the result is then incomplete.
+        Ctrl-C ends the run after the current step; the result contains everything until then.
 
         Args:
-            recorders: Recorders of this run. Default: keep the table of results in memory. Metrics are always
-                computed.
-            fresh: Whether to make new instances of the FMUs instead of resetting them.
-            **options: Options of `Options` for this run only, such as `stop_time`, `algorithm` or `set`.
+            recorders: what keeps the rows. Default: a `TimeSeries`, which keeps the table in memory. Metrics
+                are always computed.
+            fresh: create new FMU instances instead of resetting them.
+            **options: values by name, for this run only, such as `stop_time`, `step_size`, `algorithm` and
+                `set`.
+
+        Returns:
+            Signals, metrics and the record of the run.
 
         Raises:
-            CommandError: If an option does not fit.
-            RunError: If the run fails or a requirement is not met. `fields["result"]` has the result.
+            CommandError: an option does not fit. Nothing was run; the simulation can still be used.
+            RunError: the run failed, or a condition of `require` does not hold. `fields["result"]` has the
+                results until then.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> simulation = ec.load("lift").prepare()
+            >>> result = simulation.run(stop_time=0.01, set={"lift.plant.motor.R_s": 0.2})
+            >>> result["lift.plant.x_L"].shape
+            (11,)
         """
         with self._lock_use():
             return self._check_complete(self._attempt(recorders, fresh, options))
 
     def attempt(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> Result:
-        """Run as `run` does, but also return the result of a failed run; see its `problem`."""
+        """Run as `run` does, but return the result of a failed run instead of raising RunError.
+
+        Args:
+            recorders: as for `run`.
+            fresh: as for `run`.
+            **options: as for `run`.
+
+        Returns:
+            The result. Its `problem` is the error message of a failed run, otherwise None.
+
+        Raises:
+            CommandError: an option does not fit.
+        """
         with self._lock_use():
             return self._attempt(recorders, fresh, options)
 
@@ -172,15 +214,29 @@ class Simulation:
         return self._ended()
 
     def so_far(self) -> Result:
-        """Return the result of the current run so far. Raise CommandError without a run."""
+        """Return the results of the current run up to now; raise CommandError if there is no run."""
         if self._run is None:
             raise CommandError("there is no current run; call `start` first.")
         return self._result(self._run)
 
     def start(
-        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+        self,
+        *,
+        recorders: Sequence[Recorder] | None = None,
+        fresh: bool = False,
+        **options: Unpack[RunOptions],
     ) -> None:
-        """Start a run for `advance`. The arguments are those of `run`."""
+        """Begin a run, which `advance` continues and `finish` ends.
+
+        Args:
+            recorders: as for `run`.
+            fresh: as for `run`.
+            **options: as for `run`.
+
+        Raises:
+            CommandError: an option does not fit.
+            RunError: an FMU fails during initialization.
+        """
         with self._lock_use():
             self._start(recorders, fresh, options)
 
@@ -265,15 +321,15 @@ class Simulation:
             run.begin(times.stop if chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
-        """Step to a communication point; start a run if there is none.
+        """Simulate up to a time. Without `start`, this begins a run with the options of the simulation.
 
         Args:
-            time: Time of the communication point in s.
+            time: communication point to reach, in s.
 
         Raises:
-            CommandError: If the time is no communication point.
-            RunError: If a step fails.
-            KeyboardInterrupt: After Ctrl-C, when the current step is complete. The run can then continue.
+            CommandError: the time is not a communication point, or it is after the stop time.
+            RunError: a step failed.
+            KeyboardInterrupt: Ctrl-C was pressed. The run can continue or be finished.
         """
         with self._lock_use():
             interrupted = self._advance(time)
@@ -306,7 +362,15 @@ class Simulation:
         return self._run is not None and self._run.run.interrupted
 
     def finish(self) -> Result:
-        """End the current run and return its result. Raises the errors of `run`."""
+        """End the current run.
+
+        Returns:
+            The result up to the time that was reached.
+
+        Raises:
+            CommandError: there is no current run.
+            RunError: as for `run`.
+        """
         with self._lock_use():
             return self._finish()
 
@@ -324,15 +388,21 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Time of the current run in s, or its start time before it begins."""
+        """Time of the current run in s; the start time if there is no run."""
         if self._run is None:
             return self.options.start_time or 0.0
         return self._run.run.stepping.time
 
     def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable by its full name, in its unit.
+        """Return the current value of a variable, in its unit.
 
-        Start a run if there is none. Raise CommandError for an unknown name.
+        Without a current run, this begins one.
+
+        Args:
+            name: full name, `component.variable`.
+
+        Raises:
+            CommandError: the variable does not exist.
         """
         with self._lock_to_thread():
             return self._value(name)
@@ -347,9 +417,16 @@ class Simulation:
         return alias.transformation.inverse()(value) if component.aliases else value
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set an unconnected input. It keeps the value until it is set again.
+        """Set an input that has no connection. It keeps the value until you set it again.
 
-        Start a run if there is none. Raise CommandError for other variables and for values that do not fit.
+        Without a current run, this begins one.
+
+        Args:
+            name: full name, `component.variable`.
+            value: value in the unit of the variable.
+
+        Raises:
+            CommandError: the variable does not exist, is not an unconnected input, or the value does not fit.
         """
         with self._lock_to_thread():
             self._set(name, value)

@@ -28,21 +28,26 @@ _LARGEST_SEED = 2**63 - 1
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan of a sweep, before its FMUs are read.
+    """A sweep: a scenario, what varies, how it is sampled, and what is kept.
 
-    Attributes:
-        name: Name of the sweep.
-        scenario: Scenario to run.
-        vary: Distributions by name: a start value (component.variable), a component (whose FMU varies) or an
-            option. See `distributions.parse_distribution` for the values.
-        description: Description of the plan.
-        sampling: A name of `SAMPLINGS`. Default: "grid", or "random" with `runs`.
-        runs: Number of runs or base samples.
-        seed: Seed of random values.
-        metrics: Metrics to keep. Default: all figures.
-        signals: Names or patterns of signals to keep over time.
-        options: Options for all variants; they override those of the scenario.
-        where: Name of the plan in messages.
+    Args:
+        name: name of the sweep.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: what varies, and how, as for `sweep`.
+        description: one line on its purpose.
+        sampling: how variants are chosen, as for `sweep`.
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        metrics: metrics to keep, as for `sweep`. Default: all.
+        signals: names or patterns of signals to keep over time.
+        options: values of options by name, for all variants.
+        where: what error messages call the plan.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = ec.Plan("warm", "lift", {"lift.plant.motor.R_s": "0.1:0.2"}, runs=8)
+        >>> plan.updated({"runs": 16}).runs
+        16
     """
 
     name: str
@@ -58,13 +63,15 @@ class Plan:
     where: str = "the sweep"
 
     def updated(self, given: Mapping[str, Any]) -> "Plan":
-        """Return the plan with other values; None changes nothing.
+        """Return the plan with other values; `vary` and `options` are merged, None changes nothing.
 
-        `vary`, `options`, and tables among the options such as `set` are merged. A sampling without runs
-        drops those of the plan.
+        A sampling that does not take `runs` drops those of the plan.
+
+        Args:
+            given: values of fields by name.
 
         Raises:
-            CommandError: A value has the wrong type.
+            CommandError: a value has a wrong type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
@@ -81,7 +88,7 @@ class Plan:
         return changed
 
     def check(self) -> None:
-        """Raise CommandError for errors that do not depend on the scenario."""
+        """Raise CommandError for mistakes that can be found without the scenario."""
         types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
         for name, type_ in types.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")

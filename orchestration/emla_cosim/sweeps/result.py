@@ -19,32 +19,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SweepResult(SweepData):
-    """The result of a sweep.
+    """Variants of a sweep with their metrics, and the signals that were kept.
 
     Attributes:
-        name: Name of the sweep.
-        sampling: Name of the sampling.
-        seed: Seed of the sampling.
-        factors: Names of the factors.
-        figures: Names of the figures.
-        variants: One row for each variant, sorted: `variant` (number from 0), a column for each factor,
-            `status` (a name in `data`), `problem` (message or null) and a column for each figure (number or
-            Boolean; null or NaN if missing).
-        signals: Names of the recorded signals.
-        series: Columns `variant`, `time` in s and the signals; None without signals.
-        units: Units of factors and signals by name.
-        shown: Label, factor and unit for displaying figures, by name.
-        folder: Folder of the sweep; None if it is temporary.
-        complete: Whether all variants ran.
-        required: Requirements on each variant.
-        base: Command that runs the scenario with the options of all variants; None if there is none.
-        targets: Targets of the values of each factor.
-        wall_s: Duration in s.
-        notes: Warnings without periods, to read before the figures.
+        name: name of the sweep.
+        sampling: name of the sampling.
+        seed: its seed.
+        factors: names of what varies.
+        figures: names of the metrics.
+        variants: polars data frame with a row for each variant: `variant` (number from 0), a column for each
+            factor, `status`, `problem` (error message or null), and a column for each metric.
+        signals: names of the signals that were kept.
+        series: lazy polars frame with `variant`, `time` in s and the kept signals; None if there are none.
+        units: units of factors and signals by name.
+        shown: labels and units of the metrics that tables show.
+        folder: folder of the sweep; None if it is deleted together with the result.
+        complete: whether all variants are done.
+        required: conditions of the option `require`.
+        base: command that runs the scenario; None if there is none.
+        targets: start values and options that each factor sets.
+        wall_s: wall time in s.
+        notes: notes to read before the metrics, without full stops.
     """
 
     def options(self, variant: int) -> dict[str, Any]:
-        """Return the options that are specific to a variant. Raise CommandError if it does not exist."""
+        """Return the options of one variant, by name.
+
+        Raises:
+            CommandError: the variant does not exist.
+        """
         rows = self.variants.filter(polars.col(VARIANT) == variant)
         if not rows.height:
             raise CommandError(f"there is no variant {variant}.", variant=variant)
@@ -52,19 +55,25 @@ class SweepResult(SweepData):
         return merge_options(assign_value(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
-        """Return the command that runs a variant alone; None if it needs objects that only Python has."""
+        """Return the command that runs one variant; None if an object exists in Python only."""
         if self.base is None or (own := format_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])
 
     def sobol(self, figure: str) -> SobolIndices:
-        """Return the Sobol indices of a figure, such as `lift.held`. The sampling must be `saltelli`.
+        """Return the Sobol indices of a metric. The sampling must be `saltelli`.
+
+        Args:
+            figure: name of the metric, such as `lift.held`.
+
+        Returns:
+            First-order and total indices by factor, with their confidence.
 
         Raises:
-            CommandError: The sampling is another, the figure does not exist, or there are too few samples.
+            CommandError: the sampling or the metric is wrong, or there are too few base samples.
 
         Warns:
-            UserWarning: Base samples are left out, which biases the indices.
+            UserWarning: base samples are left out because variants failed, which biases the indices.
         """
         found = sobol_indices(self, figure)
         if found.warning is not None:
@@ -72,14 +81,16 @@ class SweepResult(SweepData):
         return found
 
     def plot(self, kind: str, *names: str) -> "Figure":
-        """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+        """Draw a picture of the sweep.
 
         Args:
-            kind: Name of the picture.
-            names: Signals or figures to show; a map shows one figure.
+            kind: `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+            *names: signals or metrics to show; a map shows one metric.
+
+        Returns:
+            A matplotlib figure.
 
         Raises:
-            CommandError: A name does not exist, or the picture needs another sampling: `tornado` needs
-                one-at-a-time.
+            CommandError: a name does not exist, or the sampling does not allow this kind.
         """
         return draw_picture(self, kind, names)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 from distributed import Client
@@ -15,6 +15,7 @@ from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import SweepOptions
 from ..run.run_setup import select_signals
 from ..sandbox.interruption import catch_interrupts
 from .design import Design, design_variants
@@ -49,42 +50,49 @@ def sweep(
     overwrite: bool = False,
     resume: bool = False,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[SweepOptions],
 ) -> SweepResult:
-    """Run many variants of a scenario in parallel on a Dask cluster.
+    """Run many variants of a scenario on all cores or on a cluster.
 
-    Ctrl-C ends the sweep early; the result then has the variants that are finished.
+    Ctrl-C ends the sweep early; the result contains the variants that were done.
 
     Args:
-        source: A plan, its name or its file; or a scenario as for `load`, with `vary`.
-        vary: Distributions by name. A name is a start value (component.variable, or a pattern), an option,
-            or a component (whose FMU varies). A distribution is an object, a list of values, or a text such
-            as "0.05:0.3:20", "normal(0.14, 0.01)" or "±10%".
-        runs: Number of runs or base samples.
-        seed: Seed of random values.
-        sampling: A name of `SAMPLINGS`. Default: "grid", or "random" with `runs`.
-        metrics: Names or patterns of figures, "name = expression" over signals, or functions of a `Result`.
-            Default: all figures.
-        signals: Names or patterns of signals to keep over time.
-        scheduler: Address of a scheduler, or a `distributed.Client`, which stays open. Default: a cluster on
-            this machine.
-        workers: Number of workers on this machine. Default: one for each core.
-        output: Folder of the results. Default: a temporary one that exists as long as the result.
-        overwrite: Whether to replace files that emla did not write.
-        resume: Whether to continue the unfinished sweep in `output`.
-        progress: Receives the progress.
-        options: Options of `Options`, for all variants.
+        source: a plan, its name or its file; or a scenario as for `load`, with `vary`.
+        vary: what varies, and how. A name is that of a start value (`component.variable`, or a pattern), of
+            an option, or of a component, whose FMU varies. A value is a `Distribution`, a list of values, or
+            a text such as "0.05:0.3:20", "normal(0.14, 0.01)" or "±10%".
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        sampling: how variants are chosen, such as "grid" or "random". Default: "grid", or "random" with
+            `runs`.
+        metrics: metrics to keep of each variant: names or patterns, "name = expression" over signals, or
+            functions of a `Result`. Default: all registered metrics.
+        signals: names or patterns of signals to keep over time.
+        scheduler: address of a Dask scheduler, or a `distributed.Client`, which stays open. Default: a
+            cluster on this machine.
+        workers: number of processes on this machine. Default: one for each core.
+        output: folder for the results. Default: a temporary one, deleted together with the result.
+        overwrite: replace files that emla did not write.
+        resume: continue the unfinished sweep in `output`.
+        progress: receives progress and notes.
+        **options: values by name, for all variants.
 
     Returns:
-        The result.
+        A row for each variant, and the signals that were kept.
 
     Raises:
-        CommandError: The plan is invalid. No variant runs.
-        RunError: The cluster is lost, or files cannot be written.
+        CommandError: the plan is wrong. Nothing was run.
+        RunError: the cluster is lost, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
+        >>> found.variants["status"].to_list()
+        ['completed', 'completed']
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
-    options |= {"overwrite": True} if overwrite else {}
-    plan = load_plan(source).updated({**given, "signals": signals, "options": options})
+    chosen = {**options, "overwrite": True} if overwrite else {**options}
+    plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
     check_cluster(scheduler, workers)
     with _open_folder(output, resume, overwrite) as (folder, held):
         progress = progress or Progress()

@@ -14,7 +14,24 @@ from .targets import Target
 
 
 def read_sweep(folder: str | Path) -> SweepResult:
-    """Read the result of a sweep, finished or not. Raise CommandError if the folder has none."""
+    """Read a sweep from its folder, also one that ended early.
+
+    Args:
+        folder: the `output` of the sweep.
+
+    Returns:
+        The same as `sweep` returned.
+
+    Raises:
+        CommandError: the folder contains no sweep.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = {"lift.plant.motor.R_s": [0.1, 0.2]}
+        >>> found = ec.sweep("lift", plan, stop_time=0.01, output="kept")
+        >>> ec.read_sweep("kept").variants.height
+        2
+    """
     place = convert_value(folder, Path, "the folder of the sweep")
     record = SweepFolder.record_of(place)
     try:

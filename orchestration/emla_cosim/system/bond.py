@@ -7,9 +7,18 @@ from ..base.errors import CommandError
 
 @dataclass(frozen=True)
 class Bond:
-    """Two signals, by full name, whose product is a power, such as a force and a speed.
+    """Two signals whose product is a power, such as a force and a speed.
 
-    One component outputs the effort; the other one receives it and returns the flow.
+    One component sends the effort to another one, which sends back the flow.
+
+    Args:
+        effort: full name of the first signal.
+        flow: full name of the second signal.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> ec.Bond.read("axis", "load.F * actuator.v")
+        Bond(effort='load.F', flow='actuator.v')
     """
 
     effort: str
@@ -19,19 +28,19 @@ class Bond:
         return f"{self.effort} * {self.flow}"
 
     def with_names(self, **names: object) -> "Bond":
-        """Return the bond with its placeholders, such as {joint}, replaced by these names."""
+        """Return the bond with names instead of placeholders such as {joint}."""
         return Bond(self.effort.format(**names), self.flow.format(**names))
 
     @classmethod
     def read(cls, name: str, text: str) -> "Bond":
-        """Parse `EFFORT * FLOW`.
+        """Read a bond from the text EFFORT * FLOW.
 
         Args:
-            name: The name of the bond, for error messages.
-            text: The text to parse.
+            name: name of the bond in error messages.
+            text: names of two signals.
 
         Raises:
-            CommandError: If the text has another form.
+            CommandError: the text cannot be read.
         """
         effort, flow, *more = [part.strip() for part in text.split("*")] + [""]
         if not effort or not flow or any(more):

@@ -18,17 +18,24 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a signal.
+    """Failure of a signal for some time.
 
-    A fault of an output affects all its receivers, a fault of an input only that input. `freeze` keeps the
-    last value, `offset` adds `value`, `gain` multiplies by it, and `constant` replaces the signal by it.
+    The fault of an output affects all its receivers, that of an input only this input.
 
-    Attributes:
-        signal: The full name of the signal.
-        kind: One of `KINDS`.
-        start: The start time in s.
-        duration: The duration in s; None for an unlimited one.
-        value: The value, for an offset or constant in the unit of the signal; None for `freeze`.
+    Args:
+        signal: full name of the signal.
+        kind: `freeze` keeps the last value, `offset` adds `value`, `gain` multiplies by it, `constant` is it.
+        start: start of the fault, in s.
+        duration: duration in s. Default: to the end of the run.
+        value: offset, gain or constant, in the unit of the signal.
+
+    Raises:
+        CommandError: the arguments contradict each other.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> str(ec.Fault("lift.plant.x_measured", "offset", start=1.0, duration=0.1, value=1e-3))
+        'lift.plant.x_measured=offset:0.001@1.0+0.1'
     """
 
     signal: str
@@ -57,10 +64,10 @@ class Fault:
 
     @classmethod
     def of_text(cls, text: str) -> "Fault":
-        """Parse `SIGNAL=KIND[:VALUE]@START[+DURATION]`.
+        """Return the fault that a text describes: SIGNAL=KIND:VALUE@START+DURATION.
 
         Raises:
-            CommandError: If the text has another form, or a field is invalid.
+            CommandError: the text cannot be read.
         """
         found = _TEXT.fullmatch(text.strip())
         if found is None:

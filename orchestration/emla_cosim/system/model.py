@@ -29,16 +29,16 @@ class Alias:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU instance in a system, and its start values.
+    """One FMU in a system, with its start values.
 
-    Attributes:
-        name: A path with dots, such as joint.component.
-        model: The name of one of our models, or a block of `fmublock` to build.
-        parameters: Start values by variable name; enumerations by number or by the name of the literal.
-        fmu: The FMU file, instead of a model.
-        aliases: The variables that have another name or unit in the FMU.
-        samples: Whether it computes at communication points, as a digital controller does. Values held
-            between them do not count as coupling errors.
+    Args:
+        name: path with dots, such as joint.component.
+        model: name of an FMU of this project, or a block of `fmublock`; or leave it out and pass `fmu`.
+        parameters: start values by name of the variable; those of enumerations by number or name.
+        fmu: path of an FMU.
+        aliases: variables that have another name or unit in the FMU.
+        samples: whether it computes at communication points only, as a digital controller does. The values it
+            holds between them are then no error of the coupling.
     """
 
     name: str
@@ -50,17 +50,22 @@ class Component:
 
     @property
     def branch(self) -> str:
-        """Return the part of the name before the first dot."""
+        """Part of the name before the first dot."""
         return self.name.partition(".")[0]
 
     def alias(self, name: str) -> Alias:
-        """Return the FMU's name and unit of a variable."""
+        """Return name and unit of a variable in the FMU."""
         return self.aliases.get(name) or Alias(name)
 
 
 @dataclass(frozen=True)
 class Replacement:
-    """An FMU that replaces a component, and an SSM file that maps our names to its names."""
+    """FMU that replaces a component.
+
+    Args:
+        fmu: path of the FMU.
+        mapping: SSP parameter mapping (.ssm) from the names of the component to those of the FMU.
+    """
 
     fmu: Path
     mapping: Path | None = None
@@ -73,10 +78,14 @@ class Replacement:
 
 @dataclass(frozen=True)
 class Connection:
-    """An output of one component that drives an input of another one, by the names in their FMUs.
+    """Connection from an output to an input.
 
-    Without a `transformation`, values are converted from the output's unit to the input's unit. With one, it
-    computes the input from the output, and units are ignored.
+    Args:
+        source: name of the component with the output.
+        output: name of the output in its FMU.
+        target: name of the component with the input.
+        input: name of the input in its FMU.
+        transformation: how values are transformed. Default: from the unit of the output to that of the input.
     """
 
     source: str
@@ -96,7 +105,13 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """Components in the order of their declaration, their connections, and power bonds by name."""
+    """Components and their connections. `System.of` makes one from names.
+
+    Args:
+        components: components in the order of declaration.
+        connections: connections between them.
+        bonds: power bonds by name.
+    """
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
@@ -114,13 +129,23 @@ class System:
         Units and types are checked when the system is prepared.
 
         Args:
-            components: An FMU file, a block of `fmublock`, or the name of one of our models, by component
-                name.
-            connections: Connections such as "lift.plant.x_L -> lift.observer.y".
-            set: Start values by full name.
+            components: an FMU file, a block of `fmublock` or the name of an FMU of this project, by
+                component.
+            connections: texts such as "lift.plant.x_L -> lift.observer.y".
+            set: start values by full name.
 
         Raises:
-            CommandError: If a name does not exist.
+            CommandError: a component does not exist, or a connection cannot be read.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> system = ec.System.of(
+            ...     {"reference": "Reference", "load": "Disturbance"},
+            ...     ["reference.v_d -> load.v_L"],
+            ...     set={"reference.waypoint[2]": 0.1},
+            ... )
+            >>> ec.load(system, step_size=1e-3, stop_time=0.01).prepare().run().steps
+            10
         """
         made = cls(tuple(_component(name, what) for name, what in components.items()), ())
         wired = replace(made, connections=tuple(made._connection(text) for text in connections))
@@ -128,37 +153,33 @@ class System:
 
     @property
     def branches(self) -> list[str]:
-        """Return the parts of component names before the first dot, in order."""
+        """Parts of the component names before the first dot, in order."""
         return list(dict.fromkeys(c.branch for c in self.components))
 
     def __add__(self, other: "System") -> "System":
-        """Return a system with the components, connections and bonds of both."""
+        """Return a system with the components and connections of both."""
         bonds = {**self.bonds, **other.bonds}
         return System(self.components + other.components, self.connections + other.connections, bonds)
 
     def component(self, name: str) -> Component:
-        """Return a component by its name.
-
-        Raises:
-            CommandError: If it does not exist.
-        """
+        """Return the component of this name; raise CommandError if it does not exist."""
         if name not in self._by_name:
             raise self._unknown(name)
         return self._by_name[name]
 
     def into(self, name: str) -> Sequence[Connection]:
-        """Return the connections that drive inputs of a component, in order."""
+        """Return the connections to inputs of a component, in order."""
         return self._into.get(name, ())
 
     def out_of(self, name: str) -> Sequence[Connection]:
-        """Return the connections that read outputs of a component, in order."""
+        """Return the connections from outputs of a component, in order."""
         return self._out_of.get(name, ())
 
     def split(self, path: str) -> tuple[Component, str]:
-        """Split `component.variable` into component and variable name; both names may have dots.
+        """Split a full name into the component and the name of the variable; both may contain dots.
 
         Raises:
-            CommandError: If the component does not exist.
+            CommandError: the component does not exist.
         """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
@@ -173,10 +194,13 @@ class System:
         return self._by_name[path[:found]], path[found + 1 :]
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
-        """Return the system with further start values by full name.
+        """Return the system with further start values.
+
+        Args:
+            values: start values by full name.
 
         Raises:
-            CommandError: If a component does not exist.
+            CommandError: a component does not exist.
         """
         changed: dict[str, dict[str, Value]] = {}
         for path, value in values.items():
@@ -188,37 +212,33 @@ class System:
         return replace(self, components=tuple(components)) if changed else self
 
     def with_component(self, changed: Component) -> "System":
-        """Return the system with the component of the same name replaced by `changed`.
-
-        Raises:
-            CommandError: If there is no such component.
-        """
+        """Return the system with another component of the same name."""
         self.component(changed.name)
         return replace(
             self, components=tuple(changed if c.name == changed.name else c for c in self.components)
         )
 
     def with_connections(self, *connections: str) -> "System":
-        """Return the system with further connections, which replace those to the same inputs.
+        """Return the system with further connections, which replace earlier ones of the same inputs.
 
         Args:
-            *connections: Connections written as in `of`.
+            *connections: texts as for `of`.
 
         Raises:
-            CommandError: If one is invalid.
+            CommandError: a connection cannot be read.
         """
         added = {x.ends[1]: x for x in map(self._connection, connections)}
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))
 
     def without_connections(self, *inputs: str) -> "System":
-        """Return the system without the connections to these inputs, so that they accept values.
+        """Return the system without the connections to these inputs, so that you can set them.
 
         Args:
-            *inputs: Full names of inputs.
+            *inputs: full names.
 
         Raises:
-            CommandError: If an input is not connected.
+            CommandError: an input has no connection.
         """
         freed = set()
         for name in inputs:

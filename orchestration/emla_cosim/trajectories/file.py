@@ -16,7 +16,17 @@ WHAT = "the trajectory"
 
 
 def read_trajectory(path: str | Path) -> Spline:
-    """Return the spline of a trajectory file; raise CommandError for an unreadable one."""
+    """Read the spline of a trajectory file.
+
+    Args:
+        path: file that `trajectory` or `emla trajectory` wrote.
+
+    Returns:
+        The spline of three strokes in m over time in s.
+
+    Raises:
+        CommandError: the file does not exist or contains no trajectory.
+    """
     text = read_text(Path(path), WHAT)
     try:
         return spline_of(json.loads(text))

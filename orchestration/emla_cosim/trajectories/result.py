@@ -14,29 +14,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrajectoryResult(OptimisedMotion):
-    """The motion of least cost.
+    """The motion that costs least, and how it was found.
 
     Attributes:
-        spline: The motion.
-        assessment: Its figures.
-        given: The problem of the user.
-        problem: The problem that was solved, with the end speeds after the reading `end_speed`.
-        contradictions: Messages on contradictions in `given`.
-        solution: How the solver found it, as the best of `starts` starts.
+        spline: the motion.
+        assessment: its metrics.
+        given: the problem as you passed it.
+        problem: the problem after the reading of end speeds.
+        end_speed: that reading.
+        contradictions: contradictions in the problem as you passed it.
+        discretisation: degree, knots, points and weight of the optimization.
+        solution: how the motion was found.
+        starts: number of initial guesses.
     """
 
     def save(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the motion to a trajectory file.
 
         Args:
-            path: The file.
-            overwrite: Whether to replace a file that emla did not write.
+            path: path of the file (.json).
+            overwrite: replace a file that emla did not write.
 
         Raises:
-            CommandError: The file cannot be written.
+            CommandError: the file cannot be written.
         """
         write_trajectory(self, Path(path), overwrite)
 
     def plot(self) -> "dict[str, Figure]":
-        """Draw forces and speeds, and positions and accelerations; return the figures by name."""
+        """Return figures of forces and speeds, and of positions and accelerations, by name."""
         return draw_pictures(self)

@@ -45,29 +45,29 @@ def trajectory(
     plots: bool = True,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
-    """Find the motion of least actuator power between two postures: cost (14) within the bounds (15).
-
-    The motion is a B-spline.
+    """Optimize the motion between two postures for least actuator power, (14) within the bounds of (15).
 
     Args:
-        problem: A `MotionProblem`, a TOML file with its fields, or a mapping with some of them; `machine`
-            is a mapping with fields of `HdrmParameters`. Default: that of the paper (Table II).
-        end_speed: How to read an end speed v_E beyond its own bound: clip, exempt, decimal or rest.
-        tie_break: Weight of the sum of squares of each joint's power, next to the square of the sum of
-            powers; 0 is the cost as printed.
-        degree: Degree of the spline.
-        knots: Number of different knots.
-        points: Number of points between two knots at which bounds are checked.
-        starts: Number of starts. The first is a line, others deviate from it at random; the best motion
-            is returned.
-        output: The trajectory file.
-        overwrite: Whether to replace files that emla did not write.
-        plots: Whether to draw pictures beside the trajectory file.
-        progress: Receives messages and progress.
+        problem: a `MotionProblem`, a TOML file with its fields, or a mapping with some of them, of which
+            `machine` contains fields of `HdrmParameters`. Default: the problem of the paper, Table II.
+        end_speed: reading of an end speed beyond its own bound: clip, exempt, decimal or rest.
+        tie_break: weight of the powers of single joints beside the square of their sum, 0 to 1000; 0 is as
+            printed in the paper.
+        degree: degree of the spline, 3 to 5.
+        knots: number of different knots, 2 to 48.
+        points: number of points between two knots in which bounds are checked, 3 to 50.
+        starts: number of initial guesses, 1 to 100. The best motion counts.
+        output: file to write the motion to.
+        overwrite: replace files that emla did not write.
+        plots: draw pictures beside the file.
+        progress: receives the progress of the optimization.
+
+    Returns:
+        The motion and its metrics.
 
     Raises:
-        CommandError: The problem is invalid. Raised before it is solved.
-        RunError: No motion keeps all bounds; the message names those that are violated.
+        CommandError: the problem is wrong. Nothing was solved.
+        RunError: no motion keeps all bounds; the message names those that are in the way.
     """
     reporter, reading = progress or Progress(), _parse_reading(end_speed)
     given = load_problem(problem)

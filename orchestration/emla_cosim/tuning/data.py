@@ -12,12 +12,13 @@ from .score import Score
 
 @dataclass(frozen=True)
 class Tuned:
-    """A set of gains with its scores on the seeds of training and of validation.
+    """A set of gains, with its score on the training and the validation seeds.
 
     Attributes:
-        values: The gains that vary, by name; None for one that is not a single number in the scenario.
-        set: The start values for `Simulation.run(set=...)`.
-        validation: None if the validation did not run.
+        values: values that vary, by name; None for one that is not a number in the scenario.
+        set: start values for `Simulation.run(set=...)`, by full name.
+        training: score on the training seeds.
+        validation: score on the validation seeds; None if these were not run.
     """
 
     values: Mapping[str, Value | None]
@@ -27,7 +28,7 @@ class Tuned:
 
     @property
     def ratio(self) -> float:
-        """Return the objective of the validation divided by that of the training; NaN without validation."""
+        """Objective on the validation seeds divided by that on the training seeds, or NaN."""
         if self.validation is None or not self.training.objective:
             return float("nan")
         return self.validation.objective / self.training.objective

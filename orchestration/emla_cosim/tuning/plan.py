@@ -28,12 +28,13 @@ _ONE_OF = ("name", "weight", "set", "require")
 
 @dataclass(frozen=True)
 class Case:
-    """A case in which gains are evaluated: start values or options that differ from the scenario.
+    """Conditions in which gains must do well, with other start values or options than the scenario.
 
-    Attributes:
-        set: Start values and options by name, each with one value as in a sweep, such as "110%".
-        weight: The weight of the objective of this case; with 0 only its conditions count.
-        require: The conditions of this case; None for those of the plan.
+    Args:
+        name: name of the case.
+        weight: weight of its objective in the sum; with 0, only its requirements count.
+        set: start values and options by name, as a sweep varies them, with one value each, such as "110%".
+        require: conditions in this case. Default: those of the plan.
     """
 
     name: str
@@ -44,22 +45,35 @@ class Case:
 
 @dataclass(frozen=True)
 class TuningPlan:
-    """The plan of a tuning; its names are resolved later, with the FMUs.
+    """A tuning: a scenario, gains and their ranges, an objective and conditions.
 
-    Attributes:
-        vary: The gains and their ranges as in a sweep. Names without a dot are used in `derive` only.
-        derive: Further start values as expressions over the names in `vary`.
-        objective: An expression over figures, to minimise.
-        require: Conditions as for `emla run --require`.
-        metrics: Further figures for `objective` and `require`.
-        seeds: Names or patterns of the start values that seed random sequences.
-        training: The number of seeds drawn for the search.
-        validation: The number of other seeds, which check the result.
-        evaluations: The number of sets of gains to try.
-        tolerance: By which part the objective may be larger on the seeds of the validation.
-        margin: By which part a figure must be better than its condition in the search, so that it also
-            meets the condition on other seeds.
-        where: The name of the plan in messages.
+    Args:
+        name: name of the tuning.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: gains and their ranges, as for `tune`; names without a dot are used in `derive` only.
+        objective: expression over metrics, to be minimized.
+        derive: further start values, as expressions over what varies.
+        require: conditions on metrics.
+        metrics: further metrics that objective and conditions can use.
+        cases: conditions in which the gains are tried.
+        seeds: names or patterns of start values that are seeds.
+        training: number of seeds for the search.
+        validation: number of other seeds for the validation.
+        evaluations: number of sets of gains to try.
+        seed: seed of the search.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        margin: relative distance that a metric must keep from its condition during the search.
+        description: one line on its purpose.
+        options: values of options by name, for all runs.
+        where: what error messages call the plan.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = ec.TuningPlan(
+        ...     "stiff", "lift", {"lift.controller.k_p": "100:300"}, "lift.position_error_m"
+        ... )
+        >>> plan.evaluations
+        200
     """
 
     name: str
@@ -82,10 +96,13 @@ class TuningPlan:
     where: str = "the tuning"
 
     def updated(self, given: Mapping[str, Any]) -> "TuningPlan":
-        """Return the plan with overrides: tables are merged, conditions are added, None changes nothing.
+        """Return the plan with other values; tables are merged, conditions are added, None changes nothing.
+
+        Args:
+            given: values of fields by name.
 
         Raises:
-            CommandError: A value has another type.
+            CommandError: a value has a wrong type.
         """
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "derive", "options"):
@@ -100,13 +117,13 @@ class TuningPlan:
         return changed
 
     def load_scenario(self) -> Scenario:
-        """Return the scenario with the options of the plan. Raises CommandError."""
+        """Return the scenario with the options of the plan; raise CommandError if it does not load."""
         if isinstance(self.scenario, Scenario):
             return self.scenario.with_options(self.options)
         return load(self.scenario, **self.options)
 
     def check(self) -> None:
-        """Raise CommandError for errors that are visible without the scenario."""
+        """Raise CommandError for mistakes that can be found without the scenario."""
         for name, type_ in PLAIN.items():
             convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
         for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):

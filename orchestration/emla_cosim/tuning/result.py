@@ -13,29 +13,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TuneResult(TuneData):
-    """The gains at the start of a tuning, the best ones found, and all that were tried.
+    """First and best gains of a tuning, and everything it tried.
 
     Attributes:
-        history: A row for each tried set of gains: `evaluation` (its number), `generation`, the gains by
-            name, `objective`, `violation` (0 if all conditions hold), `lost` (number of runs) and `best`
-            (the smallest objective so far for which all conditions hold).
-        seeds: The seeds of `training` and `validation`.
-        complete: Whether the tuning ended without an interrupt.
-        folder: The output folder; None if no files were written.
-        notes: Remarks on the gains, without full stops.
+        name: name of the tuning.
+        objective: expression that was minimized.
+        start: first gains.
+        best: best gains.
+        history: polars data frame with a row for each set of gains: `evaluation`, `generation`, the gains by
+            name, `objective`, `violation` (0 if all conditions hold), `lost` (failed runs) and `best`
+            (smallest objective so far with all conditions met).
+        units: units of the gains by name.
+        seeds: seeds of `training` and `validation`.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        complete: whether the tuning ended by itself.
+        runs: number of runs.
+        wall_s: wall time in s.
+        folder: output folder; None without one.
+        notes: notes to read before the gains, without full stops.
     """
 
     @property
     def set(self) -> dict[str, Any]:
-        """The start values that set the best gains in a run."""
+        """Start values of the best gains, for `Simulation.run(set=...)`."""
         return dict(self.best.set)
 
     def problem(self) -> str | None:
-        """Why the best gains miss the requirements; None if they meet them."""
+        """Return why the best gains miss the requirements; None if they meet them."""
         return describe_problem(self)
 
     def plot(self) -> "Figure":
-        """Draw the course of the search, and the gains of start and end on both sets of seeds."""
+        """Draw the course of the search, and the first and the best gains on both kinds of seeds."""
         return draw_picture(self)
 
 

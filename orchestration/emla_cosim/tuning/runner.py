@@ -6,13 +6,14 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import polars
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
@@ -53,38 +54,53 @@ def tune(
     overwrite: bool = False,
     plots: bool = True,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[TuneOptions],
 ) -> TuneResult:
-    """Search for the gains that minimise an objective while conditions hold.
+    """Search gains that make an objective small while conditions hold.
 
-    The same seed gives the same result for any number of workers. Ctrl-C ends the search early; the result
-    has the best gains so far.
+    Ctrl-C ends the search early; the result contains the best gains so far.
 
     Args:
-        source: A plan (`TuningPlan`), its name or file; or a scenario as for `load`.
-        vary: Gains and their ranges as for `sweep`. The search uses the logarithm for "200:4000".
-        objective: An expression over figures, to minimise.
-        require: Conditions as for a run.
-        derive: Further start values as expressions over the names in `vary`.
-        metrics: Figures in addition to the registered ones.
-        evaluations: Number of sets of gains to try, each in all cases of the plan with all training seeds.
-        training: Number of seeds for the search.
-        validation: Number of other seeds, with which the first and the best gains are run at the end.
-        seed: Seed of all random draws.
-        tolerance: By which part the objective may be larger on the seeds of the validation.
-        scheduler: See `sweep`.
-        workers: See `sweep`.
-        output: The output folder.
-        overwrite: Whether to replace files in it that emla did not write.
-        plots: Whether to write the picture.
-        progress: Receives messages and progress.
-        **options: Options of all runs; see `Options`.
+        source: a plan (`TuningPlan`), its name or its file; or a scenario as for `load`, with `vary`.
+        vary: gains and their ranges, as for `sweep`. A positive range such as "200:4000" is searched
+            logarithmically.
+        objective: expression over metrics, to be minimized.
+        require: conditions on metrics, such as "lift.position_error_m < 1e-3".
+        derive: further start values, as expressions over what varies.
+        metrics: further metrics that objective and conditions can use.
+        evaluations: number of sets of gains to try.
+        training: number of seeds for the search.
+        validation: number of other seeds, with which the first and the best gains are run at the end.
+        seed: seed of the search. The same seed gives the same result with any number of workers.
+        tolerance: relative increase of the objective that is allowed on the validation seeds.
+        scheduler: as for `sweep`.
+        workers: as for `sweep`.
+        output: folder for the results. Default: no files.
+        overwrite: replace files that emla did not write.
+        plots: draw pictures into the folder.
+        progress: receives progress and notes.
+        **options: values by name, for all runs.
+
+    Returns:
+        The first and the best gains, and a row for each set of gains.
 
     Raises:
-        CommandError: The plan is wrong. Raised before the first run.
-        RunError: The cluster is lost, no run is possible, or files cannot be written.
+        CommandError: the plan is wrong. Nothing was run.
+        RunError: the cluster is lost, no run succeeds, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.tune(
+        ...     "lift",
+        ...     {"lift.controller.k_p": "100:300"},
+        ...     objective="lift.position_error_m",
+        ...     controller="foc",
+        ...     evaluations=1,
+        ...     stop_time=0.01,
+        ... )
+        >>> found.history.height
+        1
     """
-    options |= {"overwrite": True} if overwrite else {}
     given = {
         "vary": vary,
         "objective": objective,
@@ -96,7 +112,7 @@ def tune(
         "validation": validation,
         "seed": seed,
         "tolerance": tolerance,
-        "options": options,
+        "options": {**options, "overwrite": True} if overwrite else {**options},
     }
     plan = load_tuning_plan(source).updated(given)
     check_cluster(scheduler, workers)

@@ -10,7 +10,16 @@ from .verdict import CheckOutcome, Clause, Verdict
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one check of one FMU, with the clause and hint of the check."""
+    """Outcome of one check of one FMU.
+
+    Attributes:
+        check: name of the check.
+        title: one line on what it checks.
+        outcome: verdict, message and details.
+        clause: section of the standard that the check is based on.
+        hint: what to do about it.
+        seconds: duration in s.
+    """
 
     check: str
     title: str
@@ -21,25 +30,25 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict of the check."""
+        """Verdict of the check."""
         return self.outcome.verdict
 
     @property
     def sentence(self) -> str:
-        """The message of the check."""
+        """What was found, as one sentence."""
         return self.outcome.sentence
 
 
 @dataclass(frozen=True)
 class Examined:
-    """All findings about one FMU or system, in the order of the checks.
+    """Findings for one FMU or one system, in the order of the checks.
 
     Attributes:
-        path: Path as the user wrote it.
-        facts: Texts by name: model, generation tool, kinds, platforms, size, SHA-256.
-        findings: One finding for each check.
-        seconds: Duration of the examination.
-        name: Name in reports; the path if empty.
+        path: path of the file.
+        facts: model, generation tool, kinds, platforms, size and SHA-256, by name.
+        findings: one for each check.
+        seconds: duration in s.
+        name: name that the report uses; empty for the path.
     """
 
     path: Path
@@ -50,7 +59,7 @@ class Examined:
 
     @property
     def label(self) -> str:
-        """Its name in reports: `name`, or the path."""
+        """Name of the file in reports: its name if it has one, otherwise its path."""
         return self.name or str(self.path)
 
     def of(self, verdict: Verdict) -> list[Finding]:

@@ -45,24 +45,26 @@ def verify(
     record: Recording | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Verify FMUs and systems of FMUs against the FMI standard and references.
+    """Check FMUs and systems of FMUs: do they follow the standard, and do they behave as before?
 
     Args:
-        paths: FMU and SSP files; a mapping sets their names in the report.
-        reference: Folder of reference files, by default that of each FMU; for a system, a folder of results.
-        only: Names, groups or patterns of checks to run. Default: all checks.
-        skip: Names, groups or patterns of checks to skip.
-        tolerance: Allowed deviation relative to a signal's range: a number, or by name or pattern.
-        seconds: Time limit of a check in s.
-        memory: Memory limit of a check in MiB.
-        record: Record reference files from a run instead of running checks.
-        progress: Receives the progress.
+        paths: FMU and SSP files; a mapping has them by the names that the report uses.
+        reference: folder of reference files, for a system a folder of results. Default: the references of
+            each FMU.
+        only: names, groups or patterns of the checks to run. Default: all.
+        skip: names, groups or patterns of checks to leave out.
+        tolerance: deviation that is allowed, relative to the range of each signal: a number, or by name and
+            pattern.
+        seconds: time limit of each check, in s.
+        memory: memory limit of each check, in MiB.
+        record: record reference files instead of checking.
+        progress: receives the number of finished checks.
 
     Returns:
-        The report. Everything that is wrong with an FMU is a finding of it.
+        The findings for each file.
 
     Raises:
-        CommandError: A file does not exist, or an argument is invalid.
+        CommandError: a file does not exist, or an argument is wrong. All other problems are findings.
     """
     named = _name_paths(paths)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record)

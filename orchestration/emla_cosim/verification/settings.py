@@ -10,16 +10,16 @@ from ..recorders.tubes.tolerance import Tolerance
 
 @dataclass(frozen=True)
 class Recording:
-    """How to record reference files.
+    """What `verify` records as a reference, and where.
 
-    Attributes:
-        folder: Folder for the files.
-        inputs: CSV file of inputs. Default: generated inputs.
-        shape: Shape of generated inputs: `steps`, `ramps` or `chirps`.
-        stop: Stop time in s. Default: that of the FMU's default experiment.
-        step: Step size in s. Default: that of the FMU's default experiment.
-        values: Start values by name.
-        overwrite: Whether to replace existing files.
+    Args:
+        folder: folder of the reference files.
+        inputs: CSV file with inputs over time. Default: inputs of the given shape within their ranges.
+        shape: shape of the inputs, such as "steps".
+        stop: stop time in s. Default: that of the default experiment of the FMU.
+        step: step size in s. Default: that of the default experiment of the FMU.
+        values: start values by name.
+        overwrite: replace existing files.
     """
 
     folder: Path
@@ -31,7 +31,7 @@ class Recording:
     overwrite: bool = False
 
     def files(self, name: str) -> list[Path]:
-        """Return the paths for an FMU with this name."""
+        """Return the paths of the reference files of an FMU."""
         return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 

@@ -8,7 +8,7 @@ from ..recorders.tubes.signal_comparison import Comparison
 
 
 class Verdict(StrEnum):
-    """The verdict of a check."""
+    """Verdict of a check: passed, warning, failed or skipped."""
 
     PASSED = "passed"
     WARNING = "warning"

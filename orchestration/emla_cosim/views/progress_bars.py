@@ -25,7 +25,13 @@ class _Rate(ProgressColumn):
 
 
 class BarProgress(Progress):
-    """Progress as bars in the terminal, one per task."""
+    """Progress as bars on the terminal, one for each task. Use it in a `with` block.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> with ec.BarProgress() as bars:
+        ...     simulation = ec.load("lift").prepare(bars)
+    """
 
     def __init__(self) -> None:
         self._bars = RichProgress(

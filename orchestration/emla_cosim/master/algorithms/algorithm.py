@@ -21,13 +21,19 @@ Span = Callable[[int], tuple[float, float]]
 
 @dataclass(eq=False)
 class Algorithm(ABC):
-    """Advance a network by communication steps.
+    """Base class of co-simulation algorithms: advances a network by communication steps.
 
-    The fields are options. Call `setup` once, `initialize` once, then `step` for each step. `setup` resets
-    everything else, so that one algorithm can serve many runs.
+    Fields made with `option` are options of the algorithm. The master calls `setup` and `initialize` once for
+    each run, then `step` for each step. All of them may raise RunError; the algorithm is then not used any
+    more, except that a discarded step may be repeated from an earlier state.
 
-    All three may raise InstanceError. Then call `setup` before you use the algorithm again. After
-    DiscardedStepError you can also restore a snapshot and try another step.
+    Args:
+        extrapolation: values of inputs during a step: none (held), or extrapolated by the master or the FMU.
+
+    Attributes:
+        network: FMU instances and signals, since `setup`.
+        exchange: how inputs get their values, since `setup`.
+        steps: number of steps since `setup`.
     """
 
     extrapolation: str = option(
@@ -46,10 +52,10 @@ class Algorithm(ABC):
         """Prepare for a run.
 
         Args:
-            network: Its instances are instantiated but not initialized.
+            network: FMU instances that have not been initialized yet.
 
         Raises:
-            CommandError: An instance lacks a capability that the algorithm needs.
+            CommandError: an FMU lacks an ability that the algorithm needs.
         """
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
@@ -58,51 +64,51 @@ class Algorithm(ABC):
         self.steps = 0
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
-        """Initialize all instances; signals then hold the initial outputs.
+        """Initialize all FMU instances; the signals then have their initial values.
 
         Args:
-            start_time: In s.
-            stop_time: In s; None if the run has no fixed end.
+            start_time: in s.
+            stop_time: in s; None for a run without a fixed end.
         """
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 
     def step(self, time: float, step: float, span: Span | None = None) -> None:
-        """Advance all instances; signals then hold the outputs at the end of the step.
+        """Advance all FMU instances; the signals then have their values at the end of the step.
 
         Args:
-            time: Where the step begins, in s.
-            step: Its length in s.
-            span: Begin and length of several steps at once, for instances with a step multiple. Rounding can
-                make this length differ from a multiple of `step`.
+            time: start of the step, in s.
+            step: step size in s.
+            span: returns start and length, in s, of so many steps up to the end of this one. Default:
+                multiples of `step`.
         """
         self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 
     @abstractmethod
     def late(self) -> list[Link]:
-        """Return the links whose target reads its source one step late, or extrapolated."""
+        """Return the links whose target gets values of its source one step late, or extrapolated."""
 
     def warning(self) -> str | None:
-        """Return a warning that explains how the algorithm may have made a run fail; None without one."""
+        """Return why the algorithm may have caused a failure; None if it did not."""
         return None
 
     def report(self) -> dict[str, Any]:
-        """Return how the steps were done, as plain data for run.json."""
+        """Return how the steps are made, as plain data for run.json."""
         return {"late_connections": [link.name for link in self.late()]}
 
     def memory(self) -> dict[str, Vector]:
-        """Return the state of the algorithm without the signals, as arrays by name; see `remember`."""
+        """Return what the algorithm keeps besides the signals, as arrays by name."""
         return self.kept | {"steps": np.array([float(self.steps)])}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Restore the state from `memory` of an algorithm of the same class."""
+        """Continue from what `memory` returned in an algorithm of the same class."""
         self.steps = int(memory["steps"][0])
         for name, present in self.kept.items():
             present[:] = memory[name]
 
-    def close(self) -> None:  # noqa: B027 - most algorithms hold no resources
-        """Free saved FMU states; never raises."""
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Free what the algorithm holds of the FMU instances; never raises."""
 
     @abstractmethod
     def _step(self, time: float, step: float, span: Span) -> None:
@@ -110,12 +116,12 @@ class Algorithm(ABC):
 
     @property
     def accuracy(self) -> int:
-        """Order of accuracy of states with respect to the step size, in smooth motion."""
+        """Order of accuracy in the step size, for states in smooth motion."""
         return self.exchange.accuracy
 
     @property
     def kept(self) -> dict[str, Vector]:
-        """Arrays by name that a snapshot copies and restores; the algorithm changes them in place."""
+        """Arrays by name that a repeated step restores; they are changed in place."""
         return vars(self.exchange.history)
 
 

@@ -12,20 +12,34 @@ from .tasks import Operation
 
 @dataclass(eq=False)
 class Explicit(OperationTableAlgorithm):
-    """Work through a table of operations in every step."""
+    """Base class of algorithms that work through a table of calls in each step.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> class Backwards(ec.Explicit):
+        ...     def table(self, network):
+        ...         places = reversed(range(len(network.instances)))
+        ...         return [ec.Operation(call, i) for i in places for call in ec.Call]
+        ...
+        ...     def late(self):
+        ...         return [link for link in self.network.links if link.source <= link.target]
+        >>> result = ec.load("lift", stop_time=0.01).prepare().run(algorithm=Backwards())
+        >>> result.steps
+        100
+    """
 
     def setup(self, network: Network) -> None:
-        """Prepare for a run; CommandError if a step multiple is invalid."""
+        """Prepare for a run; raise CommandError if step multiples do not fit."""
         super().setup(network)
         self.exchange.rare = [bool(m > 1) for m in self.multiples]
         self.use(self.table(network))
 
     @abstractmethod
     def table(self, network: Network) -> list[Operation]:
-        """Return the operations of one step, in order."""
+        """Return the calls of one step, in order."""
 
     def warning(self) -> str | None:
-        """Return a warning if the network has an algebraic loop, which can diverge here."""
+        """Return a warning if components in a loop without delay get values one step late."""
         loops = self.network.loops_without_delay()
         if not loops:
             return None

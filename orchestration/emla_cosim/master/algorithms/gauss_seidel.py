@@ -10,13 +10,18 @@ from .tasks import Call, Operation
 
 @dataclass(eq=False)
 class GaussSeidel(InOrder, Explicit):
-    """Step the instances in the order of the network; later ones read the new outputs of earlier ones.
+    """Algorithm in which FMUs step one after the other and read what earlier ones just computed.
 
-    Only connections against the order are one step late; see `Network.find_feedback_links`.
+    Only connections against the order are late by one step.
+
+    Args:
+        extrapolation: as for `Algorithm`.
+        step_multiples: number of communication steps that a component does at once, by name.
+        order: names of all components in the order of their steps. Default: derived from the connections.
     """
 
     def table(self, network: Network) -> list[Operation]:
-        """Return the operations: inputs, step and outputs of one instance, then of the next."""
+        """Return inputs, step and outputs of one FMU, then of the next."""
         return [Operation(call, i) for i in network.order for call in Call]
 
     def late(self) -> list[Link]:

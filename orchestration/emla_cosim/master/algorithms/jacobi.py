@@ -9,13 +9,13 @@ from .tasks import Call, Operation
 
 @dataclass(eq=False)
 class Jacobi(Explicit):
-    """Set all inputs, step all instances, then read all outputs.
+    """Algorithm in which all FMUs get their inputs, then all step, then all outputs are read.
 
-    The order of the instances does not matter; every connection is one step late.
+    The order of the FMUs does not matter. Each connection is late by one step.
     """
 
     def table(self, network: Network) -> list[Operation]:
-        """Return the operations: all inputs, all steps, all outputs."""
+        """Return all inputs, all steps, then all outputs."""
         return [Operation(call, i) for call in Call for i in range(len(network.instances))]
 
     def late(self) -> list[Link]:

@@ -29,16 +29,31 @@ HALVINGS = 10
 
 @dataclass(eq=False)
 class Strong(InOrder, OperationTableAlgorithm):
-    """Step every instance with the values of its sources at the *end* of the step.
+    """Algorithm in which each FMU steps with the values of its sources at the end of the step.
 
-    Instances outside loops step once, in the order of the graph. The instances of a loop restore their states
-    and repeat the step, with quasi-Newton acceleration, until no coupling variable changes by more than
-    `coupling_tolerance` of its size. If an instance discards the step, or the loop does not converge, the
-    step is done in halves.
+    FMUs outside of loops step once, in the order of the connections. The FMUs of a loop repeat their step,
+    with quasi-Newton acceleration, until no exchanged value changes by more than `coupling_tolerance` of its
+    size. A step that an FMU discards, or that finds no agreement, is done in halves.
 
-    Instances in `step_multiples`, also with the multiple 1, are sampled like a digital controller. They step
-    once after all loops have converged, with the values at the end of the step. During a step the others
-    read their outputs from its begin, so no loop passes through them.
+    A component in `step_multiples`, also with 1, is sampled as a digital controller is: it steps after all
+    loops have agreed, with the values at the end of the step. During the step, the others see its earlier
+    outputs, so that no loop goes through it.
+
+    Args:
+        extrapolation: as for `Algorithm`.
+        step_multiples: number of communication steps that a component does at once, by name.
+        order: names of all components in the order of their steps. Default: derived from the connections.
+        coupling_tolerance: difference at which values count as agreed, relative to the size of each signal.
+
+    Attributes:
+        sweeps: number of times that a loop was stepped.
+        done: numbers of the groups that have already done the current step.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> simulation = ec.load("lift", stop_time=0.01).prepare()
+        >>> simulation.run(algorithm=ec.Strong(coupling_tolerance=1e-6)).steps
+        100
     """
 
     coupling_tolerance: float = option(
@@ -56,7 +71,11 @@ class Strong(InOrder, OperationTableAlgorithm):
     """Numbers of the groups that have finished the present step."""
 
     def setup(self, network: Network) -> None:
-        """Prepare for a run; CommandError if a loop cannot restore its state, or a multiple is invalid."""
+        """Prepare for a run.
+
+        Raises:
+            CommandError: an FMU of a loop cannot restore its state, or step multiples do not fit.
+        """
         super().setup(network)
         self.sweeps, self.done = 0, set()
         self.scale = Scale(network)
@@ -86,43 +105,43 @@ class Strong(InOrder, OperationTableAlgorithm):
         return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in instances))
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
-        """Initialize all instances, and the loops from directional derivatives if FMUs provide them."""
+        """Initialize all FMU instances, and get the derivatives of loops where FMUs have them."""
         super().initialize(start_time, stop_time)
         for group in self.groups:
             if len(group.coupling_variables):
                 group.newton.forget(loop_derivatives(self.exchange, group))
 
     def tasks(self) -> list[StepTask]:
-        """Return the tasks of a step: the groups, then the sampled instances."""
+        """Return the tasks of a step: each group as a whole, then the sampled components."""
         return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
 
     def late(self) -> list[Link]:
-        """Return the links from sampled instances to those that step before them."""
+        """Return the links from sampled components to others, and against the order of the sampled."""
         return [link for link in self.network.find_feedback_links() if link.source in self._sampled]
 
     @property
     def loops(self) -> list[list[int]]:
-        """Positions of the instances of each loop."""
+        """Loops in the network, each as positions of its FMU instances."""
         return [group.members for group in self.groups if len(group.coupling_variables)]
 
     def report(self) -> dict[str, Any]:
-        """Add the loops and the number of sweeps to the report."""
+        """Return how the steps are made, with the loops and how often they were stepped."""
         names = [[self.network.instances[i].name for i in loop] for loop in self.loops]
         return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
 
     @property
     def kept(self) -> dict[str, Vector]:
-        """Arrays of the base class, and the sizes of the signals."""
+        """Arrays by name that a repeated step restores, with the sizes of the signals."""
         return super().kept | {"strong/largest": self.scale.largest}
 
     def memory(self) -> dict[str, Vector]:
-        """Add what was learned about the loops to the memory."""
+        """Return what the algorithm keeps besides the signals, with the derivatives of the loops."""
         learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self.groups)}
         sweeps = np.array([float(self.sweeps)])
         return super().memory() | learned | {"sweeps": sweeps}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Restore the state from `memory` of a strong coupling of the same network."""
+        """Continue from what `memory` returned for the same network."""
         super().remember(memory)
         for i, group in enumerate(self.groups):
             group.newton.jacobian[:] = memory[f"jacobian/{i}"]

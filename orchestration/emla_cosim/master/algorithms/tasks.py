@@ -8,7 +8,7 @@ from .extrapolation import Exchange
 
 
 class Call(IntEnum):
-    """The kinds of calls to an instance within a step."""
+    """Call of an FMU instance: set its inputs, do its step, or get its outputs."""
 
     SET = 0
     STEP = 1
@@ -20,7 +20,12 @@ _SET, _STEP = int(Call.SET), int(Call.STEP)  # integers compare faster
 
 @dataclass(frozen=True)
 class Operation:
-    """One call of the instance at this position."""
+    """One call of one FMU instance.
+
+    Attributes:
+        call: what is called.
+        slave: position of the instance in the network.
+    """
 
     call: Call
     instance: int

@@ -60,24 +60,23 @@ class EntryPoints:
 
 
 class FmuInstance(ABC):
-    """A co-simulation instance that exchanges two preallocated vectors.
+    """Co-simulation FMU as algorithms see it: it exchanges two vectors with the network.
 
-    `inputs` holds the values of its connected inputs until `set_inputs` passes them on.
-    `get_outputs` writes to `outputs`, a part of the network's signals. `bind` connects both to memory
-    of the network. Every method may raise InstanceError.
+    `inputs` has the values of its connected inputs until `set_inputs` passes them on; `get_outputs` writes to
+    `outputs`, a part of the signals of the network. Every method may raise InstanceError, a RunError.
 
     Attributes:
-        name: Name of the component.
-        inputs: Values of the connected inputs.
-        outputs: Values of the outputs.
-        continuous_inputs: Whether each input is continuous.
-        continuous_outputs: Whether each output is continuous.
-        nominals: Nominal value of each output.
-        varies_step: Whether steps may have any length.
-        rolls_back: Whether it can save and restore its state.
-        serializes: Whether it can write its state as bytes.
-        interpolates: Whether it accepts derivatives of its inputs.
-        differentiates: Whether it provides directional derivatives.
+        name: name of the component.
+        inputs: connected inputs, shape (inputs,), in their units.
+        outputs: outputs, shape (outputs,), in their units.
+        continuous_inputs: which inputs change smoothly, shape (inputs,).
+        continuous_outputs: which outputs change smoothly, shape (outputs,).
+        nominals: nominal values of the outputs, shape (outputs,), in their units.
+        varies_step: whether it accepts steps of any length.
+        rolls_back: whether it can restore a saved state.
+        serializes: whether it can write its state as bytes.
+        interpolates: whether it accepts derivatives of its inputs.
+        differentiates: whether it can compute directional derivatives.
     """
 
     name: str
@@ -97,35 +96,48 @@ class FmuInstance(ABC):
     """Whether other threads may call other instances at the same time."""
 
     def reset(self) -> None:
-        """Return to the state right after instantiation."""
+        """Return to the state of a new instance."""
         raise NotImplementedError
 
     @abstractmethod
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
-        """Enter initialization mode; times in s, None without a fixed stop time."""
+        """Enter initialization mode.
+
+        Args:
+            start_time: in s.
+            stop_time: in s; None for a run without a fixed end.
+        """
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """Leave initialization mode: the instance is ready to step."""
+        """Leave initialization mode; the instance can step then."""
 
     @abstractmethod
     def set_inputs(self) -> None:
-        """Pass `inputs` to the FMU."""
+        """Pass `inputs` on to the FMU."""
 
     @abstractmethod
     def get_outputs(self) -> None:
-        """Read the FMU's outputs into `outputs`."""
+        """Read the outputs of the FMU into `outputs`."""
 
     @abstractmethod
     def do_step(self, time: float, step: float) -> None:
-        """Advance from `time` by `step`, both in s; DiscardedStepError if the FMU discards the step."""
+        """Advance by one step.
+
+        Args:
+            time: start of the step, in s.
+            step: step size in s.
+
+        Raises:
+            DiscardedStepError: the FMU discarded the step; from an earlier state, a shorter one may succeed.
+        """
 
     def begin_step(self, time: float, step: float) -> None:
-        """Begin a step; needs `steps_apart`. Call nothing else before `end_step`."""
+        """Begin a step if `steps_apart`; call nothing else before `end_step`."""
         raise NotImplementedError
 
     def end_step(self) -> None:
-        """Wait for the end of the step; raises the errors of `do_step`."""
+        """Wait until the step is done; raises the errors of `do_step`."""
         raise NotImplementedError
 
     @abstractmethod
@@ -133,23 +145,31 @@ class FmuInstance(ABC):
         """Free the instance; never raises."""
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
-        """Use this memory for inputs and outputs, and copy the present inputs to it."""
+        """Use other memory for inputs and outputs; the inputs keep their values."""
         inputs[:] = self.inputs
         self.inputs, self.outputs = inputs, outputs
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
-        """Set the slopes of the inputs during the next step, per s; needs `interpolates`."""
+        """Set the derivatives of the inputs during the next step, per s; needs `interpolates`."""
         raise NotImplementedError
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
-        """Return the derivative of the outputs along a direction of the inputs; needs `differentiates`.
+        """Return the immediate change of the outputs for a change of the inputs; needs `differentiates`.
 
-        Returns None if the FMU cannot compute it at this point.
+        Args:
+            direction: change of the inputs, shape (inputs,).
+
+        Returns:
+            Change of the outputs, shape (outputs,); None if the FMU cannot compute it now.
         """
         raise NotImplementedError
 
     def save(self, state: Any = None) -> Any:
-        """Return a copy of the FMU's state, in the memory of the earlier copy `state`; needs `rolls_back`."""
+        """Return a copy of the state; needs `rolls_back`.
+
+        Args:
+            state: earlier copy whose memory is reused.
+        """
         raise NotImplementedError
 
     def restore(self, state: Any) -> None:
@@ -160,17 +180,17 @@ class FmuInstance(ABC):
         """Free a saved state; never raises."""
 
     def serialize(self) -> bytes:
-        """Return the FMU's state as bytes; needs `serializes`."""
+        """Return the state as bytes; needs `serializes`."""
         raise NotImplementedError
 
     def deserialize(self, content: bytes) -> None:
-        """Restore a state from the bytes of `serialize`, also from another process."""
+        """Restore a state from `serialize`, also from another process."""
         raise NotImplementedError
 
     def entry_points(self) -> EntryPoints | None:
-        """Return addresses for compiled code; None if the instance cannot be called from there."""
+        """Return addresses for compiled code; None if there are none."""
         return None
 
     def error(self, call: str, status: int) -> InstanceError:
-        """Return the error for an FMI call from compiled code that returned this status."""
+        """Return the error of an FMI call that compiled code made."""
         return InstanceError(self.name, call, f"status {status}", [])

@@ -16,16 +16,16 @@ from .timing import CommunicationPoints
 
 @dataclass(frozen=True)
 class StepRequest:
-    """What a run requires of its steps; times in s.
+    """What a run requires of its steps.
 
-    Args:
-        times: Start time, stop time and step size.
-        interval: Time between rows; None if the user did not set it.
-        sampled: Whether a component computes at communication points, as a digital controller does.
-        compiled: The option `compiled`.
-        threads: The option `threads`.
-        events: Return the times at which inputs jump or bend.
-        row_distance: Return the distance of rows in input data.
+    Attributes:
+        times: start time, stop time and step size, in s.
+        interval: time between rows in s, if the user set it.
+        sampled: whether a component computes at communication points only, as a digital controller does.
+        compiled: value of the option `compiled`.
+        threads: value of the option `threads`.
+        events: returns the times in s at which inputs jump or bend.
+        row_distance: returns the distance of rows in the data of inputs, in s.
     """
 
     times: CommunicationPoints
@@ -38,7 +38,10 @@ class StepRequest:
 
 
 class StepSizeControl(ABC):
-    """Decide the length of the steps of a run. Subclasses are dataclasses; their fields are options."""
+    """Base class of step-size controls: decides how long the steps of a run are.
+
+    A subclass is a dataclass; its fields made with `option` are its options.
+    """
 
     is_regular: ClassVar[bool] = False
     """Whether all steps have the step size, so that every n-th step has a row.
@@ -50,13 +53,21 @@ class StepSizeControl(ABC):
     """Whether each step is done in two halves, if steps are not regular."""
 
     def check(self) -> None:
-        """Raise CommandError for values of options that do not fit."""
+        """Raise CommandError if values of options do not fit."""
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
 
     @abstractmethod
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return the stepping for an algorithm after `setup`; CommandError if they do not fit."""
+        """Return what does the steps of a run.
+
+        Args:
+            algorithm: algorithm after its `setup`.
+            request: what the run requires.
+
+        Raises:
+            CommandError: the run cannot be stepped in this way.
+        """
 
 
 @dataclass(eq=False)

@@ -31,7 +31,15 @@ class RowSink(Protocol):
 
 
 class Stepping(ABC):
-    """Drive an algorithm, after its `setup`, through time."""
+    """Base class of steppings: drives an algorithm through time.
+
+    Args:
+        algorithm: algorithm after its `setup`.
+        times: start time, stop time and step size, in s.
+
+    Attributes:
+        watch: function that receives the time in s and the signals of each step, if not all have a row.
+    """
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         self.algorithm = algorithm
@@ -42,12 +50,12 @@ class Stepping(ABC):
     @property
     @abstractmethod
     def time(self) -> float:
-        """Present simulation time in s."""
+        """Current time in s."""
 
     @property
     @abstractmethod
     def steps(self) -> int:
-        """Steps done since the start time."""
+        """Number of steps since the start time."""
 
     @property
     @abstractmethod
@@ -55,40 +63,43 @@ class Stepping(ABC):
         """Whether the stop time is reached."""
 
     def reached(self, until: float) -> bool:
-        """Return whether the simulation has reached a time in s, apart from rounding, or its end."""
+        """Return whether a time in s is reached, except for rounding, or the run is at its end."""
         return self.finished or self.time >= until - ROUNDING * self.times.step
 
     @abstractmethod
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
-        """Do at most `most` steps, none beyond `until` in s, and record them.
+        """Do steps and record them. Rows before an error stay recorded.
 
-        Rows before an error stay recorded.
+        Args:
+            rows: receives the rows.
+            most: largest number of steps.
+            until: time in s that no step exceeds.
 
         Raises:
-            RunError: A step failed.
+            RunError: a step failed.
         """
 
     def report(self) -> dict[str, Any]:
-        """Return how the steps were done, as plain data for run.json."""
+        """Return how the steps were made, as plain data for run.json."""
         return {"steps": self.steps, **self.algorithm.report()}
 
     def remarks(self) -> list[str]:
-        """Return remarks on the steps for readers of the results."""
+        """Return notes on the steps that a reader of the results needs."""
         return []
 
     def memory(self) -> dict[str, Vector]:
-        """Return the state of stepping and algorithm without the signals, as arrays by name."""
+        """Return what stepping and algorithm keep besides the signals, as arrays by name."""
         return self.algorithm.memory()
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Restore the state from `memory` of a stepping of the same class."""
+        """Continue from what `memory` returned in a stepping of the same class."""
         self.algorithm.remember(memory)
 
-    def close(self) -> None:  # noqa: B027 - most hold no resources
-        """Free saved FMU states; never raises."""
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Free what the stepping holds of the FMU instances; never raises."""
 
     def record(self, rows: RowSink) -> None:
-        """Record the present signals as one row."""
+        """Record the current signals as one row."""
         block = rows.room(1)
         block[0, 0] = self.time
         block[0, 1:] = self.algorithm.network.signals

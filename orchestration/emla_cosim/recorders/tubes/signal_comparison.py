@@ -8,21 +8,21 @@ from .tube import Tube
 
 @dataclass(frozen=True)
 class Comparison:
-    """One signal with its reference.
+    """One signal with its reference and the tube around it.
 
-    Args:
-        signal: Name of the signal.
-        unit: Unit of all values.
-        time: Times of the signal in s, shape (n,).
-        values: The signal, shape (n,).
-        reference_time: Times of the reference in s, shape (m,).
-        reference: The reference, shape (m,).
-        lower: Lower edge of the tube at `time`, shape (n,).
-        upper: Upper edge of the tube at `time`, shape (n,).
-        tube: Width of the tube.
-        worst: Largest difference that a shift in time within the tube does not explain.
-        worst_at: Time of that difference in s.
-        left_at: First time outside the tube in s; None without one.
+    Attributes:
+        signal: full name.
+        unit: unit of the values.
+        time: times of the signal in s, shape (n,).
+        values: values of the signal, shape (n,).
+        reference_time: times of the reference in s, shape (m,).
+        reference: values of the reference, shape (m,).
+        lower: lower edge of the tube at `time`, shape (n,).
+        upper: upper edge of the tube at `time`, shape (n,).
+        worst: largest difference that no shift in time within the tube explains.
+        worst_at: its time in s.
+        left_at: first time outside of the tube in s; None if the signal stays inside.
+        tube: size of the tube.
     """
 
     signal: str

@@ -20,14 +20,18 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The allowed deviations of a signal. The tube in value is the sum of `relative` and `absolute`.
+    """Allowed deviation of a signal from its reference.
 
-    None means the tolerance of a more general pattern, or else the default.
+    None leaves a part to the tolerance of a more general pattern, or to the default: 1e-3 of the range, no
+    absolute part, half an interval of the reference.
 
     Args:
-        relative: As a fraction of the signal's range, or of its value if it is constant. Default: 1e-3.
-        absolute: In the signal's unit. Default: 0.
-        time: In s. Default: half an interval of the reference.
+        relative: part of the range of the signal; of a constant signal, part of its value.
+        absolute: deviation in the unit of the signal, added to the relative one.
+        time: shift in time, in s.
+
+    Raises:
+        CommandError: a part is negative or not a number.
     """
 
     relative: float | None = None

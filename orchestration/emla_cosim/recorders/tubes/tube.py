@@ -9,7 +9,12 @@ from ...base.arrays import Vector
 
 @dataclass(frozen=True)
 class Tube:
-    """The allowed deviations from a reference: `value` in the signal's unit, `time` in s."""
+    """Size of the tube around a reference signal.
+
+    Attributes:
+        value: half height, in the unit of the signal.
+        time: half width, in s.
+    """
 
     value: float
     time: float

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.progress import Progress
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.bond import Bond
 from ...system.model import System
+from ..option_types import PrepareOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
@@ -19,11 +20,24 @@ from ..simulation import Simulation
 
 @dataclass(frozen=True)
 class Scenario:
-    """A system with the options to run it.
+    """A system, and the options to run it with. `load` makes one.
 
-    `notes` are remarks to read before a run, without full stops: on ignored content, and those of `remarks`
-    on the system with these options. FMUs of a package are in the folder `unpacked` as long as the scenario
-    or a simulation of it exists. `origin` is the source of the scenario, with its options.
+    Attributes:
+        name: name of the scenario.
+        description: one line on its purpose.
+        system: the simulated system.
+        options: values of all options.
+        notes: warnings to read before a run, without full stops.
+        unpacked: folder with the FMUs of an SSP. It exists as long as the scenario, or a simulation of it.
+        resources: object that keeps the folder in existence.
+        origin: source and options that made the scenario.
+        remarks: function that computes further notes from a system and its options.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> scenario = ec.load("lift")
+        >>> [component.name for component in scenario.system.components][:2]
+        ['lift.reference', 'lift.plant']
     """
 
     name: str
@@ -39,10 +53,13 @@ class Scenario:
     )
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
-        """Return the scenario with other options, by name, and with the notes on them.
+        """Return the scenario with other options, and with the notes that belong to them.
+
+        Args:
+            given: values by name, as for `load`.
 
         Raises:
-            CommandError: If the system was made from an option, or cannot be run with these options.
+            CommandError: an option does not fit, or it decides how the system is made, such as `controller`.
         """
         if not given:
             return self
@@ -61,16 +78,26 @@ class Scenario:
         """Return the notes on a run with these options. Raise CommandError if the system cannot be run."""
         return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
 
-    def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
-        """Build and load all FMUs and compile the loop, for any number of runs.
+    def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
+        """Build and load all FMUs and compile the loop, so that the scenario can run many times.
 
         Args:
-            progress: Receives the progress.
-            **options: Options of `Options`, by name.
+            progress: receives the progress of building FMUs.
+            **options: values by name, for all runs of the simulation.
+
+        Returns:
+            The simulation. Close it, or use it in a `with` block, to free its FMUs.
 
         Raises:
-            CommandError: If an option does not fit.
-            RunError: If an FMU cannot be built.
+            CommandError: options, connections or units do not fit.
+            RunError: an FMU cannot be built or refuses its start values.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> with ec.load("lift").prepare(stop_time=0.01) as simulation:
+            ...     result = simulation.run()
+            >>> result.steps
+            100
         """
         chosen = self.with_options(options)
         return Simulation(
@@ -85,22 +112,31 @@ class Scenario:
         )
 
     def export(
-        self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
+        self,
+        file: str | Path,
+        nested: bool = False,
+        progress: Progress | None = None,
+        **options: Unpack[PrepareOptions],
     ) -> Path:
-        """Write the system with its options and its FMUs as an SSP package.
+        """Write the system and its FMUs as an SSP, with all changes that the options make.
 
         Args:
-            file: Package to write. The option `overwrite` replaces a file that emla did not write.
-            nested: Whether to write one system for all components with the same first part of their names.
-            progress: Receives the progress.
-            **options: Options of `Options`, by name.
+            file: path of the SSP.
+            nested: group components by the first part of their names into a system each.
+            progress: receives the progress of building FMUs.
+            **options: values by name. With `overwrite`, a file that emla did not write is replaced.
 
         Returns:
-            The path of the package.
+            The path of the SSP.
 
         Raises:
-            CommandError: If an option does not fit.
-            RunError: If something cannot be built or written.
+            CommandError: an option does not fit, or the file must not be replaced.
+            RunError: an FMU cannot be built, or the file cannot be written.
+
+        Examples:
+            >>> import emla_cosim as ec
+            >>> ec.load("lift").export("lift.ssp").name
+            'lift.ssp'
         """
         chosen = limit_to_data_end(self.with_options(options).options)
         check_package(Path(file), chosen.overwrite)

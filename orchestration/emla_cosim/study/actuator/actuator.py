@@ -37,14 +37,29 @@ def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
 
 @dataclass(frozen=True)
 class Actuator(FileOrObject):
-    """An electromechanical linear actuator (EMLA) with the values of its data sheets.
+    """Actuator as its data sheets describe it.
 
-    Parameters of plant, observer and controller follow from it. Each table has quantities as a data sheet
-    prints them, such as `motor={"R": "2.3 Ohm line to line", ...}`; docs/actuator.md lists the entries.
-    `name` and `source` are for people; `file` is the file that was read, and `sha256` its hash.
+    Parameters of plant, observer and controller are derived from it. Each table has quantities as on the data
+    sheet, such as `motor={"R": "2.3 Ohm line to line", ...}`; docs/actuator.md lists the entries.
+
+    Args:
+        motor: entries of the motor.
+        screw: entries of the screw.
+        inverter: entries of the inverter.
+        sensor: entries of the sensors.
+        gearbox: entries of the gearbox.
+        coupling: entries of the coupling.
+        friction: entries of the friction.
+        stop: entries of the end stops.
+        thermal: entries of the winding temperature.
+        control: entries of the controller.
+        name: name for people.
+        source: source of the data, for people.
+        file: file that it was read from.
+        sha256: hash of that file.
 
     Raises:
-        CommandError: Entries are wrong; the message lists all faults.
+        CommandError: entries are missing, wrong or contradict each other; the message lists all of them.
     """
 
     motor: Mapping[str, Any]
@@ -71,7 +86,11 @@ class Actuator(FileOrObject):
 
     @classmethod
     def read(cls, path: str | Path) -> "Actuator":
-        """Read an actuator from a file (TOML). Raises CommandError."""
+        """Read an actuator from a TOML file.
+
+        Raises:
+            CommandError: the file cannot be read, or its entries are wrong.
+        """
         path = Path(path)
         tables, sha256 = actuator_tables(path)
         return cls.of_tables(tables, f"the actuator '{path}'", path, sha256)

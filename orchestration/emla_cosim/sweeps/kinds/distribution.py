@@ -14,10 +14,13 @@ from ...system.model import Value
 
 @dataclass(frozen=True)
 class Distribution(ABC):
-    """The distribution of a factor. If `relative`, its values multiply the nominal value.
+    """Base class of distributions: how one quantity varies.
+
+    Args:
+        relative: whether values are factors of the nominal value of the quantity.
 
     Raises:
-        CommandError: A field has the wrong type, is not finite, or leaves no range.
+        CommandError: a value has a wrong type, is not finite, or leaves no range.
     """
 
     name: ClassVar[str]

@@ -1,0 +1,65 @@
+"""Every example in a docstring of a public name works as it is shown."""
+
+import doctest
+import re
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import emla_cosim as ec
+import emla_fmu
+import fmublock
+import hdrm_fmu
+import rsba_fmu
+from tests.support.paths import ROOT
+
+PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu, hdrm_fmu]
+
+
+def examples() -> dict[str, doctest.DocTest]:
+    """Examples by where they are: in a package, in a public name or in its methods."""
+    finder, found = doctest.DocTestFinder(exclude_empty=True), {}
+    for package in PACKAGES:
+        public = {name: getattr(package, name) for name in package.__all__ if not name.startswith("_")}
+        if package is fmublock:
+            public |= {name: getattr(package, name) for name in fmublock._LATER}
+        parsed = doctest.DocTestParser().get_doctest(package.__doc__ or "", {}, package.__name__, None, None)
+        tests = [parsed, *(t for name, one in public.items() for t in finder.find(one, name, globs={}))]
+        found |= {f"{package.__name__}.{t.name}": t for t in tests if t.examples}
+    return found
+
+
+EXAMPLES = examples()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_works(
+    name: str,
+    fmu_folder: Path,
+    on_one_cluster: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "fmus").symlink_to(fmu_folder)
+    monkeypatch.chdir(tmp_path)
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    assert runner.run(EXAMPLES[name]).failed == 0, capsys.readouterr().out
+
+
+def test_functions_have_examples() -> None:
+    functions = {"load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run"}
+    assert {f"emla_cosim.{name}" for name in functions} <= set(EXAMPLES)
+
+
+def test_what_extensions_need_is_public() -> None:
+    assert {"Progress", "Network", "Link", "FmuInstance", "__version__"} <= set(ec.__all__)
+    assert ec.__version__ == version("emla-cosim")
+
+
+def test_public_names_are_documented() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs/api").glob("*.md"))
+    listed = {name.rpartition(".")[2] for name in re.findall(r"^::: (\S+)", pages, re.MULTILINE)}
+    assert {name for package in PACKAGES for name in package.__all__} - listed == {"BLOCKS", "HDRM"}
