@@ -188,7 +188,7 @@ def test_rows_that_wait_behind_those_passed_on_are_kept(
 def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_path: Path) -> None:
     sentence = failed(running(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
     assert "before its first step: j.bad ended the process in exitInitializationMode (SIGSEGV)" in sentence
-    assert record(tmp_path) == {"scenario": "system", "status": sentence[7:].partition(" What")[0]}
+    assert record(tmp_path) == {"scenario": "system", "status": sentence[7:].partition(" The results")[0]}
 
 
 @pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
