@@ -325,7 +325,7 @@ def test_controllers_of_the_user_are_compared_on_the_same_terms(fmu_folder: Path
     ("arguments", "words"),
     [
         (("--reserves", "0.02"), "must be two parts from 0 to 0.9, of current and voltage, such as 0.02,0.2"),
-        (("--reserves", "0,1"), "must be parts of current and voltage from 0 to 0.9"),
+        (("--reserves", "0,1"), "must be two parts from 0 to 0.9, of current and voltage"),
         (("--reserves", "a,b"), "the reserves are 'a,b'; they must be two numbers"),
         (("--seeds", "-1"), "the number of seeds is -1; it must be from 0 to 1000"),
         (("--table", "certificate", "--seeds", "2"), "certificate does not support --seeds"),

@@ -61,7 +61,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "metrics as text": ({"metrics": "lift.held"}, "must be a list or a table"),
     "no metric": ({"metrics": [3]}, "a metric of .* is 3"),
     "metric twice": ({"metrics": ["a = max(time)", "a = min(time)"]}, "two columns 'a'"),
-    "metric of a factor's name": ({"metrics": [f"{R_S} = max(time)"]}, "a factor and a figure"),
+    "metric of a factor's name": ({"metrics": [f"{R_S} = max(time)"]}, "a factor and of a figure"),
     "metric of a column's name": ({"metrics": ["status = max(time)"]}, "two columns 'status'"),
     "unknown metric": ({"metrics": ["lift.torque_peak"]}, "did you mean lift.torque_peak_N_m"),
     "syntax": ({"metrics": ["a = max(abs(lift.plant.i_q"]}, "'a = max.* cannot be computed"),
@@ -70,7 +70,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
     "seed": ({"seed": -1}, "the seed -1"),
     "runs": ({"runs": 0, "sampling": "random"}, "number of runs is 0"),
-    "runs of a grid": ({"runs": 3, "sampling": "grid"}, "takes no number of runs"),
+    "runs of a grid": ({"runs": 3, "sampling": "grid"}, "has no number of runs"),
     "sampling": ({"sampling": "sobel"}, "there is no sampling 'sobel'"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
@@ -79,7 +79,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
                    "1,000,000,000,000 variants;"),
     "option of one run": ({"real_time": 1.0}, "real_time is for a single run"),
     "unknown option": ({"step_sise": 1.0}, "did you mean 'step_size'?"),
-    "resume without a folder": ({"resume": True, "output": None}, "give `output`"),
+    "resume without a folder": ({"resume": True, "output": None}, "set `output` to its folder"),
     "resume of nothing": ({"resume": True}, "has no sweep to resume"),
 }  # fmt: skip
 

@@ -127,7 +127,7 @@ def test_a_sweep_begun_without_verdicts_is_not_resumed(
     record["identity"]["metrics"], record["status"] = "of before", "unfinished"
     (tmp_path / "a/sweep.json").write_text(json.dumps(record))
     (tmp_path / "a" / MANIFEST).unlink()  # which knows that the record was changed
-    with pytest.raises(ec.CommandError, match="other metrics"):
+    with pytest.raises(ec.CommandError, match="different metrics"):
         sweep(growth, output=tmp_path / "a", resume=True, **plan(cluster))
 
 

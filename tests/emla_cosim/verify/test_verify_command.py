@@ -76,7 +76,7 @@ def test_groups_and_patterns_choose_checks() -> None:
         ([], "there is nothing to verify; name at least one FMU."),
         (["nowhere.fmu"], "the FMU file 'nowhere.fmu' does not exist."),
         (["."], "the FMU file '.' does not exist."),
-        (["x" * 300 + ".fmu"], "there is no FMU file"),
+        (["x" * 300 + ".fmu"], "does not exist"),
         (["PLANT", "--only", "run.complete"], "did you mean run.completes"),
         (["PLANT", "--skip", "zzz"], "there is no check 'zzz'; `emla verify --list` lists all checks."),
         (["PLANT", "--only", "run", "--skip", "run.*"], "`only` and `skip` select no check."),
