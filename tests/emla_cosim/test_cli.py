@@ -245,7 +245,7 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (["run", "lift", "--flavour", "java"], ["no flavour 'java'", "native and python"]),
         (
             ["run", "lift", "--controller", "pid"],
-            ["no controller 'pid'", "rsba, foc, cac and anatc, or name"],
+            ["no controller 'pid'", "rsba, foc, cac and anatc, or write"],
         ),
         (
             ["run", "lift", "--controller", "robust"],

@@ -81,7 +81,7 @@ def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) ->
         ({LEAD: "1 s:2 s:3"}, "1 s has the units s and m"),
         ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),
         ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but the variable has none"),
-        ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "of different units"),
+        ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "with different units"),
         (
             {LEAD: {"distribution": "values", "values": ["90 mm"], "relative": True}},
             "'90 mm' is no number",

@@ -120,7 +120,7 @@ def test_inputs_that_an_earlier_recording_left_do_not_drive_a_later_one(
         (["--step-size", "0"], "the step size 0 s must be a positive number."),
         (
             ["--step-size", "1e-9"],
-            "steps of 1e-09 s are too many to record; give --stop-time",
+            "steps of 1e-09 s are too many to record; set --stop-time",
         ),
     ],
 )
