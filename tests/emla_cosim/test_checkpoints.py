@@ -236,7 +236,7 @@ def test_a_checkpoint_of_another_run_leaves_everything_alone(
         ("jacobi", {"algorithm": "gauss-seidel"}, "the algorithm jacobi, this run has gauss-seidel."),
         ("jacobi", {"extrapolation": "fmu"}, "the extrapolation none, this run has fmu."),
         ("strong", {"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, this run has 1e-06."),
-        ("jacobi", {"error_tolerance": 0.5}, "the error tolerance None, this run has 0.5."),
+        ("jacobi", {"error_tolerance": 0.5}, "the step-size control fixed, this run has error."),
         ("jacobi", {"step_multiples": {"j.sink": 2}}, "other step multiples, of j.sink."),
         ("gauss-seidel", {"order": ["j.sink", "j.bad", "j.source"]}, "other order."),
         ("jacobi", {"step_size": 0.05}, "the step size 0.1, this run has 0.05."),

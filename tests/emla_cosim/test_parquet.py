@@ -11,6 +11,7 @@ import pytest
 
 import emla_cosim.recorders.parquet_file
 import fmublock.files
+from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
@@ -75,9 +76,9 @@ def test_parts_and_the_file_are_on_disk_before_they_have_their_names(
     monkeypatch.setattr(emla_cosim.recorders.parquet_file, "PART", 30)
     file = begun(tmp_path)
     file.end()
-    assert named == ["000000.parquet", "results.parquet"]
+    assert [name for name in named if name != MANIFEST] == ["000000.parquet", "results.parquet"]
     assert len(polars.read_parquet(tmp_path / "results.parquet")) == 20
-    assert [p.name for p in tmp_path.iterdir()] == ["results.parquet"]
+    assert {p.name for p in tmp_path.iterdir()} == {MANIFEST, "results.parquet"}
     assert stat.S_IMODE((tmp_path / "results.parquet").stat().st_mode) & 0o400
 
 
@@ -94,7 +95,7 @@ def test_a_full_disk_is_told_and_the_parts_stay(tmp_path: Path) -> None:
             file.memory()
     left = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
     assert left == parts
-    assert [p.name for p in tmp_path.iterdir()] == ["results.parquet.parts"]
+    assert {p.name for p in tmp_path.iterdir()} == {MANIFEST, "results.parquet.parts"}
 
 
 def test_a_command_whose_parts_do_not_fit_ends_with_a_sentence(emla: Emla, tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from emla_cosim.sandbox.server import Server
 from emla_cosim.verification import verifying
 from emla_cosim.verification.examiner import Job
 from emla_cosim.verification.findings import Examined
@@ -20,32 +20,29 @@ class Sharing(verifying._Examiners):
     """Examiners that wait for the next report when one is done."""
 
     folder: Path
-    waiting: list[Any] = []  # noqa: RUF012 - of all reports
+    waiting: list[Server] = []  # noqa: RUF012 - of all reports
 
     def examined(self, jobs: Sequence[Job]) -> tuple[Examined, ...]:
         self._folder = self.folder
-        self._taken: list[Any] = []
         with ThreadPoolExecutor(min(2, len(jobs))) as pool:
             found = tuple(pool.map(self._examined, jobs))
-        self.waiting.extend(one for one in self._taken if one[0].poll() is None)
+        self.waiting.extend(server for server in self._servers if server._process.poll() is None)
         return found
 
-    def _process(self) -> Any:
-        if not hasattr(self._own, "process"):
+    def _server(self) -> Server:
+        if not hasattr(self._own, "server"):
             with suppress(IndexError):
-                self._own.process = self.waiting.pop()
-            self._taken.append(super()._process())
-        return self._own.process
+                self._own.server = self.waiting.pop()
+                self._servers.append(self._own.server)
+        return super()._server()
 
 
 @pytest.fixture(scope="session")
 def sharing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[type[Sharing]]:
     Sharing.folder = tmp_path_factory.mktemp("examiners")
     yield Sharing
-    for process, channel in Sharing.waiting:
-        channel.close()
-        process.kill()
-        process.wait()
+    for server in Sharing.waiting:
+        server.close()
     Sharing.waiting.clear()
 
 
