@@ -8,7 +8,6 @@ from typing import Any
 from ...base.errors import CommandError, called_as_in
 from ...base.progress import Progress
 from ...ssp.writer.writing import Experiment, check_package, write_ssp
-from ...system.bond import Bond
 from ...system.model import System
 from ..experiment import run_times
 from ..options import Options, read_options, table
@@ -95,8 +94,7 @@ class Scenario:
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):
             system, fmus = prepared(self.system, chosen, told)
-            bonds = {name: Bond.read(name, text) for name, text in chosen.bonds.items()}
-            system = replace(system, bonds={**system.bonds, **bonds})
+            system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             write_ssp(
                 Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
             )
