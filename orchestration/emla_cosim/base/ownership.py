@@ -148,14 +148,18 @@ class OutputFiles:
         if wanted != entries:
             self._write(wanted)
 
-    def settle(self) -> None:
-        """Add fingerprints of the files that are complete now. Raises OSError."""
+    def settle(self, names: Collection[str] | None = None) -> None:
+        """Add fingerprints of files that are complete now: of these, or of all in the folder.
+
+        Entries of other files stay: their writer may still be at work. Raises OSError.
+        """
         entries = self._entries()
-        found = {
-            name: _fingerprint(self._place / name) if known is None else known
-            for name, known in entries.items()
-            if _is_regular(self._place / name)
-        }
+        chosen = entries.keys() if names is None else names
+        found = {name: known for name, known in entries.items() if name not in chosen}
+        for name in chosen:
+            if _is_regular(path := self._place / name):
+                known = entries.get(name)
+                found[name] = _fingerprint(path) if known is None else known
         if found != entries:
             self._write(found)
 

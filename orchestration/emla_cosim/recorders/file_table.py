@@ -35,4 +35,4 @@ class FileTable(Table):
 
     def settle(self) -> None:
         """Note in the manifest that the file is complete. May raise OSError."""
-        self._files.settle()
+        self._files.settle([self.path.name])
