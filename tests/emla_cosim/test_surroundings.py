@@ -199,7 +199,7 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
             timeout=120,
         )
     except subprocess.TimeoutExpired:
-        pytest.skip("CPython 3.11 repeats an exception forever when it has no memory to raise it.")
+        pytest.skip("It did not end in 120 s: CPython can spin where it has no memory to raise an exception.")
     assert done.returncode in (0, 1, 2)
     assert b"Traceback (most" not in done.stderr
     # anywhere in a line: what ran out of memory may have been writing one
