@@ -228,6 +228,19 @@ def test_a_step_size_control_is_chosen_by_its_name_or_its_options(fmu_folder: Pa
     assert len(results[0].time) != len(fixed[0].time)
 
 
+def test_controls_may_share_the_names_of_options(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(eq=False)
+    class Cautious(ec.STEP_SIZE_CONTROLS["error"]):  # type: ignore[misc]
+        """Error control under another name."""
+
+    monkeypatch.setitem(ec.STEP_SIZE_CONTROLS, "cautious", Cautious)
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        for chosen in ("error", "cautious"):
+            result = simulation.run(error_tolerance=0.1, step_size_control=chosen)
+            settings = result.record["settings"]
+            assert (settings["step_size_control"], settings["error_tolerance"]) == (chosen, 0.1)
+
+
 def test_what_is_added_belongs_to_a_checkpoint(emla: Emla) -> None:
     def run(settings: str, *more: str) -> Any:
         options = ("--algorithm", "backwards", "--settings", settings, "--no-plots")

@@ -343,6 +343,23 @@ def test_the_time_of_a_lock_is_told(tmp_path: Path) -> None:
             pass
 
 
+@pytest.mark.parametrize(
+    "kinds", [(ec.CsvFile, ec.ParquetFile), (ec.ParquetFile, ec.CsvFile), (ec.CsvFile,) * 2]
+)
+def test_several_tables_in_one_folder_are_each_replaced(
+    kinds: tuple[Any, Any], fmu_folder: Path, tmp_path: Path
+) -> None:
+    paths = tmp_path / "first", tmp_path / "second"
+    with ec.load("lift", stop_time=0.002, fmus=fmu_folder).prepare() as simulation:
+        for _ in range(2):
+            simulation.run(recorders=[kind(path) for kind, path in zip(kinds, paths, strict=True)])
+        for path in paths:
+            path.write_bytes(path.read_bytes() + b"\n")
+            with pytest.raises(ec.CommandError, match=f"{path.name}' was changed since emla wrote it"):
+                simulation.run(recorders=[ec.CsvFile(path)])
+            path.unlink()
+
+
 @pytest.mark.parametrize(("kind", "name"), [(ec.CsvFile, "mine.csv"), (ec.ParquetFile, "mine.parquet")])
 def test_tables_made_in_python_replace_only_their_own_files(
     kind: Any, name: str, fmu_folder: Path, tmp_path: Path

@@ -46,6 +46,10 @@ def _assert_whole(path: Path) -> None:
         assert content.startswith(_PICTURE[0]) and content.endswith(_PICTURE[1]), path
     elif path.suffix == ".parquet":
         polars.read_parquet(path)
+    elif (text := path.read_text(encoding="utf-8")).startswith("{"):  # in place of an empty file
+        json.loads(text)
+    elif text.startswith("<"):
+        assert text.rstrip().endswith(("</html>", "</testsuites>")), path
     else:
         raise AssertionError(f"{path} is nothing that is known")
 

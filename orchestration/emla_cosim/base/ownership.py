@@ -162,18 +162,24 @@ class OutputFiles:
         if wanted != entries:
             self._write(wanted)
 
-    def settle(self) -> None:
-        """Add the fingerprints of the files that are complete now.
+    def settle(self, names: Collection[str] | None = None) -> None:
+        """Add the fingerprints of files that are complete now.
+
+        The entries of other files stay as they are: their writer may still be at work.
+
+        Args:
+            names: The files; default: all in the folder.
 
         Raises:
             OSError: If the manifest cannot be written.
         """
         entries = self._entries()
-        found = {
-            name: _fingerprint(self._place / name) if known is None else known
-            for name, known in entries.items()
-            if _is_regular(self._place / name)
-        }
+        chosen = entries.keys() if names is None else names
+        found = {name: known for name, known in entries.items() if name not in chosen}
+        for name in chosen:
+            if _is_regular(path := self._place / name):
+                known = entries.get(name)
+                found[name] = _fingerprint(path) if known is None else known
         if found != entries:
             self._write(found)
 

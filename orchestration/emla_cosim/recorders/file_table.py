@@ -37,4 +37,4 @@ class FileTable(Table):
 
     def settle(self) -> None:
         """Mark the file as complete in the manifest. May raise OSError."""
-        self._files.settle()
+        self._files.settle([self.path.name])

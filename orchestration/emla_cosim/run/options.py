@@ -49,6 +49,7 @@ from ..master.stepping.step_size_control import StepSizeControl
 from ..recorders.recorder import Recorder
 from ..recorders.registry import RECORDERS, TABLES, table_names
 from ..recorders.tubes.tolerance import Tolerance, read_tolerances
+from ..system.bond import Bond
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
 
@@ -412,6 +413,10 @@ class Options:
                 found[table] = "the run to compare with"
         return found
 
+    def read_bonds(self) -> dict[str, Bond]:
+        """Return the power bonds by name; CommandError for a text that is none."""
+        return {name: Bond.read(name, text) for name, text in self.bonds.items()}
+
     def make_algorithm(self) -> Algorithm:
         """Return the algorithm with its options.
 
@@ -455,11 +460,11 @@ class Options:
     def in_effect(self) -> list[tuple[Option, Any]]:
         """Return each option that applies, with its value."""
         found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
-        control = self.make_step_size_control()
-        for part in (self.make_algorithm(), control, *self.make_recorders()):
+        for part in (self.make_algorithm(), self.make_step_size_control(), *self.make_recorders()):
             found += [(o, getattr(part, o.name)) for o in options_of(type(part))]
-        unused = (kind for kind in STEP_SIZE_CONTROLS.values() if not isinstance(control, kind))
-        return found + [(o, None) for kind in unused for o in options_of(kind)]
+        has = {o.name for o, _ in found}
+        unused = {o.name: o for kind in STEP_SIZE_CONTROLS.values() for o in options_of(kind)}
+        return found + [(o, None) for name, o in unused.items() if name not in has]
 
 
 _FIXED = {o.name: o for o in options_of(Options)}

@@ -34,7 +34,6 @@ from ..recorders.recorder import Outline, Recorder
 from ..recorders.stored import StoredRun, open_stored_run
 from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
-from ..system.bond import Bond
 from ..system.model import System, Value
 from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
@@ -304,7 +303,7 @@ class Simulation:
                 chosen.roles,
                 chosen.criteria,
                 exchanged,
-                {**bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
+                {**bonds, **chosen.read_bonds()},
                 watched=not control.is_regular,
                 halved=control.is_halved,
             )

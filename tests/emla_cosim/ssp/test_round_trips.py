@@ -80,6 +80,40 @@ def test_bond_without_a_signal_is_refused(fmu_folder: Path) -> None:
         load("unpacked")
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "notes"),
+    [
+        ('Samples component="lift.observer"', 'Samples component="lift.o"', ["component 'lift.o' does"]),
+        ('flow="lift.plant.v_L"', 'flow="lift.plant.v"', ["bond 'axis' is", "signal 'lift.plant.v' does"]),
+        ('effort="lift.plant.tau_m"', 'effort="tau_m"', ["bond 'axis' is", "signal 'tau_m' does"]),
+    ],
+    ids=["component", "signal", "no component"],
+)
+def test_unknown_names_in_our_annotation_are_reported(
+    before: str, after: str, notes: list[str], fmu_folder: Path
+) -> None:
+    scenario = load("lift", fmus=fmu_folder, bonds={"axis": "lift.plant.tau_m * lift.plant.v_L"})
+    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
+        archive.extractall("unpacked")
+    assert not load("unpacked").notes
+    document = Path("unpacked/SystemStructure.ssd")
+    assert before in document.read_text()
+    document.write_text(document.read_text().replace(before, after))
+    (note,) = load("unpacked").notes
+    assert all(words in note for words in notes)
+
+
+def test_two_bonds_of_one_name_are_refused(fmu_folder: Path) -> None:
+    power = "lift.plant.tau_m * lift.plant.v_L"
+    scenario = load("lift", fmus=fmu_folder, bonds={"axis": power, "other": power})
+    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
+        archive.extractall("unpacked")
+    document = Path("unpacked/SystemStructure.ssd")
+    document.write_text(document.read_text().replace('name="other"', 'name="axis"'))
+    with pytest.raises(CommandError, match="two power bonds have the name 'axis'"):
+        load("unpacked")
+
+
 @pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
 def test_a_replaced_component(nested: bool, fmu_folder: Path, foreign_plant: Path) -> None:
     options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]

@@ -8,7 +8,6 @@ from typing import Any, Unpack
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.progress import Progress
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
-from ...system.bond import Bond
 from ...system.model import System
 from ..option_types import PrepareOptions
 from ..options import Options, list_options, read_options
@@ -145,8 +144,7 @@ class Scenario:
         experiment = SystemTimes(times.start, times.stop, times.step)
         with show_paths_relative_to(self.unpacked):
             system, fmus = prepare_system(self.system, chosen, told)
-            bonds = {name: Bond.read(name, text) for name, text in chosen.bonds.items()}
-            system = replace(system, bonds={**system.bonds, **bonds})
+            system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             write_ssp(
                 Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
             )

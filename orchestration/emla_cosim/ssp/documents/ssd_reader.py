@@ -60,11 +60,18 @@ def parse_structure(content: bytes, where: str) -> Structure:
         step_size=_step_size(root, where),
         description=root.get("description", ""),
         samples=tuple(e["component"] for e in _own(root, where, "Samples", ("component",))),
-        bonds={
-            e["name"]: Bond(e["effort"], e["flow"])
-            for e in _own(root, where, "Bond", ("name", "effort", "flow"))
-        },
+        bonds=_bonds(root, where),
     )
+
+
+def _bonds(root: XmlElement, where: str) -> dict[str, Bond]:
+    """Return the power bonds by name; CommandError for two of one name."""
+    found: dict[str, Bond] = {}
+    for each in _own(root, where, "Bond", ("name", "effort", "flow")):
+        if each["name"] in found:
+            raise CommandError(f"'{where}': two power bonds have the name '{each['name']}'.")
+        found[each["name"]] = Bond(each["effort"], each["flow"])
+    return found
 
 
 def _own(root: XmlElement, where: str, tag: str, attributes: Iterable[str]) -> Iterator[dict[str, str]]:

@@ -1,7 +1,7 @@
 """Conversion of an SSP to a flat system of FMUs."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,16 +65,36 @@ def _document(structure: Structure, package: Package) -> SspDocument:
         for path, fmu in wired.fmus.items()
     )
     connections = (_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
+    system = System(tuple(components), tuple(x for x in connections if x is not None), structure.bonds)
     return SspDocument(
         name=structure.name,
         description=structure.description,
-        system=System(tuple(components), tuple(x for x in connections if x is not None), structure.bonds),
+        system=system,
         start_time=structure.start_time,
         stop_time=structure.stop_time,
         step_size=structure.step_size,
-        notes=[f"the parameter {name} matches no variable" for name in unused],
+        notes=[
+            *(f"the parameter {name} matches no variable" for name in unused),
+            *_unknown_in_annotation(structure, system, wired.fmus.values()),
+        ],
         unpacked=package.unpacked,
     )
+
+
+def _unknown_in_annotation(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:
+    """Yield a note on each name in our annotation that nothing has, as after a component was renamed.
+
+    The FMUs are those of the system's components.
+    """
+    known = {c.name: (c.aliases, fmu.interface) for c, fmu in zip(system.components, fmus, strict=True)}
+    for name in structure.samples:
+        if name not in known:
+            yield f"the sampled component '{name}' does not exist"
+    for name, bond in structure.bonds.items():
+        for signal in (bond.effort, bond.flow):
+            owners = {c: signal.removeprefix(f"{c}.") for c in known if signal.startswith(f"{c}.")}
+            if not any(v in known[c][0] or v in known[c][1].variables for c, v in owners.items()):
+                yield f"the power bond '{name}' is not judged: the signal '{signal}' does not exist"
 
 
 def _names(wired: Wiring) -> dict[Path_, str]:
