@@ -507,7 +507,7 @@ def test_the_actuator_of_a_scenario_file_converges_as_well_as_from_python(
         with pytest.raises(ec.CommandError, match="actuator"):
             simulation.run(actuator={"prototype": FILE})
     for name, value in {"actuator": {"prototype": FILE}, "controller": "foc"}.items():
-        with pytest.raises(ec.CommandError, match=f"exists already; set {name} where"):
+        with pytest.raises(ec.CommandError, match=f"exists already; set {name} when"):
             again.prepare(**{name: value})
 
 

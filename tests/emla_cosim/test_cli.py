@@ -304,7 +304,7 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (["run", "lift", "--replace", "lift.plant=gone.fmu"], ["no FMU file 'gone.fmu'"]),
         (["run", "lift", "--replace", "lift.pump=gone.fmu"], ["no component 'lift.pump'"]),
         (["run", "lift", "--replace", "lift.plant"], ["--replace lift.plant", "NAME=VALUE"]),
-        (["run", "lift", "--animate"], ["'lift' cannot be animated", "takes a manipulator"]),
+        (["run", "lift", "--animate"], ["'lift' cannot be animated", "an animation needs a manipulator"]),
         (["build", "Engine"], ["no model 'Engine'", "EmlaPlant"]),
         (["build", "Reference", "--platform", "amiga"], ["no platform 'amiga'", "linux64"]),
         (["build", "Reference", "--flavour", "java"], ["no flavour 'java'"]),

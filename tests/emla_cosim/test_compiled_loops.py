@@ -436,7 +436,7 @@ def test_derivatives_of_a_loop_are_those_of_its_answer() -> None:
     links += [Link(0, 0, 1, 0, True), Link(0, 1, 1, 1, True, True, 0.5)]
     algorithm = begun(Network([a, b], links), Strong("fmu"), TIMES)
     (group,) = algorithm.groups
-    assert group.cut.tolist() == [2, 3]
+    assert group.coupling_variables.tolist() == [2, 3]
     first = 0.5 * np.array([[1.5, -4.0], [3.0, 2.5]]) @ np.diag([2.0, -3.0])
     expected = np.array([[2.0, 1.0], [-1.0, 3.0]]) @ np.diag([1.0, 0.5]) @ first
     found = loop_derivatives(algorithm.exchange, group)

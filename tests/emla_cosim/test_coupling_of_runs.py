@@ -102,7 +102,7 @@ def test_under_error_control_every_step_counts(simulation: ec.Simulation) -> Non
 def test_a_figure_can_be_required(simulation: ec.Simulation) -> None:
     with pytest.raises(ec.RunError, match=r"requirements not met: rod\.energy_error < 0\.02"):
         simulation.run(bonds=BOND, require=["rod.energy_error < 0.02"])
-    with pytest.raises(ec.CommandError, match=r"no figure 'rod\.energy_eror'"):
+    with pytest.raises(ec.CommandError, match=r"no metric 'rod\.energy_eror'"):
         simulation.run(bonds=BOND, require=["rod.energy_eror < 0.02"])
 
 

@@ -102,7 +102,7 @@ def test_a_file_that_is_read_is_not_overwritten(emla: Emla) -> None:
     Path("x.csv").write_text("lift.plant.motor.R_s\n0.2\n")
     Path("x.toml").write_text('system = "lift"\nparameters = ["x.csv"]\n')
     for told in (("lift", "--parameters", "x.csv"), ("x.toml",)):
-        assert "'x.csv' is the parameter set" in sentence(emla("info", *told, "--json", "x.csv"), 2)
+        assert "'x.csv' is also the parameter set" in sentence(emla("info", *told, "--json", "x.csv"), 2)
 
 
 def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_path: Path) -> None:
@@ -161,5 +161,5 @@ def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Pa
 
 
 def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:
-    assert "fits 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
+    assert "matches 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
     assert "there is no scenario 'nothing'" in sentence(emla("info", "nothing"), 2)

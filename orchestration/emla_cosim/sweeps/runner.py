@@ -88,7 +88,7 @@ def sweep(
         >>> import emla_cosim as ec
         >>> found = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
         >>> found.variants["status"].to_list()
-        ['completed', 'completed']
+        ['done', 'done']
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     chosen = {**options, "overwrite": True} if overwrite else {**options}

@@ -43,5 +43,5 @@ def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pyte
 
 def test_signals_that_it_needs_must_be_kept(emla: Emla) -> None:
     text = sentence(emla(*RUN, "--animate", "--signals", "machine.*"), 2)
-    assert "not kept: lift.plant.x_L, tilt.plant.x_L and telescope.plant.x_L." in text
+    assert "not recorded: lift.plant.x_L, tilt.plant.x_L and telescope.plant.x_L." in text
     assert not any(Path("out").iterdir())

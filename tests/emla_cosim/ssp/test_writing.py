@@ -129,7 +129,7 @@ def test_a_component_inside_a_component(tmp_path: Path) -> None:
 
 def test_a_name_with_nothing_between_dots(tmp_path: Path) -> None:
     fmu = fake_fmu(tmp_path / "a.fmu", "k:parameter")
-    with pytest.raises(CommandError, match=r"the name of 'a\.\.b' is empty"):
+    with pytest.raises(CommandError, match=r"the name of 'a\.\.b' has an empty part"):
         exported(tmp_path, System((Component("a..b"),), ()), {"a..b": fmu}, nested=True)
 
 

@@ -113,7 +113,7 @@ def test_truths_count_as_0_and_1() -> None:
     ("values", "sentence"),
     [
         ([None] * 8, "0 of 2 base samples of the sweep 'made-up' have the figure 'f'"),
-        ([1.0, 2.0, 3.0, 4.0, None, 1.0, 2.0, 3.0], "1 of 2 base samples .* Sobol indices need 2"),
+        ([1.0, 2.0, 3.0, 4.0, None, 1.0, 2.0, 3.0], "1 of 2 base samples .* Sobol indices need at least 2"),
         ([1.0, 2.0, 3.0, 1.0] * 2, "varies in too few variants for Sobol indices; use more samples"),
     ],
 )
@@ -148,7 +148,7 @@ def test_missing_figures_of_local_sensitivities_are_none() -> None:
 
 def test_wrong_samplings_and_figures_are_sentences() -> None:
     result = swept({"a": range(4)}, {"lift.error_m": range(4)}, "one-at-a-time")
-    with pytest.raises(CommandError, match="sampled by one-at-a-time; Sobol indices need the"):
+    with pytest.raises(CommandError, match="has the sampling one-at-a-time; Sobol indices need the"):
         sobol_indices(result, "lift.error_m")
     with pytest.raises(CommandError, match="variants beyond the 3 that one-at-a-time has for 1 factors"):
         local_sensitivities(result, "lift.error_m")

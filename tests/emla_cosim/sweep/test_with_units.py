@@ -84,7 +84,7 @@ def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) ->
         ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "with different units"),
         (
             {LEAD: {"distribution": "values", "values": ["90 mm"], "relative": True}},
-            "'90 mm' is no number",
+            "'90 mm' is not a number",
         ),
     ],
     ids=str,
