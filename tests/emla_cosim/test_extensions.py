@@ -80,7 +80,7 @@ class JsonLines(ec.Table):
 class Energy(ec.Metrics):
     """The work of every motor."""
 
-    shown = (ec.Shown("work_J", "work", 1e-3, "kJ"),)
+    shown = (ec.MetricDisplay("work_J", "work", 1e-3, "kJ"),)
 
     def __init__(self, columns: dict[str, int]) -> None:
         self.columns, self.work, self.last = columns, dict.fromkeys(columns, 0.0), None

@@ -26,7 +26,7 @@ from emla_cosim.comparison.statistics import (
 )
 from emla_cosim.comparison.tables import describe_lost_joints
 from emla_cosim.fmu.models import build
-from emla_cosim.recorders.metrics import Shown
+from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.loading import load
@@ -38,7 +38,7 @@ from tests.support.commands import Emla, sentence
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
-ERROR = Shown("position_error_m", "position error", 1e6, "µm", "m")
+ERROR = MetricDisplay("position_error_m", "position error", 1e6, "µm", "m")
 
 
 def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, Any]]:

@@ -185,7 +185,7 @@ def test_faults_in_sequence_on_one_signal(algorithm: str, late: int, fmu_folder:
 
 
 @dataclass(frozen=True)
-class Shown:
+class MetricDisplay:
     """What an FMU with one Real shows of it."""
 
     variables: Mapping[str, Any]
@@ -207,7 +207,7 @@ def test_a_value_is_in_the_unit_of_its_signal(signal: str, factors: Sequence[flo
         for n, c in variables.items()
     }
     units = {"a": replace(metre, name="mm", factor=1e-3), "b": metre, next(iter(placed)): None}
-    interfaces: Any = {name: Shown(shown, unit) for name, unit in units.items()}
+    interfaces: Any = {name: MetricDisplay(shown, unit) for name, unit in units.items()}
     found = wire_faults(made, placed, interfaces)
     after = {x.source: find_transformation(x, interfaces).factor for x in found.connections}
     assert [after["a"], after[next(iter(placed))]] == factors

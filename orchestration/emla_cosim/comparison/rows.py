@@ -6,7 +6,7 @@ from typing import Any
 
 import polars
 
-from ..recorders.metrics import Shown
+from ..recorders.metrics import MetricDisplay
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweeps.data import DIED, DONE
 from ..sweeps.worker import VariantOutcome
@@ -36,7 +36,7 @@ COLUMNS: Mapping[str, Any] = {
     "y": polars.Float64,
 }
 
-SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
+SHOWN: Mapping[str, MetricDisplay] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
 """How tables and pictures show a figure."""
 
 Row = Mapping[str, Any]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 
-from ..recorders.metrics import Shown
+from ..recorders.metrics import MetricDisplay
 from .rows import HELD, Row, label_variant
 from .text_table import Cell, format_rounded
 
@@ -63,7 +63,7 @@ def group_by_variant(rows: Sequence[Row]) -> dict[str, SeedStatistics]:
     return {variant: SeedStatistics(own) for variant, own in found.items()}
 
 
-def find_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> str | None:
+def find_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> str | None:
     """Return the controller with the clearly smallest mean of a figure.
 
     Only joints that were held in all runs count. The smallest mean must be below the next one by more than
@@ -89,33 +89,33 @@ def find_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> str | Non
     return best if all(map(is_clear, others)) else None
 
 
-def mark_winner(found: Mapping[str, SeedStatistics], figure: Shown) -> dict[str, Cell]:
+def mark_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Cell]:
     """Return the cells of a row of a table by controller and gains, with means, spreads and the winner."""
     best = find_winner(found, figure)
     return {name: _cell(one, figure)._replace(best=name == best) for name, one in found.items()}
 
 
-def format_mean(one: SeedStatistics, figure: Shown) -> str:
+def format_mean(one: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a mean as text, in the unit of its row."""
     mean = one.mean(figure.name)
     return "none" if mean is None else format_rounded(figure.factor * mean)
 
 
-def format_mean_and_spread(one: SeedStatistics, figure: Shown) -> str:
+def format_mean_and_spread(one: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a mean as text in the unit of its row, with its spread if there is one."""
     spread = figure.factor * one.spread(figure.name)
     text = format_mean(one, figure)
     return f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text
 
 
-def format_lost(one: SeedStatistics, figure: Shown) -> str:
+def format_lost(one: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
     of = "" if len(one.rows) == 1 else f" in {len(one.lost)} of {len(one.rows)}"
     largest = one.largest(figure.name)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
 
 
-def _cell(one: SeedStatistics, figure: Shown) -> Cell:
+def _cell(one: SeedStatistics, figure: MetricDisplay) -> Cell:
     return (
         Cell(format_mean_and_spread(one, figure))
         if one.is_held

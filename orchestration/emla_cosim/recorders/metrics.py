@@ -18,7 +18,7 @@ Figures = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
-class Shown:
+class MetricDisplay:
     """How tables show a metric.
 
     Args:
@@ -43,7 +43,7 @@ class Metrics(ABC):
         shown: metrics that tables show, in order.
     """
 
-    shown: Sequence[Shown] = ()
+    shown: Sequence[MetricDisplay] = ()
 
     @abstractmethod
     def write(self, rows: Vector) -> None:

@@ -11,7 +11,7 @@ from ..base.errors import CommandError
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..master.stepping.timing import CommunicationPoints
-from ..recorders.metrics import Figures, Shown
+from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
 from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance
@@ -66,7 +66,7 @@ class Result:
     times: CommunicationPoints
     table: Table | None
     metrics: Mapping[str, Figures]
-    shown: Mapping[str, Sequence[Shown]]
+    shown: Mapping[str, Sequence[MetricDisplay]]
     remarks: Sequence[str]
     steps: int
     simulated_s: float

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
-from ..recorders.metrics import HELD, Figures, Metrics, Shown
+from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from ..run.requirements import NamedFigures
 from .criteria import criteria_of
@@ -71,21 +71,21 @@ _NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
 _ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
 """Roles of the watched signals, in the order of the gathered rows."""
 
-_HELD = Shown(HELD, HELD)
+_HELD = MetricDisplay(HELD, HELD)
 _SHOWN = (
-    Shown("position_error_m", "position error", 1e6, "µm", "m"),
-    Shown("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
-    Shown("following_error_rms_m", "following error, rms", 1e6, "µm", "m"),
-    Shown("standstill_error_m", "standstill error", 1e6, "µm", "m"),
-    Shown("settling_time_s", "settling time", 1e3, "ms"),
-    Shown("torque_effort_N_m", "torque effort", 1.0, "N m"),
-    Shown("torque_peak_N_m", "torque peak", 1.0, "N m"),
-    Shown("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
-    Shown("saturated_fraction", "time at a limit", 100.0, "%"),
-    Shown("saturated_after_settling", "at a limit once settled", 100.0, "%"),
+    MetricDisplay("position_error_m", "position error", 1e6, "µm", "m"),
+    MetricDisplay("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
+    MetricDisplay("following_error_rms_m", "following error, rms", 1e6, "µm", "m"),
+    MetricDisplay("standstill_error_m", "standstill error", 1e6, "µm", "m"),
+    MetricDisplay("settling_time_s", "settling time", 1e3, "ms"),
+    MetricDisplay("torque_effort_N_m", "torque effort", 1.0, "N m"),
+    MetricDisplay("torque_peak_N_m", "torque peak", 1.0, "N m"),
+    MetricDisplay("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
+    MetricDisplay("saturated_fraction", "time at a limit", 100.0, "%"),
+    MetricDisplay("saturated_after_settling", "at a limit once settled", 100.0, "%"),
 )
 
-CONVERGENCE_TIME = Shown("convergence_time_s", "convergence time", 1e3, "ms")
+CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, "ms")
 """The paper's figures, for tables beside its own."""
 
 TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"

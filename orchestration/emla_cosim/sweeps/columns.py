@@ -8,7 +8,7 @@ import polars
 
 from ..base.arrays import Indices, Vector
 from ..base.errors import CommandError, join_names
-from ..recorders.metrics import HELD, Shown, is_verdict
+from ..recorders.metrics import HELD, MetricDisplay, is_verdict
 from .data import DONE, STATUS, VARIANT, SweepData
 
 LARGEST = 1e150
@@ -129,14 +129,14 @@ def read_outcomes(result: SweepData) -> np.ndarray:
     return outcomes
 
 
-def display_of(result: SweepData, figure: str) -> Shown:
+def display_of(result: SweepData, figure: str) -> MetricDisplay:
     """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
     known = result.shown.get(figure)
     if known is None:
-        return Shown(figure, figure)
+        return MetricDisplay(figure, figure)
     of = figure.removesuffix(known.name).rstrip(".") if figure.endswith(known.name) else ""
     label = known.label if not of or known.label.startswith(of) else f"{of} {known.label}"
-    return Shown(figure, label, known.factor, known.unit, known.large)
+    return MetricDisplay(figure, label, known.factor, known.unit, known.large)
 
 
 def influence(one: FactorColumn, values: Vector) -> float:

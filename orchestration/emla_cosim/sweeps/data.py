@@ -6,7 +6,7 @@ from pathlib import Path
 
 import polars
 
-from ..recorders.metrics import Shown
+from ..recorders.metrics import MetricDisplay
 from .targets import Target
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
@@ -30,7 +30,7 @@ class SweepData:
     signals: Sequence[str] = ()
     series: polars.LazyFrame | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    shown: Mapping[str, Shown] = field(default_factory=dict)
+    shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
     folder: Path | None = None
     complete: bool = True
     required: Sequence[str] = ()

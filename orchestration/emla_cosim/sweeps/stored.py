@@ -6,7 +6,7 @@ import polars
 
 from ..base.errors import CommandError
 from ..base.values import convert_value
-from ..recorders.metrics import Shown
+from ..recorders.metrics import MetricDisplay
 from .data import VARIANT
 from .folder import COMPLETED, SERIES, TABLE, SweepFolder
 from .result import SweepResult
@@ -50,7 +50,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
             signals=record["signals"],
             series=series,
             units=record["units"],
-            shown={name: Shown(**shown) for name, shown in record["shown"].items()},
+            shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
             folder=place,
             complete=record["status"] == COMPLETED,
             required=record["required"],

@@ -10,7 +10,7 @@ from rich.text import Text
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.wording import format_count
-from ..recorders.metrics import Shown
+from ..recorders.metrics import MetricDisplay
 from ..views.terminal import format_figure
 from .columns import (
     NOT_HELD,
@@ -200,7 +200,7 @@ def list_worst_commands(result: SweepResult, figure: str | None = None, count: i
     return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
 
 
-def _format_figure(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
+def _format_figure(result: SweepResult, figure: str, shown: MetricDisplay, value: float | bool | None) -> str:
     if value is None:
         return "none"
     return format_figure(bool(value) if is_truth(result, figure) else float(value), shown)

@@ -16,7 +16,7 @@ from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import MetricsRecorder, Shown
+from ..recorders.metrics import MetricDisplay, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..run.requirements import flatten_figures
@@ -66,7 +66,7 @@ class SimulationDescription:
     units: Mapping[str, str]
     figures: Mapping[str, bool]
     """Figures by name, with whether each is Boolean."""
-    shown: Mapping[str, Shown]
+    shown: Mapping[str, MetricDisplay]
     rows: int
     """Rows of a table with the options of the scenario."""
 

@@ -9,11 +9,11 @@ from ..base.wording import format_count
 from .pages.text import make_visible
 
 if TYPE_CHECKING:
-    from ..recorders.metrics import Shown
+    from ..recorders.metrics import MetricDisplay
     from ..run.result import Result
 
 
-def format_figure(value: Any, figure: "Shown") -> str:
+def format_figure(value: Any, figure: "MetricDisplay") -> str:
     """Format a metric in the unit of its row, or in a larger one if it is large."""
     if isinstance(value, bool):
         return "yes" if value else "no"

@@ -18,7 +18,7 @@ from ..base.wording import format_count
 from .formatting import describe_stepping, format_figure
 
 if TYPE_CHECKING:
-    from ..recorders.metrics import Figures, Shown
+    from ..recorders.metrics import Figures, MetricDisplay
     from ..run.result import Result
     from .output_folder import OutputFolder
 
@@ -161,7 +161,7 @@ def print_line(text: str) -> None:
     show(text, markup=False, highlight=False, soft_wrap=True)
 
 
-def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
+def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -> Table:
     table = Table(title=escape(title), title_justify="left")
     table.add_column("")
     for name in figures:

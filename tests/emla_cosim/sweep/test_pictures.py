@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.recorders.metrics import Shown
+from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.sweeps.drawing import bands as bands_module
 from emla_cosim.sweeps.drawing.bands import PERCENTILES, compute_bands
 from emla_cosim.sweeps.drawing.labels import label_with_unit, shorten_text, wrap_text
@@ -33,10 +33,10 @@ def wide(sampling: str = "random", count: int = 300) -> SweepResult:
     figures, shown = {}, {}
     for i, j in enumerate(JOINTS):
         figures[f"{j}.held"] = x[1 + i] < 0.9
-        shown[f"{j}.held"] = Shown("held", "held")
+        shown[f"{j}.held"] = MetricDisplay("held", "held")
         for k in range(4):
             figures[f"{j}.observer_error_{k}_m_s"] = 1e-6 * 10 ** (3 * x[k + i] + x[k])
-            shown[f"{j}.observer_error_{k}_m_s"] = Shown(
+            shown[f"{j}.observer_error_{k}_m_s"] = MetricDisplay(
                 f"observer_error_{k}_m_s", f"observer speed error {k}", 1e3, "mm/s"
             )
     signals = [f"{j}.plant.{s}" for j in JOINTS for s in ("x_L", "v_L", "i_q")]
@@ -151,9 +151,9 @@ def test_the_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     held = np.arange(20) % 7 != 3
     status = ["done"] * 18 + ["diverged"] * 2
     figures = {"x.held": held, "x.error": error}
-    figure: Any = swept(GRID, figures, "grid", status, shown={"x.error": Shown("error", "error", 2.0)}).plot(
-        "map"
-    )
+    figure: Any = swept(
+        GRID, figures, "grid", status, shown={"x.error": MetricDisplay("error", "error", 2.0)}
+    ).plot("map")
     shades = figure.axes[0].collections[-1].get_array()
     expected = np.where(held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
     assert np.array_equal(shades.filled(np.nan), expected, equal_nan=True)

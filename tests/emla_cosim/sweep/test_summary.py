@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.recorders.metrics import Shown
+from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.summary import find_worst_variants, format_summary, list_worst_commands
 from emla_cosim.sweeps.targets import Target
@@ -18,8 +18,8 @@ from tests.support.sweep_results import swept
 pytestmark = pytest.mark.filterwarnings("error")
 
 SHOWN = {
-    "lift.error_m": Shown("error_m", "error", 1e6, "µm", "m"),
-    "lift.held": Shown("held", "held"),
+    "lift.error_m": MetricDisplay("error_m", "error", 1e6, "µm", "m"),
+    "lift.held": MetricDisplay("held", "held"),
 }
 STATUS = ["done"] * 8 + ["diverged", "done", "died"]
 

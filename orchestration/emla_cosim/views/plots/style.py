@@ -50,7 +50,7 @@ def new_figure(
     """
     from matplotlib.figure import Figure
 
-    class Shown(Figure):
+    class NotebookFigure(Figure):
         """A figure that a notebook shows as an image, regardless of matplotlib's settings."""
 
         def _repr_png_(self) -> bytes:
@@ -59,7 +59,7 @@ def new_figure(
             return content.getvalue()
 
     size = (1.2 + width * columns, 0.8 + height * rows)
-    figure = Shown(figsize=size, dpi=120, layout="constrained" if measured else None)
+    figure = NotebookFigure(figsize=size, dpi=120, layout="constrained" if measured else None)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
 
 

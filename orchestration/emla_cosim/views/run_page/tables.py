@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ...recorders.metrics import Shown
+from ...recorders.metrics import MetricDisplay
 from ...run.result import Result
 from ..formatting import format_figure, format_value
 
@@ -13,9 +13,9 @@ MOST = 1000
 
 
 BONDS = (
-    Shown("energy_error", "energy created or destroyed by the coupling", 100.0, "%"),
-    Shown("energy_error_J", "the same in joules", 1.0, "J"),
-    Shown("energy_exchanged_J", "energy exchanged", 1.0, "J"),
+    MetricDisplay("energy_error", "energy created or destroyed by the coupling", 100.0, "%"),
+    MetricDisplay("energy_error_J", "the same in joules", 1.0, "J"),
+    MetricDisplay("energy_exchanged_J", "energy exchanged", 1.0, "J"),
 )
 """Labels and units of the metrics of power bonds."""
 
