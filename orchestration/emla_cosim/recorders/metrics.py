@@ -36,6 +36,10 @@ class MetricDisplay:
     large: str = ""
 
 
+Shown = MetricDisplay
+"""Former public name of `MetricDisplay`."""
+
+
 class Metrics(ABC):
     """Base class of metrics: computes metrics of one kind during a run.
 
