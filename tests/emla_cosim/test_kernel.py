@@ -215,7 +215,7 @@ def test_rows_that_do_not_fit_are_not_written_to(block: np.ndarray, faulty_fmu: 
         algorithm = begun(assembly.network, Jacobi(), times)
         loop = compile_kernel(algorithm)
         assert loop is not None
-        with pytest.raises(ValueError, match="5 times 3 doubles"):
+        with pytest.raises(ValueError, match="5 times 3 contiguous doubles"):
             loop.run(0, 10, times.clock, 2, block)
         assert algorithm.steps == 0
 

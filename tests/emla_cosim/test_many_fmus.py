@@ -55,7 +55,7 @@ def five(fmu: Path) -> System:
 def test_a_file_is_read_unpacked_hashed_and_loaded_once(
     faulty_fmu: Path, calls: Callable[[object, str], list[Any]]
 ) -> None:
-    done = [calls(fmu_file, name) for name in ("read_interface", "unpack", "sha256")]
+    done = [calls(fmu_file, name) for name in ("read_interface", "unpack", "hash_file")]
     done.append(calls(FMU2Slave, "_loadFunctions"))
     made = calls(FMU2Slave, "instantiate")
     with open_system(five(faulty_fmu)) as assembly:
@@ -80,7 +80,7 @@ def test_the_library_is_unloaded_with_the_last_instance(
             slave.do_step(0.0, 0.1)
             slave.get_outputs()
         assert not unloaded
-        assembly._instances.pop_all()
+        assembly._instance_stack.pop_all()
         for slave in others:
             slave.close()
     assert len(unloaded) == 1

@@ -109,7 +109,7 @@ def test_a_file_is_not_used_for_two_things(emla: Emla, tmp_path: Path) -> None:
     before = (tmp_path / "x.ssp").read_bytes()
     for arguments, words in (
         (("run", "lift", "--output", "o", "--checkpoint", "o/results.csv"), "is also a file of the results"),
-        (("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"), "is a file of the results"),
+        (("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"), "is also a file of the results"),
         (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is also the scenario"),
         (
             ("run", "x.ssp", "--checkpoint", "link.ssp"),
@@ -174,7 +174,7 @@ def test_paths_are_relative_to_where_a_simulation_was_prepared(
 
 def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> None:
     code = "from emla_cosim.sandbox.locking import exclusive_lock; from pathlib import Path; import sys\n"
-    code += "with alone(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
+    code += "with exclusive_lock(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
     (tmp_path / "out").mkdir()
     with subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "out")],
@@ -197,7 +197,7 @@ def test_what_was_not_ready_when_a_run_was_killed_goes_with_the_next(emla: Emla,
 
 
 def test_a_folder_is_locked_without_a_name_on_a_full_disk(tmp_path: Path) -> None:
-    refused = pytest.raises(ec.CommandError, match=r"another run writes to '[^']*'; wait for it")
+    refused = pytest.raises(ec.CommandError, match=r"another run writes to '[^']*'. Wait for it")
     with files_of_at_most(1), exclusive_lock(tmp_path), refused, exclusive_lock(tmp_path):
         pass
     assert not any(tmp_path.iterdir())
