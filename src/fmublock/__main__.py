@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         if options.platform and options.flavour != "native":
-            raise LoadError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+            raise LoadError("FMUs of the flavour python contain PythonFMU's own binaries; omit --platform.")
         blocks = [load_block(place) for place in options.blocks]
         names = [block.__name__ for block in blocks]
         if twice := {name for name in names if names.count(name) > 1}:

@@ -57,7 +57,7 @@ def build(
     """
     recipe = Recipe.of(block, flavour, producer, documents)
     if platforms and flavour != "native":
-        raise BuildError("PythonFMU FMUs bring PythonFMU's own binaries; leave the platforms out.")
+        raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
     draft = draft_of(recipe)
     write_fmu(draft, recipe.key() or draft.key, flavour, platforms, Path(path), advance)

@@ -182,7 +182,7 @@ def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: P
         ("lift.plant.motor.R_s\n1\n2\n", "but lift.plant.motor.R_s has 1 element."),
         (f"{LEVEL}\n", f"the column '{LEVEL}' of the parameter table 'FILE' has no number"),
         (f"{LEVEL},{START}\n1,\n2,\n", f"the column '{START}' of the parameter table 'FILE' has no number"),
-        (f"{LEVEL},{LEVEL}[1]\n1,2\n", f"gives {LEVEL}[1] a second value"),
+        (f"{LEVEL},{LEVEL}[1]\n1,2\n", f"has a second value for {LEVEL}[1]"),
         ("", "'FILE' is empty"),
         ("<a/>\n1\n", "'<a/>' is not a variable"),
     ],

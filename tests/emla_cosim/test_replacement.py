@@ -348,7 +348,7 @@ def test_an_input_that_nothing_drives_is_shown(emla: Emla, foreign: tuple[str, .
             'target="Motor.Uq_V"',
             "maps 'u_d' to 'Motor.Uq_V', which is already the target of 'u_q'",
         ),
-        ('target="Load.Force_kN"', 'target="Screw.Mass_kg"', "maps 'screw.M_BS' to 'Screw.Mass_kg', as"),
+        ('target="Load.Force_kN"', 'target="Screw.Mass_kg"', "maps 'screw.M_BS' to 'Screw.Mass_kg', which"),
         ("<ssc:LinearTransformation offset", "<ssc:Linear offset", "is not valid SSP"),
         ("</ssm:ParameterMapping>", "", "is not well-formed XML"),
         ('factor="-1"', 'factor="minus one"', "is not valid SSP"),
