@@ -149,7 +149,8 @@ def test_tables_have_types(fmu: Path, tmp_path: Path) -> None:
     assert (types["a.high"], types["a.text"]) == ("Boolean", "String")
     declared = json.loads(polars.read_parquet_metadata(files[1])["types"])
     assert declared["a.mode"] == {
-        "type": "Enumeration", "items": {"1": "off", "2": "low & slow", "4": "high"},
+        "type": "Enumeration",
+        "items": {"1": "off", "2": "low & slow", "4": "high"},
     }
     assert frame["a.note"][3] == NOTE
     assert result.to_polars().schema["a.odd"] == polars.Boolean
@@ -182,7 +183,7 @@ def test_a_saved_result_has_types_and_can_be_plotted(fmu: Path, tmp_path: Path) 
     assert [label.get_text() for label in axes[0].get_yticklabels()] == ["off", "low & slow", "high"]
     assert [label.get_text() for label in axes[1].get_yticklabels()] == ["false", "true"]
     assert set(axes[0].get_lines()[0].get_ydata()) == {1.0, 2.0, 4.0}
-    with pytest.raises(CommandError, match="'a.text' has texts, which cannot be plotted"):
+    with pytest.raises(CommandError, match=r"'a\.text' has texts, which cannot be plotted"):
         result.plot("a.text")
 
 
@@ -200,7 +201,7 @@ def test_an_unknown_name_suggests_a_local(fmu: Path) -> None:
 def test_requirements_see_them(fmu: Path) -> None:
     with prepare(fmu) as simulation:
         assert simulation.run(require=["a.count.final == 8", "a.odd.maximum == 1"]).problem is None
-        with pytest.raises(RunError, match="a.twice.final"):
+        with pytest.raises(RunError, match=r"a\.twice\.final"):
             simulation.run(require=["a.twice.final < 16"])
 
 

@@ -141,9 +141,7 @@ def test_conversions_that_lose_values_are_refused(fmu: Path, wire: tuple[str, st
 
 def test_an_enumeration_without_a_value_of_the_source_is_refused(fmu: Path, tmp_path: Path) -> None:
     lever = build(Lever, tmp_path / "Lever.fmu")
-    system = System(
-        (Component("a"), Component("lever")), (Connection("a", "shifted", "lever", "gear"),)
-    )
+    system = System((Component("a"), Component("lever")), (Connection("a", "shifted", "lever", "gear"),))
     with (
         pytest.raises(CommandError, match=r"the input has no value 3 \(second\)"),
         Assembly(system, {"a": fmu, "lever": lever}),

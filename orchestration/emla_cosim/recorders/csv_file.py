@@ -22,11 +22,11 @@ _BLOCK = 2**20
 
 
 class CsvFile(FileTable):
-    """Recorder that writes a table to a CSV file during the run, line by line.
+    r"""Recorder that writes a table to a CSV file during the run, line by line.
 
     Numbers have as many digits as are needed to read back the same double. A run that continues another one
     continues its file. Integers have no decimal point, Booleans are 0 or 1, enumerations the numbers of their
-    values. Texts are quoted; a line break in one is written as \\n.
+    values. Texts are quoted; a line break in one is written as \n.
 
     Args:
         path: path of the file.
@@ -86,7 +86,8 @@ class CsvFile(FileTable):
         frame = typed_frame(rows, self.names, self.types, self.texts)
         frame = frame.with_columns(
             polars.col(polars.Boolean).cast(polars.Int8),
-            polars.col(polars.String).str.replace_all("\r", "\\r", literal=True)
+            polars.col(polars.String)
+            .str.replace_all("\r", "\\r", literal=True)
             .str.replace_all("\n", "\\n", literal=True),
         )
         # quotes tell texts from numbers; without texts the style makes no difference

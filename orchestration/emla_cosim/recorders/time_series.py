@@ -44,5 +44,7 @@ class TimeSeries(Table):
             every = max(-(-len(rows) // most), 1)
         position = {name: i for i, name in enumerate(self.names)}
         found = {n: rows[::every, position[n]] for n in names if n in position}
-        texts = {n: self.texts.decode(v) for n, v in found.items() if n in self.types and self.types[n].is_text}
+        texts = {
+            n: self.texts.decode(v) for n, v in found.items() if n in self.types and self.types[n].is_text
+        }
         return found | texts

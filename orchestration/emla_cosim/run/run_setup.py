@@ -64,9 +64,7 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     )
 
 
-def select_signals(
-    patterns: Sequence[str], names: Sequence[str], further: Collection[str] = ()
-) -> list[str]:
+def select_signals(patterns: Sequence[str], names: Sequence[str], further: Collection[str] = ()) -> list[str]:
     """Return the signals to keep, in the order of `names`, then of `further`.
 
     Args:

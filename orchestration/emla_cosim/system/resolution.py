@@ -99,11 +99,13 @@ def _transformation(
 def _explain_loss(source: SignalType, target: SignalType) -> str | None:
     """Return why values of one type cannot become values of another; None if they can.
 
-    SSP 2.0 leaves conversions to implementations (section 5.3.3, Connections). These keep every value: Integer,
-    Boolean (0 or 1) and Enumeration (the number of the value) to Real, Boolean and Enumeration to Integer.
+    SSP 2.0 leaves conversions to implementations. These keep every value: Integer, Boolean (0 or 1) and
+    Enumeration (the number of the value) to Real, Boolean and Enumeration to Integer.
     """
     if source.kind == target.kind == "Enumeration":
-        missing = [f"{number} ({name})" for number, name in source.items.items() if number not in target.items]
+        missing = [
+            f"{number} ({name})" for number, name in source.items.items() if number not in target.items
+        ]
         return f"the input has no value {missing[0]}" if missing and target.items else None
     if source.kind == target.kind:
         return None

@@ -118,9 +118,7 @@ def _component(result: "Result", name: str) -> str:
     return max(own, key=len) if own else name.rpartition(".")[0]
 
 
-def _first(
-    signals: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]
-) -> list[str]:
+def _first(signals: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]) -> list[str]:
     """Return the first signals that fit in a plot."""
     found = list[str]()
     for name in signals[:_MOST_SIGNALS]:

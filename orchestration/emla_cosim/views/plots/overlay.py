@@ -16,7 +16,15 @@ from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
-from .stacked import MOST_LINES, MOST_PANELS, build_unit_panels, count_panels, draw_stacked, name_values, numbered
+from .stacked import (
+    MOST_LINES,
+    MOST_PANELS,
+    build_unit_panels,
+    count_panels,
+    draw_stacked,
+    name_values,
+    numbered,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
