@@ -23,6 +23,11 @@ class Gear(IntEnum):
     SECOND = 3
 
 
+class Half(IntEnum):
+    NEUTRAL = 1
+    FIRST = 2
+
+
 class Counter(Block):
     """Counts while it is on, in steps that it is told."""
 
@@ -100,18 +105,47 @@ def test_what_arrives_moves_the_other(fmu: Path) -> None:
     assert found["b.count"].tolist() == b
 
 
+def test_conversions_that_keep_every_value(fmu: Path) -> None:
+    found = rows(pair(("a.shifted", "b.by"), ("b.count", "a.level"), ("a.shifted", "b.level")), fmu, 3)
+    assert found["b.count"].tolist() == [0, 3, 6, 9]  # an enumeration is the number of its value
+    assert found["b.half"].tolist() == [1.5] * 4
+    found = rows(pair(("a.wants", "b.by"), ("b.count", "a.level"), ("a.wants", "b.level")), fmu, 6)
+    assert found["b.count"].tolist() == [0, 1, 2, 3, 4, 4, 4]  # a Boolean is 0 or 1
+    assert found["b.half"].tolist() == [0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]
+
+
+class Lever(Block):
+    """Knows fewer gears."""
+
+    gear = Input(Half.FIRST)
+    seen = Output(0.0)
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"seen": v.gear}
+
+
 @pytest.mark.parametrize(
-    ("wire", "types"),
+    ("wire", "reason"),
     [
-        (("a.wants", "b.by"), "Boolean and Integer"),
-        (("a.half", "b.by"), "Real and Integer"),
-        (("a.shifted", "b.by"), "Enumeration and Integer"),
-        (("a.count", "b.on"), "Integer and Boolean"),
+        (("a.half", "b.by"), "Real and Integer: a Real can have values that no Integer has"),
+        (("a.half", "b.on"), "Real and Boolean: a Real can have values that no Boolean has"),
+        (("a.count", "b.on"), "Integer and Boolean: not every Integer is a value of a Boolean"),
+        (("a.wants", "b.gear"), "Boolean and Enumeration: not every Boolean is a value of an Enumeration"),
     ],
 )
-def test_other_types_are_not_joined(fmu: Path, wire: tuple[str, str], types: str) -> None:
-    message = f"{wire[0]} -> {wire[1]} joins the types {types}"
+def test_conversions_that_lose_values_are_refused(fmu: Path, wire: tuple[str, str], reason: str) -> None:
+    message = f"{wire[0]} -> {wire[1]} joins the types {reason}"
     with pytest.raises(CommandError, match=message), Assembly(pair(wire), {"a": fmu, "b": fmu}):
+        pass
+
+
+def test_an_enumeration_without_a_value_of_the_source_is_refused(fmu: Path, tmp_path: Path) -> None:
+    lever = build(Lever, tmp_path / "Lever.fmu")
+    system = System((Component("a"), Component("lever")), (Connection("a", "shifted", "lever", "gear"),))
+    with (
+        pytest.raises(CommandError, match=r"the input has no value 3 \(second\)"),
+        Assembly(system, {"a": fmu, "lever": lever}),
+    ):
         pass
 
 

@@ -12,6 +12,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 
 from ..base.errors import CommandError
+from ..base.signal_types import SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from .dependencies import Dependencies
 
@@ -57,6 +58,13 @@ class Interface:
         variable = self.variables[name]
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
         return free and variable.variability != "constant"
+
+    def signal_type(self, name: str) -> SignalType:
+        """Return the type of a variable, with the names of an enumeration's values."""
+        variable = self.variables[name]
+        declared = variable.declaredType
+        items = declared.items if variable.type == "Enumeration" and declared is not None else None
+        return SignalType(str(variable.type), {int(str(i.value)): str(i.name) for i in items or ()})
 
     def unit(self, name: str) -> SiUnit | None:
         """Return the unit of a variable, None if it has none.

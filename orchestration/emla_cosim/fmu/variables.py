@@ -8,6 +8,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
+from ..base.signal_types import SignalType
 from ..base.wording import format_number as in_digits
 from .interface import Interface
 
@@ -75,7 +76,7 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":
-        return _enumeration(name, variable, value)
+        return _enumeration(name, interface.signal_type(variable.name), value)
     if variable.type == "Boolean":
         booleans = {"true": True, "1": True, "false": False, "0": False}
         if str(value).lower() not in booleans:
@@ -111,9 +112,8 @@ def _convert_integer(value: Any) -> int:
     return int(value)
 
 
-def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
-    declared = variable.declaredType.items if variable.declaredType is not None else []
-    items = {str(item.name): int(str(item.value)) for item in declared or []}
+def _enumeration(name: str, of_type: SignalType, value: Any) -> int:
+    items = {item: number for number, item in of_type.items.items()}
     if str(value) in items:
         return items[str(value)]
     if str(value) in {str(v) for v in items.values()}:

@@ -37,7 +37,7 @@ class FmuVariable:
 
     def __init__(self, interface: Interface, variable: ModelVariable) -> None:
         self.name, self.variable = str(variable.name), variable
-        self.literals = _literals(variable)
+        self.literals = interface.signal_type(self.name).items
         self.default = _default(variable)
         self.limits = _limit(variable, "min"), _limit(variable, "max")
         self.unit = interface.unit(self.name)
@@ -125,13 +125,6 @@ def _default(variable: ModelVariable) -> Any:
     except ValueError:  # for example an array
         return str(text)
     return str(text) in ("true", "1") if variable.type == "Boolean" else str(text)
-
-
-def _literals(variable: ModelVariable) -> dict[int, str]:
-    """Return the names of an enumeration's values."""
-    declared = variable.declaredType
-    items = declared.items if variable.type == "Enumeration" and declared is not None else None
-    return {int(str(item.value)): str(item.name) for item in items or ()}
 
 
 def _limit(variable: ModelVariable, name: str) -> float | None:

@@ -1,11 +1,13 @@
 """Build a network of FMU instances from a system description."""
 
 import contextlib
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from ..base.files import temporary_folder
+from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import Interface
@@ -18,13 +20,14 @@ from .instances.described_instance import DescribedInstance
 from .instances.in_process_instance import InProcessInstance
 from .instances.isolated_instance import IsolatedInstance
 from .network import Link, Network
+from .observer import ObservedVariable, Observer
 
 
 class Assembly:
     """A network of FMU instances, and the FMU file of every component.
 
     Signals have the names of the system. If a signal has another unit in the system than in its FMU,
-    `shown` has the transformation to the system's value, by position. Call `close` at the end.
+    `shown` has the transformation to the system's value, by position in a row. Call `close` at the end.
     """
 
     def __init__(self, system: System, fmus: Mapping[str, Path], isolated: Container[str] = ()) -> None:
@@ -79,7 +82,8 @@ class Assembly:
         for instance in self.instances.values():
             instance.ready()
         links = _links(self._wired, self.files, inputs, outputs)
-        names, self.shown = _signals(self.system, outputs)
+        names, self._signals_shown = _signals(self.system, outputs)
+        self.shown: Mapping[int, LinearTransformation] = self._signals_shown
         faults = [
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
@@ -116,6 +120,50 @@ class Assembly:
         self._used = True
         for name, instance in self.instances.items():
             instance.set_start_values(self._values[name][1])
+
+    @cached_property
+    def unexchanged(self) -> dict[str, ObservedVariable]:
+        """Variables besides the signals that can be recorded, by full name, in the order of the system."""
+        found, signals = {}, set(self.network.names)
+        for component in self.system.components:
+            known = _map_known_names(component)
+            for variable in self.files[component.name].variables.values():
+                own = known.get(str(variable.name), (variable.name,))[0]
+                name = f"{component.name}.{own}"
+                if name not in signals and variable.causality != "independent":
+                    found[name] = ObservedVariable(name, component.name, variable)
+        return found
+
+    def list_outputs(self) -> list[str]:
+        """Return the outputs that are recorded by default: Reals, then other types except Strings."""
+        signals = self.network.names
+        others = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
+        return sorted(
+            (n for n in (*signals, *others) if not self.signal_type(n).is_text),
+            key=lambda n: self.signal_type(n).is_discrete,
+        )
+
+    def signal_type(self, name: str) -> SignalType:
+        """Return the type of a variable by its full name."""
+        component, variable = self.system.split(name)
+        return self.files[component.name].interface.signal_type(component.alias(variable).variable)
+
+    def observe(self, names: Iterable[str], every: int = 1) -> None:
+        """Choose what to record besides the signals, for runs that begin after this.
+
+        Args:
+            names: names in `unexchanged`.
+            every: every `every`-th point has a row in tables.
+        """
+        observer = Observer(self.instances, [self.unexchanged[name] for name in names], every)
+        shown = dict(self._signals_shown)
+        for i, one in enumerate(observer.variables, len(self.network.names)):
+            _, alias = _map_known_names(self.system.component(one.component)).get(
+                str(one.variable.name), ("", Alias(""))
+            )
+            if alias.transformation != IDENTITY:
+                shown[i] = alias.transformation.inverse()
+        self.network.observer, self.shown = observer, shown
 
     def parameters(self) -> dict[str, float]:
         """Return the numeric parameters of all components by full name, in the units of the system."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..base.arrays import Indices, Vector
 from ..base.errors import CommandError, RunError, join_names
 from .instances.fmu_instance import FmuInstance
+from .observer import Observer
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ class Network:
         read: positions of all signals that an instance reads.
         followers: positions of instances that only pass on the values of one source.
         order: positions in a good order of stepping one after the other.
+        observer: reads what recorders want besides the signals.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class Network:
         ]
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
         self.followers = frozenset(followers)
+        self.observer = Observer({})
         self._use_order(order_with_followers(len(instances), links, followers))
 
     def _use_order(self, order: list[int]) -> None:

@@ -9,22 +9,24 @@ from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
 import polars
 
 from ..base.arrays import Vector
 from ..base.files import real_place
+from ..base.signal_types import SignalType
 from .file_table import FileTable
 from .recorder import Outline
+from .typed_frame import typed_frame
 
 _BLOCK = 2**20
 
 
 class CsvFile(FileTable):
-    """Recorder that writes a table to a CSV file during the run, line by line.
+    r"""Recorder that writes a table to a CSV file during the run, line by line.
 
     Numbers have as many digits as are needed to read back the same double. A run that continues another one
-    continues its file.
+    continues its file. Integers have no decimal point, Booleans are 0 or 1, enumerations the numbers of their
+    values. Texts are quoted; a line break in one is written as \n.
 
     Args:
         path: path of the file.
@@ -81,13 +83,21 @@ class CsvFile(FileTable):
     def append(self, rows: Vector) -> None:
         """Write these rows. Raises OSError."""
         text = BytesIO()
-        frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self.names)
-        frame.write_csv(text, include_header=False)
+        frame = typed_frame(rows, self.names, self.types, self.texts)
+        frame = frame.with_columns(
+            polars.col(polars.Boolean).cast(polars.Int8),
+            polars.col(polars.String)
+            .str.replace_all("\r", "\\r", literal=True)
+            .str.replace_all("\n", "\\n", literal=True),
+        )
+        # quotes tell texts from numbers; without texts the style makes no difference
+        frame.write_csv(text, include_header=False, quote_style="non_numeric")
         self._write_lines(text.getvalue())
 
     def open(self) -> None:
         """Read the column names from the file. Raises OSError."""
         self.names = read_column_names(self.path)
+        self.types = {self.names[i]: SignalType("String") for i in _text_columns(self.path)}
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the file does not have; see `Table.read`."""
@@ -140,14 +150,28 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     chosen = {n: columns[n] for n in names if n in columns}
     every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
     source = path if most is None else _thin_lines(path, every)
+    texts = _text_columns(path)
+    kinds = {c: polars.String if i in texts else polars.Float64 for i, c in enumerate(columns.values())}
     frame = polars.read_csv(  # without the header, in which polars keeps doubled quotes
         source,
         has_header=False,
         skip_rows=1,
         columns=list(chosen.values()),
-        schema=dict.fromkeys(columns.values(), polars.Float64),
+        schema=kinds,
     )
     return {name: frame[column].to_numpy() for name, column in chosen.items()}
+
+
+def _text_columns(path: Path) -> set[int]:
+    """Return the positions of the columns whose first value is quoted."""
+    with path.open("rb") as stream:
+        _header(stream)
+        line = stream.readline().decode("utf-8", "replace")
+    try:
+        row = next(csv.reader([line], quoting=csv.QUOTE_NONNUMERIC), [])
+    except ValueError:  # an unquoted value that is no number
+        return set()
+    return {i for i, value in enumerate(row) if isinstance(value, str)}
 
 
 def read_column_names(path: Path) -> list[str]:

@@ -135,7 +135,8 @@ class MetricsRecorder(Recorder):
         def watch(time: float, signals: Vector) -> None:
             row = np.concatenate(([time], signals))
             for signal, transformation in shown.items():
-                row[1 + signal] = transformation(row[1 + signal])
+                if signal < len(signals):
+                    row[1 + signal] = transformation(row[1 + signal])
             if self._coupling is not None:
                 self._coupling.see(row)
 

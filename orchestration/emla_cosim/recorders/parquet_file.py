@@ -7,13 +7,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars
 
 from ..base.arrays import Vector
 from ..base.files import write_atomically
+from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_types
 from ..base.units import COLUMN_UNITS
 from .file_table import FileTable
 from .recorder import Outline
+from .typed_frame import column_schema, typed_frame
 
 PART = 2**22
 """Number of values in a part, and largest number of values in memory."""
@@ -26,7 +29,8 @@ class ParquetFile(FileTable):
     """Recorder that writes a table to a Parquet file.
 
     During the run, finished parts are in a folder beside the file, `results.parquet.parts`. At the end they
-    become one file.
+    become one file. Integers, Booleans and Strings have columns of their type; an enumeration has the numbers
+    of its values, and the metadata has their names.
 
     Args:
         path: path of the file.
@@ -57,6 +61,9 @@ class ParquetFile(FileTable):
         self._metadata = {
             COLUMN_UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})
         }
+        if self.types:
+            self._metadata[COLUMN_TYPES] = json.dumps(write_types(self.types))
+        self._schema = column_schema(self.names, self.types)
         self._blocks: list[polars.DataFrame] = []
         self._held = self._count = self._rows = 0
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None
@@ -68,14 +75,14 @@ class ParquetFile(FileTable):
 
     def append(self, rows: Vector) -> None:
         """Keep these rows in memory, and write a part when there are many."""
-        self._hold(polars.from_numpy(rows.copy(), schema=self.names))
+        self._hold(typed_frame(rows.copy(), self.names, self.types, self.texts))
 
     def end(self) -> None:
         """Append the last row if it was not due, and join the parts to one file."""
         super().end()
         self._close_part()
         parts = sorted(self._parts.glob("*.parquet"))
-        empty = polars.LazyFrame(schema=dict.fromkeys(self.names, polars.Float64))
+        empty = polars.LazyFrame(schema=self._schema)
         whole = polars.scan_parquet(parts) if parts else empty
         with _polars_failures(), write_atomically(self.path) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
@@ -89,7 +96,11 @@ class ParquetFile(FileTable):
 
     def open(self) -> None:
         """Read the column names from the file. Raises OSError or errors of polars."""
-        self.names = list(polars.read_parquet_schema(self.path))
+        schema = polars.read_parquet_schema(self.path)
+        self.names = list(schema)
+        declared = read_types(polars.read_parquet_metadata(self.path).get(COLUMN_TYPES))
+        texts = {n: SignalType("String") for n, kind in schema.items() if kind == polars.String}
+        self.types = texts | {n: t for n, t in declared.items() if n in schema}
         self._rows = int(polars.scan_parquet(self.path).select(polars.len()).collect().item())
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
@@ -100,7 +111,7 @@ class ParquetFile(FileTable):
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
         found = frame.collect()
-        return {n: found[n].cast(polars.Float64).to_numpy() for n in chosen}
+        return {n: _to_numpy(found[n]) for n in chosen}
 
     def _hold(self, block: polars.DataFrame) -> None:
         self._blocks.append(block)
@@ -132,7 +143,7 @@ class ParquetFile(FileTable):
                 found = polars.read_parquet(source)
             except (OSError, polars.exceptions.PolarsError):
                 continue
-            if found.columns == self.names and len(found) >= rows:
+            if list(found.schema.items()) == list(self._schema.items()) and len(found) >= rows:
                 return found.head(rows)
         return None
 
@@ -141,6 +152,13 @@ class ParquetFile(FileTable):
         yield self.path
         if parts := sorted(self._parts.glob("*.parquet")):
             yield parts
+
+
+def _to_numpy(column: polars.Series) -> Any:
+    """Return a column as doubles, or as texts if it has texts."""
+    if column.dtype == polars.String:
+        return np.array(column.fill_null("").to_list(), dtype=object)
+    return column.cast(polars.Float64).to_numpy()
 
 
 def parts_of(path: Path) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
+from ..base.signal_types import REAL, SignalType, Texts
 from ..base.units import LinearTransformation, SiUnit
 from ..master.algorithms.continuous_connections import ContinuousConnection
 from ..master.stepping.stepping_base import Stepping
@@ -21,13 +22,14 @@ from ..system.bond import Bond
 class Outline:
     """What a recorder needs to know before the first row.
 
-    Each row has the time in s, then all signals.
+    Each row has the time in s, then all signals, as doubles: Booleans are 0 or 1, enumerations the numbers of
+    their values, and Strings positions in `texts`, or NaN in rows in which they were not read.
 
     Attributes:
         names: full names of the signals.
         units: units of the signals.
         times: start, stop and communication points, in s.
-        recorded: positions of the signals to keep.
+        recorded: positions of the signals to keep, in the order of their columns.
         every: keep every n-th row.
         parameters: numeric parameters of the components, by full name.
         roles: signal by joint and role, such as `lift.x_L`.
@@ -36,6 +38,8 @@ class Outline:
         bonds: power bonds by name.
         watched: whether steps have any length and not each of them has a row; `Stepping.watch` gets all.
         halved: whether each of these steps is done in two halves.
+        types: types of the signals by name; Real for those without an entry.
+        texts: the texts of the run.
     """
 
     names: Sequence[str]
@@ -50,6 +54,13 @@ class Outline:
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     watched: bool = False
     halved: bool = False
+    types: Mapping[str, SignalType] = field(default_factory=dict)
+    texts: Texts = field(default_factory=Texts)
+
+    @property
+    def text_columns(self) -> list[int]:
+        """Positions in a row of the signals that are Strings."""
+        return [1 + i for i, name in enumerate(self.names) if self.types.get(name, REAL).is_text]
 
 
 class Pause(Protocol):
@@ -144,6 +155,8 @@ class RowBuffer:
         every: Every `every`-th communication point is recorded.
         block_rows: Largest number of rows in a block.
         shown: Transformations of signals that recorders get in another unit, by position.
+        texts: Positions in a row of Strings. A row that has one is passed on at once, because another process
+            that finishes this run has no texts.
     """
 
     def __init__(
@@ -153,10 +166,11 @@ class RowBuffer:
         every: int = 1,
         block_rows: int = BLOCK_ROWS,
         shown: Mapping[int, LinearTransformation] | None = None,
+        texts: Sequence[int] = (),
     ) -> None:
         self.every = every
         self._recorders = recorders
-        self._shown = shown or {}
+        self._shown, self._texts = shown or {}, list(texts)
         block_rows = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
         memory = black_box.reserve_rows(block_rows * width * 8)
         self._block = np.frombuffer(memory).reshape(block_rows, width)
@@ -171,8 +185,11 @@ class RowBuffer:
         """Take the first `count` of the free rows as filled. Raises RecordingError."""
         self._filled += count
         self._present.filled, self._present.recorded = self._filled, 0
-        if self._filled == len(self._block):
+        if self._filled == len(self._block) or self._has_texts():
             self.flush()
+
+    def _has_texts(self) -> bool:
+        return bool(self._texts) and bool(np.isfinite(self._block[self._filled - 1, self._texts]).any())
 
     def recover(self) -> float | None:
         """Take the rows that an ended process left in this memory, and return the last time in s."""

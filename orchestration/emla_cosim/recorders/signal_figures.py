@@ -21,14 +21,16 @@ class SignalFigures:
     """Compute the figures of the recorded signals from rows, time first.
 
     All points have the same weight in the root mean square. A figure is NaN without rows, or if a value is
-    NaN, and may be infinite if a value is.
+    NaN, and may be infinite if a value is. Strings have none.
     """
 
     def __init__(self, outline: Outline, memory: Any = None) -> None:
         """Begin, or continue from a `memory`; ValueError or KeyError if it is from another run."""
-        self._names = [outline.names[i] for i in outline.recorded]
-        whole = len(self._names) == len(outline.names)
-        self._columns = None if whole else np.array([1 + i for i in outline.recorded], dtype=int)
+        texts = set(outline.text_columns)
+        columns = [1 + i for i in outline.recorded if 1 + i not in texts]
+        self._names = [outline.names[i - 1] for i in columns]
+        whole = columns == list(range(1, 1 + len(outline.names)))
+        self._columns = None if whole else np.array(columns, dtype=int)
         self._rows = 0
         self._values = np.full((len(NAMES), len(self._names)), np.nan)
         if memory is not None:

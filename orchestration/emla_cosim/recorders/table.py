@@ -1,12 +1,13 @@
 """Recorders of tables: every n-th row of selected signals, and the last row."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import Vector
+from ..base.signal_types import SignalType
 from .recorder import Outline, Recorder
 
 
@@ -17,7 +18,11 @@ class Table(Recorder):
 
     Attributes:
         names: names of the columns, `time` first.
+        types: types of the columns by name; Real for those without an entry.
     """
+
+    types: Mapping[str, SignalType] = {}
+    """Types of the columns by name; Real for those without an entry."""
 
     names: list[str]
     """Names of the columns, `time` first."""
@@ -30,7 +35,9 @@ class Table(Recorder):
         """Begin a table with the columns of the outline."""
         self.names = ["time", *(outline.names[i] for i in outline.recorded)]
         self._columns = [0, *(1 + i for i in outline.recorded)]
-        self._whole = len(outline.recorded) == len(outline.names)
+        self._whole = list(outline.recorded) == list(range(len(outline.names)))
+        self.types = {n: t for n, t in outline.types.items() if n in self.names}
+        self.texts = outline.texts
         self._every = outline.every
         self._seen = int(memory["rows"]) if memory is not None else 0
         self._last: Vector | None = None
@@ -76,5 +83,5 @@ class Table(Recorder):
             most: of a table with more rows, return only every n-th row. Default: all rows.
 
         Returns:
-            An array of shape (rows,) by name.
+            An array of shape (rows,) by name: of doubles, or of texts for a String.
         """

@@ -43,4 +43,8 @@ class TimeSeries(Table):
         if most is not None:
             every = max(-(-len(rows) // most), 1)
         position = {name: i for i, name in enumerate(self.names)}
-        return {n: rows[::every, position[n]] for n in names if n in position}
+        found = {n: rows[::every, position[n]] for n in names if n in position}
+        texts = {
+            n: self.texts.decode(v) for n, v in found.items() if n in self.types and self.types[n].is_text
+        }
+        return found | texts

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
@@ -57,13 +59,27 @@ def compare_with_stored(
             name,
             str(units.get(name) or ""),
             found["time"],
-            found[name],
-            reference["time"],
-            reference[name],
+            *_comparable(found["time"], found[name], reference["time"], reference[name]),
             find_tolerance(name, tolerance),
         )
         for name in names
     )
+
+
+def _comparable(
+    time: Vector, values: Any, reference_time: Vector, reference: Any
+) -> tuple[Vector, Vector, Vector]:
+    """Return values, times of the reference and its values as doubles.
+
+    Texts become numbers, equal for equal texts. Their reference gets the times of the values.
+    """
+    if object not in (values.dtype, reference.dtype):
+        return values.astype(float), reference_time, reference.astype(float)
+    last = np.searchsorted(reference_time, time + 1e-9 * np.abs(time), side="right") - 1
+    texts = np.concatenate([values.astype(str), reference[np.maximum(last, 0)].astype(str)])
+    numbers = np.unique(texts, return_inverse=True)[1].astype(float)
+    inside = (last >= 0) & (time <= reference_time[-1])
+    return numbers[: len(values)], time[inside], numbers[len(values) :][inside]
 
 
 def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:

@@ -45,7 +45,9 @@ class Run:
         self.shown = shown
         self._outline, self._resumed = outline, resumed
         self._waiting, self._recorders = list(recorders), list[Recorder]()
-        self._buffer = RowBuffer(1 + len(outline.names), self._recorders, shown=shown)
+        self._buffer = RowBuffer(
+            1 + len(outline.names), self._recorders, shown=shown, texts=outline.text_columns
+        )
         self._flushed = time.monotonic()
         self._paced = False
         self._first = (0, stepping.times.start)

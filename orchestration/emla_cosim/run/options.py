@@ -255,7 +255,8 @@ class Options:
     )
     signals: Sequence[str] = _output(
         [],
-        help="Signals to keep in the table, such as 'lift.plant.*' (repeatable). Default: all.",
+        help="Signals to keep in the table, such as 'lift.plant.*' (repeatable). A name that no output has "
+        "selects a local or other variable. Default: all outputs but Strings.",
         metavar="PATTERN",
         commands=(RUN,),
         in_sweep=LEFT_OUT,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
+from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..master.stepping.timing import CommunicationPoints
@@ -53,6 +54,7 @@ class Result:
         roles: value of the option `roles`.
         notes: notes on the scenario with the values of this run, without full stops.
         coupling: error of the coupling by bond and by connection, as in metrics.json.
+        types: types of the signals that are no Reals, with the names of enumerations, by name.
 
     Examples:
         >>> import emla_cosim as ec
@@ -83,9 +85,12 @@ class Result:
     roles: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    types: Mapping[str, SignalType] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal as an array of shape (rows,), in its unit.
+
+        Reals are float64, Integers and Enumerations int32, Booleans bool, and Strings objects.
 
         Raises:
             CommandError: the signal was not kept.
@@ -126,7 +131,8 @@ class Result:
                 near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
                 meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
                 raise CommandError(f"the signal '{name}' was not recorded{meant}", name=name, near=near)
-        return self._table.read(names, most)
+        found = self._table.read(names, most)
+        return {name: self.types.get(name, REAL).convert(values) for name, values in found.items()}
 
     def to_polars(self) -> "polars.DataFrame":
         """Return all rows as a polars data frame, with `time` as its first column."""

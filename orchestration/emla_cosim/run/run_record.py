@@ -10,6 +10,7 @@ from typing import Any
 
 from ..base.files import hash_if_readable
 from ..base.option import FileOrObject, Option
+from ..base.signal_types import COLUMN_TYPES, SignalType, write_types
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
 from ..master.stepping.timing import CommunicationPoints
@@ -83,6 +84,7 @@ def build_run_record(
     times: CommunicationPoints,
     every: int,
     units: Mapping[str, Any],
+    types: Mapping[str, SignalType],
     stepping: Mapping[str, Any],
     problem: str | None,
     unpacked: Path | None = None,
@@ -116,6 +118,7 @@ def build_run_record(
             f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
         ],
         "units": {name: str(unit) for name, unit in units.items() if unit is not None},
+        **({COLUMN_TYPES: write_types(types)} if types else {}),
     }
 
 

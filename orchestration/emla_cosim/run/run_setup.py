@@ -1,7 +1,7 @@
 """Communication points, rows and recorded signals of a run, from its options."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ..base.errors import CommandError
 from ..base.patterns import matches_pattern
@@ -64,11 +64,26 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     )
 
 
-def select_signals(patterns: Sequence[str], names: Sequence[str]) -> Sequence[int]:
-    """Return the positions of the signals to keep. Raise CommandError for a pattern without a match."""
+def select_signals(patterns: Sequence[str], names: Sequence[str], further: Collection[str] = ()) -> list[str]:
+    """Return the signals to keep, in the order of `names`, then of `further`.
+
+    Args:
+        patterns: names or patterns of signals. Without one, all `names` are kept.
+        names: outputs.
+        further: other variables. A name or pattern selects them if it matches no output.
+
+    Raises:
+        CommandError: a pattern has no match.
+    """
     if not patterns:
-        return range(len(names))
-    return _matching(patterns, names, "signal", "without --signals, all are kept.")
+        return list(names)
+    own = [p for p in patterns if p not in further and any(matches_pattern(n, p) for n in names)]
+    others = [p for p in patterns if p not in own]
+    kept = [names[i] for i in _matching(own, names, "signal", "")]
+    known = [*further, *names] if others else []  # a similar name may be among both
+    return kept + [
+        known[i] for i in _matching(others, known, "signal", "without --signals, all outputs are kept.")
+    ]
 
 
 def select_isolated(patterns: Sequence[str], system: System) -> list[str]:

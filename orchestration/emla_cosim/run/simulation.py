@@ -14,6 +14,7 @@ from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.files import get_working_folder
 from ..base.option import SHOWING
 from ..base.progress import Progress
+from ..base.signal_types import SignalType
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.variables import convert_start_value, find_variable
@@ -105,6 +106,7 @@ class Simulation:
         with show_paths_relative_to(unpacked):
             self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart)
+        self._types: dict[str, SignalType] = {}
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
@@ -130,19 +132,31 @@ class Simulation:
 
     @property
     def names(self) -> list[str]:
-        """Names of all signals, `component.variable`."""
-        return list(self._assembly.network.names)
+        """Names of all signals that are recorded by default: outputs that are no Strings, Reals first."""
+        return list(self.units)
+
+    @property
+    def further_names(self) -> list[str]:
+        """Names of all other variables that the option `signals` can name."""
+        return [name for name in self._assembly.unexchanged if name not in self.units]
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
         """Unit of each signal by name; None where the FMU declares none."""
-        found = {}
-        for name in self._assembly.network.names:
-            component, variable = self.system.split(name)
-            alias = component.aliases.get(variable)
-            interface = self._assembly.files[component.name].interface
-            found[name] = alias.unit if alias is not None else interface.unit(variable)
-        return found
+        outputs = self._assembly.list_outputs()
+        return {name: self._unit(name) for name in outputs}
+
+    def _type(self, name: str) -> SignalType:
+        if name not in self._types:
+            self._types[name] = self._assembly.signal_type(name)
+        return self._types[name]
+
+    def _unit(self, name: str) -> SiUnit | None:
+        component, variable = self.system.split(name)
+        alias = component.aliases.get(variable)
+        if alias is not None:
+            return alias.unit
+        return self._assembly.files[component.name].interface.unit(variable)
 
     def run(
         self,
@@ -258,7 +272,12 @@ class Simulation:
         with show_paths_relative_to(self._unpacked):
             assembly.start(system, fresh or self._error is not None)
         self._error = None
-        recorded = select_signals(chosen.signals, assembly.network.names)
+        recorded = select_signals(chosen.signals, self.names, self.further_names if chosen.signals else ())
+        others = assembly.unexchanged
+        assembly.observe([n for n in dict.fromkeys([*self.names, *recorded]) if n in others], every)
+        names = [*assembly.network.names, *assembly.network.observer.names]
+        units = {name: self.units[name] if name in self.units else self._unit(name) for name in names}
+        types = {name: self._type(name) for name in names}
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
         request = StepRequest(
@@ -287,17 +306,18 @@ class Simulation:
                     )
                     taking.append(Checkpoints(chosen.checkpoint, identity, place))
             if stored is not None:
-                _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
-            units, parameters = list(self.units.values()), assembly.parameters()
+                _check_comparable(stored, recorded, taking)
+            parameters = assembly.parameters()
             exchanged = list_continuous_connections(
                 algorithm, [c.name for c in system.components if c.samples]
             )
-            bonds = select_applicable(system.bonds, assembly.network.names, exchanged)
+            bonds = select_applicable(system.bonds, names, exchanged)
+            place = {name: i for i, name in enumerate(names)}
             outline = Outline(
-                assembly.network.names,
-                units,
+                names,
+                list(units.values()),
                 times,
-                recorded,
+                [place[name] for name in recorded],
                 every,
                 parameters,
                 chosen.roles,
@@ -306,6 +326,8 @@ class Simulation:
                 {**bonds, **chosen.read_bonds()},
                 watched=not control.is_regular,
                 halved=control.is_halved,
+                types={n: t for n, t in types.items() if t.is_discrete and place[n] not in assembly.shown},
+                texts=assembly.network.observer.texts,
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
@@ -314,7 +336,9 @@ class Simulation:
         except BaseException:
             _close_stepping(stepping)
             raise
-        self._run = _ActiveRun(run, definition, origin, metrics, taking, every, required, stored, notes)
+        self._run = _ActiveRun(
+            run, definition, origin, metrics, taking, every, required, stored, notes, units, outline.types
+        )
         with self._abandon_on_error():
             # the states in a checkpoint would limit a continued run to the stop time of this run
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -539,7 +563,7 @@ class Simulation:
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
             going.metrics.ended_early(run.problem)
-        report, units = stepping.report(), self.units
+        report, units, types = stepping.report(), going.units, going.types
         record = build_run_record(
             self.name,
             going.origin,
@@ -548,6 +572,7 @@ class Simulation:
             stepping.times,
             going.every,
             units,
+            types,
             report,
             run.problem,
             self._unpacked,
@@ -555,6 +580,7 @@ class Simulation:
         return Result(
             name=self.name,
             units=units,
+            types=types,
             times=stepping.times,
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
@@ -590,6 +616,8 @@ class _ActiveRun:
     required: Sequence[Requirement]
     stored: StoredRun | None
     notes: Sequence[str]
+    units: Mapping[str, SiUnit | None]
+    types: Mapping[str, SignalType]
 
 
 def _recorders(given: Any) -> list[Recorder]:

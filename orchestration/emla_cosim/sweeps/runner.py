@@ -191,7 +191,7 @@ def _measures(
     each = []
     for described in all_:
         names = list(described.units)
-        kept = [names[i] for i in select_signals(plan.signals, names)] if plan.signals else []
+        kept = select_signals(plan.signals, names) if plan.signals else []
         found_here = resolve_measures(asked, described.figures, names, kept, plan.where)
         each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):

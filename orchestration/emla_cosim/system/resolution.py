@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..base.errors import CommandError
+from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation, find_conversion
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
@@ -82,14 +83,40 @@ def _transformation(
     """Return the transformation of a connection after checking types and causalities."""
     source = _type(system.component(connection.source), interfaces, connection.output, "output")
     target = _type(system.component(connection.target), interfaces, connection.input, "input")
-    if source != target and (source, target) != ("Integer", "Real"):
-        raise CommandError(f"the connection {connection} joins the types {source} and {target}.")
+    if (reason := _explain_loss(source, target)) is not None:
+        raise CommandError(
+            f"the connection {connection} joins the types {source.kind} and {target.kind}: {reason}. Values "
+            "are converted only if nothing is lost: to Real or Integer."
+        )
     transformation = find_transformation(connection, interfaces)
-    if transformation != IDENTITY and target != "Real":
-        raise CommandError(f"the connection {connection} transforms values of the type {target}.")
+    if transformation != IDENTITY and target.kind != "Real":
+        raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
         raise CommandError(f"the connection {connection} has the transformation {transformation}.")
     return transformation
+
+
+def _explain_loss(source: SignalType, target: SignalType) -> str | None:
+    """Return why values of one type cannot become values of another; None if they can.
+
+    SSP 2.0 leaves conversions to implementations. These keep every value: Integer, Boolean (0 or 1) and
+    Enumeration (the number of the value) to Real, Boolean and Enumeration to Integer.
+    """
+    if source.kind == target.kind == "Enumeration":
+        missing = [
+            f"{number} ({name})" for number, name in source.items.items() if number not in target.items
+        ]
+        return f"the input has no value {missing[0]}" if missing and target.items else None
+    if source.kind == target.kind:
+        return None
+    if source.kind == "Real":
+        return f"a Real can have values that no {target.kind} has"
+    if target.kind in ("Real", "Integer"):
+        return None
+    return f"not every {source.kind} is a value of {_ARTICLES[target.kind]} {target.kind}"
+
+
+_ARTICLES = {"Boolean": "a", "Enumeration": "an"}
 
 
 def find_transformation(connection: Connection, interfaces: Mapping[str, Interface]) -> LinearTransformation:
@@ -113,7 +140,7 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
         ) from error
 
 
-def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> str:
+def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> SignalType:
     """Return the type of a connected variable; raise CommandError if it cannot be connected."""
     variable = find_variable(component.name, interfaces[component.name].variables, name)
     if variable.causality != causality:
@@ -123,4 +150,4 @@ def _type(component: Component, interfaces: Mapping[str, Interface], name: str, 
         )
     if variable.type == "String":
         raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
-    return str(variable.type)
+    return interfaces[component.name].signal_type(name)

@@ -15,6 +15,7 @@ from ..base.errors import CommandError, RunError
 from ..base.files import report_write_errors
 from ..base.ownership import has_entries
 from ..base.progress import Progress
+from ..base.signal_types import Texts
 from ..recorders.coupling.coupling_cost import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
@@ -115,12 +116,15 @@ class OutputFolder(Folder):
         kept = result.read(["time", *result.names])
         columns = list(kept)[1:]
         units = [result.units[name] for name in columns]
+        types = {name: kind for name, kind in result.types.items() if name in columns}
+        texts = Texts()
         table = self.table()
         with recording(table):
             self.clear()
-            table.begin(Outline(columns, units, result.times, range(len(columns))))
+            outline = Outline(columns, units, result.times, range(len(columns)), types=types, texts=texts)
+            table.begin(outline)
             try:
-                table.write(_rows(kept))
+                table.write(_rows(kept, texts))
             finally:
                 table.end()
 
@@ -235,8 +239,12 @@ class _FolderClearer(Recorder):
         self._folder.clear(keep_results=self._continued)
 
 
-def _rows(columns: Mapping[str, Vector]) -> Vector:
-    return np.column_stack(list(columns.values()))
+def _rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
+    numbers = (
+        np.array([texts.encode(text) for text in values]) if values.dtype == object else values
+        for values in columns.values()
+    )
+    return np.column_stack([values.astype(float) for values in numbers])
 
 
 def _run_metrics(result: Result) -> dict[str, Any]:

@@ -1,6 +1,9 @@
 """Content of one pair of axes, independent of how it is drawn."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from ..base.arrays import Vector
 from ..base.colors import BLUE
@@ -15,6 +18,12 @@ class Line:
     values: Vector
     color: str = BLUE
     dashed: bool = False
+
+
+def make_steps(time: Vector, values: Vector) -> tuple[Vector, Vector]:
+    """Return the corners of a curve that keeps each value until the next one."""
+    jumps = 1 + np.flatnonzero(np.diff(values) != 0.0)
+    return np.insert(time, jumps, time[jumps]), np.insert(values.astype(float), jumps, values[jumps - 1])
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,7 @@ class Limit:
 class Plot:
     """Lines over time with the quantity and unit of `label`. The area beyond `limits` is shaded.
 
+    `items` are names for values, such as those of an enumeration, which the axis shows.
     `column` is their subject; plots with the same subject zoom together on a page.
 
     The other attributes are for pages. `mark` is a time on the first line, and `since` the time from which
@@ -55,3 +65,4 @@ class Plot:
     against: int | None = None
     limits: tuple[Limit, ...] = ()
     column: str = ""
+    items: Mapping[int, str] = field(default_factory=dict)

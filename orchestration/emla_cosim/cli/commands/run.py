@@ -73,7 +73,7 @@ def run_into(
             remembered = CrashRecorder(chosen, output)
             with chosen.prepare(progress) as simulation:
                 if options.animate:
-                    kept = [simulation.names[i] for i in select_signals(options.signals, simulation.names)]
+                    kept = select_signals(options.signals, simulation.names, simulation.further_names)
                     check_animated(chosen.name, simulation.names, kept)
                 remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)

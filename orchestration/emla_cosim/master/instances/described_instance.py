@@ -54,7 +54,7 @@ class DescribedInstance(FmuInstance):
 
     @abstractmethod
     def value(self, variable: ModelVariable) -> Any:
-        """Return the present value of a numeric or Boolean variable."""
+        """Return the present value of a variable."""
 
 
 def _start(variable: ModelVariable) -> float:

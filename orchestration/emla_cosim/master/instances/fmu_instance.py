@@ -1,6 +1,7 @@
 """The interface of FMU instances for algorithms."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,29 @@ class EndRequestedError(InstanceError):
     """The instance requested the end of the simulation."""
 
     did = "asked to end the simulation during {call}"
+
+
+@dataclass(frozen=True)
+class ObservedGroup:
+    """What compiled code needs to read observed variables of one type with one FMI call.
+
+    Attributes:
+        call: the FMI function without its prefix, such as getInteger.
+        function: its address.
+        component: the instance (`fmi2Component`).
+        references: value references.
+        values: memory for the values, doubles or C ints.
+        boolean: whether these are Booleans, of which any other value than 0 is true.
+        targets: positions in the vector of the instance's observed values.
+    """
+
+    call: str
+    function: int
+    component: int
+    references: NDArray[np.uint32]
+    values: NDArray[Any]
+    boolean: bool
+    targets: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -186,6 +210,18 @@ class FmuInstance(ABC):
     def deserialize(self, content: bytes) -> None:
         """Restore a state from `serialize`, also from another process."""
         raise NotImplementedError
+
+    def observe(self, names: Sequence[str], values: Vector) -> None:
+        """Choose the numeric variables that `get_observed` reads, and where to."""
+        if names:
+            raise NotImplementedError
+
+    def get_observed(self) -> None:  # noqa: B027 - only instances with a model description have any
+        """Read the observed variables."""
+
+    def observed_groups(self) -> list[ObservedGroup]:
+        """Return what compiled code needs to read the observed variables."""
+        return []
 
     def entry_points(self) -> EntryPoints | None:
         """Return addresses for compiled code; None if there are none."""

@@ -19,7 +19,7 @@ from ...fmu.log import FmuLog
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
-from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError
+from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError, ObservedGroup
 from .typed_values import TypedValues
 
 _POINTER = ctypes.c_void_p
@@ -105,6 +105,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 TypedValues("get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
+        self.observe([], np.empty(0))
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
@@ -125,9 +126,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
-        """Return the present value of a numeric or Boolean variable."""
+        """Return the present value of a variable."""
         with self.calling(f"getting {variable.name}"):
             (value,) = self.get_typed([variable])
+        if variable.type == "String":
+            return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
         return bool(value) if variable.type == "Boolean" else value
 
     def reset(self) -> None:
@@ -175,6 +178,33 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             call, status = "getReal", self._get_real(*self._get_arguments)
         if status not in FINE:
             raise self.error(call, status)
+
+    def observe(self, names: Sequence[str], values: Vector) -> None:
+        """Choose the numeric variables that `get_observed` reads, and where to."""
+        variables = [self.file.variables[name] for name in names]
+        self._observed = TypedValues("get", variables, self._functions), values
+
+    def get_observed(self) -> None:
+        """Read the observed variables."""
+        typed, values = self._observed
+        status = typed.get(self._component, values)
+        if status not in FINE:
+            raise self.error("getting recorded variables", status)
+
+    def observed_groups(self) -> list[ObservedGroup]:
+        """Return what compiled code needs to read the observed variables."""
+        return [
+            ObservedGroup(
+                call=group.call,
+                function=self._library.addresses[group.call],
+                component=ctypes.cast(self._component, _POINTER).value or 0,
+                references=group.references,
+                values=group.values,
+                boolean=group.boolean,
+                targets=group.elements,
+            )
+            for group in self._observed[0].groups
+        ]
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""

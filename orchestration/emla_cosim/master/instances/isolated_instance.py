@@ -44,6 +44,8 @@ class IsolatedInstance(DescribedInstance):
         self._inputs_to_set: bytes | None = None
         self._slopes_to_set: bytes | None = None
         self._outputs_of_step: bytes | None = None
+        self._observed_of_step: bytes | None = None
+        self._observed: Vector = np.empty(0)
         self._end: InstanceError | None = None
         self._under_way = False
         try:
@@ -69,7 +71,7 @@ class IsolatedInstance(DescribedInstance):
         self.set_start_values([(variable, value)])
 
     def value(self, variable: ModelVariable) -> Any:
-        """Return the present value of a numeric or Boolean variable."""
+        """Return the present value of a variable."""
         return self._ask("value", str(variable.name))
 
     def reset(self) -> None:
@@ -88,7 +90,8 @@ class IsolatedInstance(DescribedInstance):
 
     def set_inputs(self) -> None:
         """Send `inputs` with the next call."""
-        self._inputs_to_set, self._outputs_of_step = self.inputs.tobytes(), None
+        self._inputs_to_set = self.inputs.tobytes()
+        self._outputs_of_step = self._observed_of_step = None
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Send the slopes of the inputs, per s, with the next call."""
@@ -98,6 +101,16 @@ class IsolatedInstance(DescribedInstance):
         """Read the FMU's outputs into `outputs`."""
         found = self._outputs_of_step or self._ask("outputs")
         self.outputs[:] = np.frombuffer(found)
+
+    def observe(self, names: Sequence[str], values: Vector) -> None:
+        """Choose the numeric variables that `get_observed` reads, and where to."""
+        self._observed = values
+        self._ask("observe", list(names))
+
+    def get_observed(self) -> None:
+        """Read the observed variables."""
+        found = self._observed_of_step or self._ask("observed")
+        self._observed[:] = np.frombuffer(found)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
@@ -112,7 +125,7 @@ class IsolatedInstance(DescribedInstance):
     def end_step(self) -> None:
         """Wait until the step is done."""
         self._under_way = False
-        self._outputs_of_step = self._receive()
+        self._outputs_of_step, self._observed_of_step = self._receive()
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
@@ -158,7 +171,8 @@ class IsolatedInstance(DescribedInstance):
             with contextlib.suppress(InstanceError):
                 self.end_step()
         request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)
-        self._inputs_to_set = self._slopes_to_set = self._outputs_of_step = None
+        self._inputs_to_set = self._slopes_to_set = None
+        self._outputs_of_step = self._observed_of_step = None
         self._send(request)
 
     def _send(self, request: Request) -> None:

@@ -22,6 +22,7 @@ class IsolatedProcess:
     def __init__(self, instance: InProcessInstance) -> None:
         self._instance = instance
         self._states: dict[int, Any] = {}
+        self._observed = np.empty(0)
 
     def do(self, request: Request) -> Any:
         """Set inputs and slopes, then do the call and return its result."""
@@ -47,10 +48,20 @@ class IsolatedProcess:
         self._instance.get_outputs()
         return self._instance.outputs.tobytes()
 
-    def do_step(self, at: float, step: float) -> bytes:
-        """Do a step and return the outputs after it."""
+    def observe(self, names: list[str]) -> None:
+        """Choose the variables that `observed` reads."""
+        self._observed = np.zeros(len(names))
+        self._instance.observe(names, self._observed)
+
+    def observed(self) -> bytes:
+        """Read the observed variables."""
+        self._instance.get_observed()
+        return self._observed.tobytes()
+
+    def do_step(self, at: float, step: float) -> tuple[bytes, bytes]:
+        """Do a step, and return the outputs and the observed variables after it."""
         self._instance.do_step(at, step)
-        return self.outputs()
+        return self.outputs(), self.observed()
 
     def save(self, known: int | None) -> int:
         """Save the state and return its number; `known` is a number to overwrite."""

@@ -14,8 +14,10 @@ from ...fmu.instance import by_type
 
 
 @dataclass(frozen=True)
-class _TypeGroup:
+class TypeGroup:
     """Elements of one type: their positions in the vector, and memory in the FMI type."""
+
+    call: str
 
     elements: NDArray[np.intp]
     references: NDArray[np.uint32]
@@ -30,10 +32,11 @@ class TypedValues:
     def __init__(
         self, access: str, variables: Sequence[ModelVariable], functions: Mapping[str, Callable[..., int]]
     ) -> None:
-        self._groups = []
+        self.groups = list[TypeGroup]()
         for type_, elements in by_type(variables):
-            self._groups.append(
-                _TypeGroup(
+            self.groups.append(
+                TypeGroup(
+                    call=f"{access}{type_}",
                     elements=np.array(elements, dtype=np.intp),
                     references=np.array([variables[i].valueReference for i in elements], dtype=np.uint32),
                     values=np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32),
@@ -45,7 +48,7 @@ class TypedValues:
     def set(self, component: Any, vector: Vector) -> int:
         """Set all variables, rounded to the nearest value of their type, and return the worst status."""
         worst = 0
-        for group in self._groups:
+        for group in self.groups:
             values = vector[group.elements]
             exact = group.values.dtype == np.float64
             group.values[:] = (
@@ -57,12 +60,12 @@ class TypedValues:
     def get(self, component: Any, vector: Vector) -> int:
         """Get all variables and return the worst status."""
         worst = 0
-        for group in self._groups:
+        for group in self.groups:
             worst = max(worst, self._call(component, group), key=abs)
-            vector[group.elements] = group.values
+            vector[group.elements] = group.values != 0 if group.boolean else group.values
         return worst
 
     @staticmethod
-    def _call(component: Any, group: _TypeGroup) -> int:
+    def _call(component: Any, group: TypeGroup) -> int:
         pointers = (group.references.ctypes.data_as(ctypes.c_void_p), len(group.references))
         return group.function(component, *pointers, group.values.ctypes.data_as(ctypes.c_void_p))

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OPERATION, PRESENT, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OBSERVED, OPERATION, PRESENT, TASK
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """Options of numba for all functions."""
@@ -123,10 +123,10 @@ def _pause() -> Any:
 _SIZE, _COUNTER = 8, ir.IntType(64).as_pointer()
 _NOTHING = ir.FunctionType(ir.VoidType(), ())
 
-loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at = (
-    _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK)
+loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at, observed_at = (
+    _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK, OBSERVED)
 )
-doubles, positions = _numbers(types.float64), _numbers(types.intp)
+doubles, positions, integers = _numbers(types.float64), _numbers(types.intp), _numbers(types.int32)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
 do_step = _caller(types.intp, types.float64, types.float64, types.int32)

@@ -2,13 +2,14 @@
 
 from ..algorithms.extrapolation import Mode
 from ..instances.call_codes import CALLS
-from .by_address import copy_state, derive, do_step, doubles, exchange, input_at, part, positions
+from .by_address import copy_state, derive, do_step, doubles, exchange, input_at, integers, part, positions
 from .record_layout import Failure
 
 _HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
 _NONE, _SET_REAL, _SET_DERIVATIVES = int(Failure.NONE), int(Failure.SET_REAL), int(Failure.SET_DERIVATIVES)
 _DO_STEP, _GET_REAL = int(Failure.DO_STEP), int(Failure.GET_REAL)
 _GET_STATE, _SET_STATE = int(Failure.GET_STATE), int(Failure.SET_STATE)
+_OBSERVE = int(Failure.OBSERVE)
 _SETTING, _DERIVING, _STEPPING, _GETTING, _SAVING, _RESTORING = (
     CALLS.index(call)
     for call in (
@@ -139,6 +140,28 @@ def get_outputs(instance, present):
         instance.get_real, (instance.component, instance.output_references, count, instance.outputs)
     )
     return _GET_REAL if _is_bad(status) else _NONE, status
+
+
+@part
+def get_observed(observed, present):
+    """Read observed variables of one type of an instance."""
+    count, targets = observed.count, positions(observed.targets)
+    present.code = observed.code
+    status = exchange(observed.get, (observed.component, observed.references, count, observed.values))
+    if _is_bad(status):
+        return _OBSERVE, status
+    if observed.real:
+        numbers = doubles(observed.values)
+        for v in range(count):
+            doubles(targets[v])[0] = numbers[v]
+    else:
+        whole = integers(observed.values)
+        for v in range(count):
+            value = whole[v]
+            if observed.boolean and value != 0:
+                value = 1
+            doubles(targets[v])[0] = float(value)
+    return _NONE, _OK
 
 
 @part

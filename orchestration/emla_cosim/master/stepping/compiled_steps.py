@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..algorithms.tasks import Call
-from .by_address import doubles, instance_at, operation_at, part, positions, present_at
-from .compiled_calls import get_outputs, set_inputs, shift, step
+from .by_address import doubles, instance_at, observed_at, operation_at, part, positions, present_at
+from .compiled_calls import get_observed, get_outputs, set_inputs, shift, step
 from .record_layout import Failure
 
 _SET, _STEP = int(Call.SET), int(Call.STEP)
@@ -34,15 +34,26 @@ def all_finite(loop):
 
 
 @part
-def record(loop, present, time, rows):
-    """Fill the next row with the time and all signals."""
-    row, signals = loop.recorded * (1 + loop.signal_count), doubles(loop.signals)
-    values = doubles(rows)
+def record(loop, lane, present, time, rows):
+    """Fill the next row with the time, all signals, and the observed variables. Return the failure."""
+    for o in range(loop.observed_count):
+        observed = observed_at(loop.observed, o)
+        failure, status = get_observed(observed, present)
+        if failure != _NONE:
+            lane.instance, lane.status = observed.instance, status
+            return failure
+    present.code = 0
+    row, signals = loop.recorded * (1 + loop.signal_count + loop.other_count), doubles(loop.signals)
+    values, others = doubles(rows), doubles(loop.others)
     values[row] = time
     for s in range(loop.signal_count):
         values[row + 1 + s] = signals[s]
+    row += 1 + loop.signal_count
+    for s in range(loop.other_count):
+        values[row + s] = others[s]
     loop.recorded += 1
     present.recorded = loop.recorded
+    return _NONE
 
 
 @part

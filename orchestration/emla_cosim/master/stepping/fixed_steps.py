@@ -110,14 +110,20 @@ class FixedSteps(Stepping):
                 algorithm.steps = k  # a failed step does not count, as in compiled code
                 raise failure
             if (k + 1) % rows.every == 0:
-                self.record(rows)
+                self.record(rows, algorithm.network.observer.is_due(k + 1))
 
     def _advance_compiled(self, kernel: "Kernel", rows: RowSink, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
+        observer = self.algorithm.network.observer
+        if observer.strings:  # compiled code cannot read texts
+            last = min(last, observer.next_due(first))
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
         recorded, failure = kernel.run(first, count, times.clock, every, block)
+        if recorded and failure is None and observer.is_due(self.algorithm.steps):
+            observer.read()
+            block[recorded - 1, -len(observer.values) :] = observer.values
         if recorded:
             rows.commit(recorded)
         if failure is not None:

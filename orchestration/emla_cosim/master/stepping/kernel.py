@@ -33,6 +33,7 @@ from .records import (
     input_records,
     instance_records,
     lane_records,
+    observed_records,
     operation_records,
     task_records,
 )
@@ -44,6 +45,7 @@ _CALL_NAMES = {
     Failure.GET_REAL: "getReal",
     Failure.GET_STATE: "getFMUstate",
     Failure.SET_STATE: "setFMUstate",
+    Failure.OBSERVE: "getting recorded variables",
 }
 _TEXTS = ("by_address.py", "compiled_calls.py", "compiled_groups.py", "compiled_steps.py")
 """Modules that are compiled into every loop, and imported only to be compiled."""
@@ -136,7 +138,7 @@ class Kernel:
             count: Number of steps.
             clock: The communication points.
             every: Every `every`-th point is recorded.
-            rows: Output: time and all signals, shape (rows, 1 + signals).
+            rows: Output: time, all signals and all observed variables, shape (rows, values).
 
         Returns:
             The number of recorded rows, and the error in step `algorithm.steps`; None without one.
@@ -193,7 +195,8 @@ class Kernel:
 
     def _check_room(self, rows: Vector, needed: int) -> None:
         """Raise ValueError if the loop would write past the end of the rows, or into gaps."""
-        width = 1 + len(self._algorithm.network.signals)
+        network = self._algorithm.network
+        width = 1 + len(network.signals) + len(network.observer.values)
         fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
         if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
             raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
@@ -230,6 +233,10 @@ class Kernel:
         loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
         loop["instances"] = instances.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
+        observer = network.observer
+        observed = keep(observed_records(network, keep))
+        loop["observed"], loop["observed_count"] = observed.ctypes.data, len(observed)
+        loop["others"], loop["other_count"] = observer.values.ctypes.data, len(observer.values)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
         return loop
 

@@ -55,7 +55,10 @@ def advance(address, first, count, every, rows):
         if failure != _NONE:
             return failure
         if divides(every, k + 1):
-            record(loop, present_at(lane.present, 0), next_time, rows)
+            failure = record(loop, lane, present_at(lane.present, 0), next_time, rows)
+            if failure != _NONE:
+                loop.reached = k + 1
+                return failure
     loop.reached = first + count
     return _NONE
 

@@ -134,7 +134,11 @@ def advance_lane(address, n, first, count, every, rows):
             count_to(address + _RELEASED, NOWHERE)
             return failure
         if divides(every, k + 1):
-            record(loop, present, next_time, rows)
+            failure = record(loop, lane, present, next_time, rows)
+            if failure != _NONE:
+                loop.lane, loop.reached = 0, k + 1
+                count_to(address + _RELEASED, NOWHERE)
+                return failure
     if leads:
         loop.reached = first + count
     return _NONE

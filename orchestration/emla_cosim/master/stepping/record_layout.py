@@ -27,6 +27,7 @@ class Failure(IntEnum):
     GET_STATE = 6
     SET_STATE = 7
     NOT_IN_ONE = 8
+    OBSERVE = 9
 
 
 _ADDRESS, _NUMBER = "intp", "int64"
@@ -87,6 +88,20 @@ INSTANCE = _record(
     undo=_ADDRESS,  # room for the values before `previous` and `before`
 )
 
+OBSERVED = _record(
+    code=_NUMBER,  # of its call in `Activity`
+    instance=_NUMBER,  # position of the instance
+    get=_ADDRESS,  # of the FMI function
+    component=_ADDRESS,  # fmi2Component
+    references=_ADDRESS,  # of value references
+    count=_NUMBER,
+    values=_ADDRESS,  # of doubles or C ints
+    real="bool",  # whether these are doubles
+    boolean="bool",  # whether any value other than 0 is 1
+    targets=_ADDRESS,  # of the addresses of the doubles to fill
+)
+"""Observed variables of one type of an instance; see `ObservedGroup`."""
+
 GROUP = _record(
     members=_ADDRESS,  # of the positions of its instances, in order
     member_count=_NUMBER,
@@ -144,6 +159,10 @@ LOOP = _record(
     largest=_ADDRESS,  # of the largest absolute values of the signals so far
     signals=_ADDRESS,
     signal_count=_NUMBER,
+    observed=_ADDRESS,  # of OBSERVED records
+    observed_count=_NUMBER,
+    others=_ADDRESS,  # the values after the signals in a row, which the OBSERVED records fill
+    other_count=_NUMBER,
     read=_ADDRESS,  # of the positions of the signals that must be finite
     read_count=_NUMBER,
     lanes=_ADDRESS,  # of LANE records

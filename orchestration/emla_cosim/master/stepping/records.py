@@ -15,7 +15,8 @@ from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
 from ..instances.fmu_instance import EntryPoints
-from .record_layout import GROUP, INPUT, INSTANCE, LANE, OPERATION, TASK
+from ..network import Network
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, OBSERVED, OPERATION, TASK
 
 KeptArrays = Callable[[Any], Any]
 """Keeps a reference to an array whose address is in a record, and returns the array."""
@@ -93,6 +94,25 @@ def instance_records(
     records["rare"], records["state"] = exchange.rare, addresses(states, every)
     records["no_way_back"] = [i not in saved for i in every]
     return records
+
+
+def observed_records(network: Network, kept: KeptArrays) -> Any:
+    """Return the OBSERVED records of all instances."""
+    observer, records = network.observer, []
+    for instance, part in observer.readers:
+        i = network.instances.index(instance)
+        for group in instance.observed_groups():
+            kept((group.references, group.values))
+            record = np.zeros((), OBSERVED)
+            record["code"], record["instance"] = code_of(i, group.call), i
+            record["get"], record["component"] = group.function, group.component
+            record["references"], record["count"] = _address(group.references), len(group.references)
+            record["values"], record["boolean"] = _address(group.values), group.boolean
+            record["real"] = group.values.dtype == np.float64
+            targets = addresses(observer.values, part.start + group.targets)
+            record["targets"] = _address(kept(targets.astype(np.intp)))
+            records.append(record)
+    return np.array(records, dtype=OBSERVED)
 
 
 def add_undo(records: Any, kept: KeptArrays) -> None:

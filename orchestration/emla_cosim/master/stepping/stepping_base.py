@@ -14,7 +14,7 @@ ROUNDING = 1e-6
 
 
 class RowSink(Protocol):
-    """Takes recorded rows: time in s, then all signals.
+    """Takes recorded rows: time in s, then all signals, then the observed variables.
 
     Every `every`-th communication point is recorded.
     """
@@ -98,9 +98,12 @@ class Stepping(ABC):
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Free what the stepping holds of the FMU instances; never raises."""
 
-    def record(self, rows: RowSink) -> None:
-        """Record the current signals as one row."""
+    def record(self, rows: RowSink, due: bool = True) -> None:
+        """Record the current signals as one row, with observed texts if it is `due`."""
+        network = self.algorithm.network
+        network.observer.read(due)
         block = rows.room(1)
         block[0, 0] = self.time
-        block[0, 1:] = self.algorithm.network.signals
+        block[0, 1 : 1 + len(network.signals)] = network.signals
+        block[0, 1 + len(network.signals) :] = network.observer.values
         rows.commit(1)

@@ -93,6 +93,7 @@ def condense_curve(time: Vector, values: Vector, most: int) -> np.ndarray:
     kept = np.unique(np.concatenate([np.linspace(0, count - 1, 32).astype(int), edges, edges + 1]))
     while (room := most - len(kept)) > 0:
         off = np.abs(filled - np.interp(time, time[kept], filled[kept]))
+        off[kept] = 0.0  # at a step, two points have the same time
         worst = np.maximum.reduceat(off, kept)
         within = np.repeat(np.arange(len(kept)), np.diff(kept, append=count))
         found = _firsts((off == worst[within]) & (off > _UNSEEN * np.ptp(filled)), within)

@@ -1,7 +1,7 @@
 """Plots as data that a page draws when they become visible."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +33,11 @@ class Shape(NamedTuple):
         return f"{self.lines}-{int(self.band)}-{self.limits}"
 
 
+def describe_items(items: Mapping[int, str]) -> str:
+    """Return the names of values for the label of an axis, such as `0 false, 1 true`."""
+    return ", ".join(f"{value} {name}" for value, name in items.items())
+
+
 def shape(plot: Plot) -> Shape:
     """Return the shape of a plot; plots of one shape share a template."""
     return Shape(len(plot.lines), plot.band is not None, len(plot.limits))
@@ -48,7 +53,7 @@ def as_json(plot: Plot, points: int | None = None) -> str:
     lines, band = plot.lines, plot.band
     content: dict[str, Any] = {
         "shape": str(shape(plot)),
-        "unit": shorten_text(make_visible(plot.label), 40),
+        "unit": shorten_text(make_visible(plot.label or describe_items(plot.items)), 40),
         "x": round_values(pad_range(*span([line.time for line in lines]), 0.01)),
         "y": round_values([low, high]),
         "lines": [_line(plot, line, grain, points) for line in lines],

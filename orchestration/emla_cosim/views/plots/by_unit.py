@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
+from ...base.signal_types import SignalType
 from ..panels import Plot
 from .pictures import Drawing
 from .stacked import build_unit_panels, count_panels, draw_stacked
@@ -29,7 +30,8 @@ class Group:
 
     def panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels for the signals in `data`."""
-        return build_unit_panels([n for n in self.signals if n in data], _units(result), data, self.title)
+        names = [n for n in self.signals if n in data]
+        return build_unit_panels(names, _units(result), data, self.title, result.types)
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ BY_UNIT: dict[str, Drawing] = {
 def groups(result: "Result") -> list[Group]:
     """Return the signals of a system without metrics in groups that fit in a plot."""
     units = _units(result)
-    changing = [name for name in result.names if _changes(result.signals.get(name))]
+    texts = {name for name, kind in result.types.items() if kind.is_text}
+    changing = [n for n in result.names if n not in texts and _changes(result.signals.get(n))]
     parts = {"": changing}
     for split in (_branch, lambda name: _component(result, name)):
         parts = {
@@ -78,7 +81,7 @@ def groups(result: "Result") -> list[Group]:
     left_out = len(parts) - _MOST_PICTURES
     found = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
-        kept = _first(signals, units)
+        kept = _first(signals, units, result.types)
         counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
         further = f"; {left_out} more parts are not plotted" if left_out > 0 and not found else ""
         if kept:
@@ -115,10 +118,10 @@ def _component(result: "Result", name: str) -> str:
     return max(own, key=len) if own else name.rpartition(".")[0]
 
 
-def _first(signals: Sequence[str], units: Mapping[str, str]) -> list[str]:
+def _first(signals: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]) -> list[str]:
     """Return the first signals that fit in a plot."""
     found = list[str]()
     for name in signals[:_MOST_SIGNALS]:
-        if count_panels([*found, name], units) <= _MOST_PANELS:
+        if count_panels([*found, name], units, types) <= _MOST_PANELS:
             found.append(name)
     return found

@@ -12,10 +12,19 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, suggest_names
 from ...base.files import read_text
 from ...base.patterns import matches_pattern
+from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
-from .stacked import MOST_LINES, MOST_PANELS, build_unit_panels, count_panels, draw_stacked, numbered
+from .stacked import (
+    MOST_LINES,
+    MOST_PANELS,
+    build_unit_panels,
+    count_panels,
+    draw_stacked,
+    name_values,
+    numbered,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +52,7 @@ class Traces:
     label: str
     names: Sequence[str]
     units: Mapping[str, str]
+    types: Mapping[str, SignalType]
     table: _Table
     roles: Mapping[str, str]
     files: Sequence[Path] = ()
@@ -73,7 +83,7 @@ def plot_signals(result: "Result", patterns: Sequence[str]) -> "Figure":
         if not any(matches_pattern(n, name) for n in result.names):
             result.read([name])  # raises an error with a suggestion
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
-    run = Traces(result.name, result.names, units, result, result.roles)
+    run = Traces(result.name, result.names, units, result.types, result, result.roles)
     return overlay_runs([run], patterns).figure
 
 
@@ -100,20 +110,24 @@ def overlay_runs(
         raise CommandError(f"the plot begins at {begin:g} s, which must be before its end, {end:g} s.")
     names = list(dict.fromkeys(name for run in runs for name in run.names))
     units = {name: unit for run in reversed(runs) for name, unit in run.units.items()}
-    notes = list[str]()
+    types = {name: kind for run in reversed(runs) for name, kind in run.types.items()}
+    texts = [name for name in names if types.get(name, REAL).is_text]
+    names, notes = [name for name in names if name not in texts], list[str]()
     if patterns:
+        if (text := next((p for p in patterns if p in texts), None)) is not None:
+            raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
         chosen = _matching(patterns, names)
-        _check_room(chosen, units, len(runs))
+        _check_room(chosen, units, types, len(runs))
     else:
-        chosen, notes = _choose_default_signals(runs, names, units)
+        chosen, notes = _choose_default_signals(runs, names, units, types)
     notes += _describe_missing(runs, chosen)
     data = [_cut(run, chosen, begin, end) for run in runs]
     if not any(len(columns["time"]) for columns in data):
         raise CommandError("there are no rows to plot between these times.")
     if len(runs) == 1:
-        panels = build_unit_panels(chosen, units, data[0], runs[0].label)
+        panels = build_unit_panels(chosen, units, data[0], runs[0].label, types)
     else:
-        panels = [panel for name in chosen for panel in _overlay_signal(name, runs, units, data)]
+        panels = [panel for name in chosen for panel in _overlay_signal(name, runs, units, types, data)]
     return Overlay(draw_stacked(panels, ", ".join(run.label for run in runs)), notes)
 
 
@@ -122,7 +136,8 @@ def _read_trace(place: Path, label: str) -> Traces:
     record = stored.path.parent / "run.json"
     content = _record(record)
     units, roles = _texts(content, "units"), _texts(content.get("settings"), "roles")
-    return Traces(label, stored.names, units, stored, roles, (stored.path, record))
+    types = {**stored.table.types, **read_types(content.get(COLUMN_TYPES))}
+    return Traces(label, stored.names, units, types, stored, roles, (stored.path, record))
 
 
 def _record(path: Path) -> dict[str, Any]:
@@ -152,8 +167,10 @@ def _matching(patterns: Iterable[str], names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _check_room(chosen: Sequence[str], units: Mapping[str, str], runs: int) -> None:
-    needed = len(chosen) if runs > 1 else count_panels(chosen, units)
+def _check_room(
+    chosen: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], runs: int
+) -> None:
+    needed = len(chosen) if runs > 1 else count_panels(chosen, units, types)
     if needed > MOST_PANELS:
         raise CommandError(
             f"{len(chosen)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
@@ -162,7 +179,10 @@ def _check_room(chosen: Sequence[str], units: Mapping[str, str], runs: int) -> N
 
 
 def _choose_default_signals(
-    runs: Sequence[Traces], names: Sequence[str], units: Mapping[str, str]
+    runs: Sequence[Traces],
+    names: Sequence[str],
+    units: Mapping[str, str],
+    types: Mapping[str, SignalType],
 ) -> tuple[list[str], list[str]]:
     """Return the signals to plot without a pattern, and a remark if some are left out."""
     roles = {role: name for run in runs for role, name in run.roles.items()}
@@ -170,7 +190,8 @@ def _choose_default_signals(
     chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
     kept = list[str]()
     for name in chosen:
-        if (len(kept) < MOST_PANELS) if len(runs) > 1 else count_panels([*kept, name], units) <= MOST_PANELS:
+        needed = len(kept) + 1 if len(runs) > 1 else count_panels([*kept, name], units, types)
+        if needed <= MOST_PANELS:
             kept.append(name)
     if len(kept) == len(names):
         return kept, []
@@ -202,12 +223,17 @@ def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | N
 
 
 def _overlay_signal(
-    name: str, runs: Sequence[Traces], units: Mapping[str, str], data: Sequence[Mapping[str, Vector]]
+    name: str,
+    runs: Sequence[Traces],
+    units: Mapping[str, str],
+    types: Mapping[str, SignalType],
+    data: Sequence[Mapping[str, Vector]],
 ) -> list[Plot]:
     """Return the panels of a signal of all runs that have it, one per unit."""
     found: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:
-            line = numbered(i, run.label, columns["time"], columns[name])
+            line = numbered(i, run.label, columns["time"], columns[name], types.get(name, REAL))
             found.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
-    return [Plot(unit, tuple(lines), column=name) for unit, lines in found.items()]
+    items = name_values(types.get(name, REAL))
+    return [Plot(unit, tuple(lines), column=name, items=items) for unit, lines in found.items()]

@@ -1,10 +1,11 @@
 """Draw signals over time in stacked panels: by unit, or several runs overlaid."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...base.arrays import Vector
-from ..panels import Line, Plot
+from ...base.signal_types import REAL, SignalType
+from ..panels import Line, Plot, make_steps
 from .panel_drawing import draw_line
 from .style import COLORS, new_figure, tidy_axes
 
@@ -21,36 +22,68 @@ MOST_PANELS = 24
 _TALLEST = 8
 """Most panels in a column."""
 
+_MOST_ITEMS = 12
+"""Most named values on an axis."""
+
 _LONGEST = 44
 """Most letters of a name to show."""
 
 
+_BOOLEANS = {0: "false", 1: "true"}
+
+
+def name_values(kind: SignalType) -> Mapping[int, str]:
+    """Return the names of the values of a type, for an axis."""
+    return _BOOLEANS if kind.kind == "Boolean" else kind.items
+
+
 def build_unit_panels(
-    names: Sequence[str], units: Mapping[str, str], data: Mapping[str, Vector], column: str
+    names: Sequence[str],
+    units: Mapping[str, str],
+    data: Mapping[str, Vector],
+    column: str,
+    types: Mapping[str, SignalType],
 ) -> list[Plot]:
-    """Return panels of signals by unit, in order of first appearance. `data` also has `time`."""
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        groups.setdefault(units.get(name, ""), []).append(name)
+    """Return panels of signals by unit and names of values, in order of first appearance.
+
+    `data` also has `time`.
+    """
     return [
-        Plot(unit, tuple(numbered(i, n, data["time"], data[n]) for i, n in enumerate(part)), column=column)
-        for unit, group in groups.items()
-        for part in (group[i : i + MOST_LINES] for i in range(0, len(group), MOST_LINES))
+        Plot(
+            units.get(group[0], ""),
+            tuple(
+                numbered(i, n, data["time"], data[n], types.get(n, REAL))
+                for i, n in enumerate(group[first : first + MOST_LINES])
+            ),
+            column=column,
+            items=name_values(types.get(group[0], REAL)),
+        )
+        for group in _group(names, units, types)
+        for first in range(0, len(group), MOST_LINES)
     ]
 
 
-def count_panels(names: Sequence[str], units: Mapping[str, str]) -> int:
+def count_panels(names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]) -> int:
     """Return the number of panels that `build_unit_panels` makes."""
-    count: dict[str, int] = {}
+    return sum(-(-len(group) // MOST_LINES) for group in _group(names, units, types))
+
+
+def _group(
+    names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]
+) -> list[list[str]]:
+    """Return signals that share an axis: the same unit, and the same names of values."""
+    groups: dict[tuple[Any, ...], list[str]] = {}
     for name in names:
-        unit = units.get(name, "")
-        count[unit] = count.get(unit, 0) + 1
-    return sum(-(-number // MOST_LINES) for number in count.values())
+        items = name_values(types.get(name, REAL))
+        groups.setdefault((units.get(name, ""), *items.items()), []).append(name)
+    return list(groups.values())
 
 
-def numbered(number: int, label: str, time: Vector, values: Vector) -> Line:
-    """Return a line with the style for its number: colours first, then dashes."""
+def numbered(number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL) -> Line:
+    """Return a line with the style for its number: colours first, then dashes. Discrete values make steps."""
     dashed = number // len(COLORS) % 2 == 1
+    if kind.is_discrete:
+        time, values = make_steps(time, values)
     return Line(label, time, values, COLORS[number % len(COLORS)], dashed)
 
 
@@ -84,6 +117,10 @@ def _draw(axes: "Axes", panel: Plot, titled: bool) -> None:
     for line in panel.lines:
         draw_line(axes, line)
     axes.set_ylabel(panel.label, parse_math=False)
+    if 0 < len(panel.items) <= _MOST_ITEMS:
+        axes.set_yticks(list(panel.items), [shorten_name(name) for name in panel.items.values()])
+        for label in axes.get_yticklabels():
+            label.set_parse_math(False)
     if titled:
         axes.set_title(shorten_name(panel.column), fontsize=9, loc="left", parse_math=False)
     tidy_axes(axes, [shorten_name(line.label) for line in panel.lines])

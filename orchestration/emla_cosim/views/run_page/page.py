@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arrays import Vector
+from ...base.signal_types import REAL
 from ...base.wording import format_count
 from ...run.result import Result
 from ..formatting import describe_stepping
@@ -66,7 +67,7 @@ def _names(result: Result) -> list[str]:
 
 def _data(result: Result) -> Mapping[str, Vector]:
     """Return time and the signals that the page shows."""
-    names = _names(result)
+    names = [n for n in _names(result) if not result.types.get(n, REAL).is_text]
     if not names:
         return {"time": np.empty(0)}
     wanted = dict.fromkeys(["time", *names[: signals.MOST], *picture_plots.list_signals(result)])

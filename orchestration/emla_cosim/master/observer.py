@@ -1,0 +1,84 @@
+"""Read variables that the FMUs do not exchange, for the recorders."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from ..base.arrays import Vector
+from ..base.signal_types import Texts
+from .instances.described_instance import DescribedInstance
+
+
+@dataclass(frozen=True)
+class ObservedVariable:
+    """A variable to record besides the signals.
+
+    Attributes:
+        name: full name in the system.
+        component: name of its component.
+        variable: the variable in its FMU.
+    """
+
+    name: str
+    component: str
+    variable: ModelVariable
+
+
+class Observer:
+    """Reads the observed variables of all instances after a step; it changes nothing in them.
+
+    Numbers are read at every point that is recorded. Texts are read only where a row is due, because each one
+    costs a call; other rows have NaN in their place.
+
+    Attributes:
+        values: the observed values as doubles; for a String, the position of the text in `texts`.
+        texts: the texts of the run.
+        every: every `every`-th point is due for texts.
+    """
+
+    def __init__(
+        self,
+        instances: Mapping[str, DescribedInstance],
+        variables: Sequence[ObservedVariable] = (),
+        every: int = 1,
+    ) -> None:
+        self.variables = _sort_by_instance(variables, list(instances))
+        self.names = [v.name for v in self.variables]
+        self.values: Vector = np.full(len(self.variables), np.nan)
+        self.texts, self.every = Texts(), every
+        self.readers: list[tuple[DescribedInstance, slice]] = []
+        """Instances with observed numbers, and their parts of `values`."""
+        self.strings: list[tuple[int, DescribedInstance, ModelVariable]] = []
+        """Position in `values`, instance and variable of each String."""
+        for name, instance in instances.items():
+            own = [i for i, v in enumerate(self.variables) if v.component == name]
+            texts = [i for i in own if self.variables[i].variable.type == "String"]
+            numbers = [i for i in own if i not in texts]
+            part = slice(numbers[0], numbers[-1] + 1) if numbers else slice(0, 0)
+            instance.observe([str(self.variables[i].variable.name) for i in numbers], self.values[part])
+            if numbers:
+                self.readers.append((instance, part))
+            self.strings += [(i, instance, self.variables[i].variable) for i in texts]
+
+    def read(self, due: bool = True) -> None:
+        """Read all numbers, and the texts if a row is `due`; InstanceError if an FMU fails."""
+        for instance, _ in self.readers:
+            instance.get_observed()
+        for i, instance, variable in self.strings:
+            self.values[i] = self.texts.encode(str(instance.value(variable))) if due else np.nan
+
+    def is_due(self, steps: int) -> bool:
+        """Return whether the row after this number of steps is due for texts."""
+        return bool(self.strings) and steps % self.every == 0
+
+    def next_due(self, steps: int) -> int:
+        """Return the number of steps at the next row that is due for texts."""
+        return (steps // self.every + 1) * self.every
+
+
+def _sort_by_instance(variables: Sequence[ObservedVariable], components: list[str]) -> list[ObservedVariable]:
+    """Return the variables by component, with the texts of each at its end."""
+    place = {name: i for i, name in enumerate(components)}
+    return sorted(variables, key=lambda v: (place[v.component], v.variable.type == "String"))

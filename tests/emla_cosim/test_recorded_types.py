@@ -1,0 +1,221 @@
+"""Outputs and locals of all types in tables, compared with closed forms and with FMPy."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.recorders.stored import open_stored_run
+from emla_cosim.views.panels import make_steps
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import ALL_TYPES
+
+NOTE = 'a "quote", a comma,\na line, é'
+EVERYTHING = ("a.*", "a.half", "a.twice", "a.odd", "a.text", "a.note", "a.reads", "a.first")
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("all_types")
+    return build_handwritten_fmu(folder / "AllTypes.fmu", ALL_TYPES)
+
+
+def prepare(fmu: Path, **options: Any) -> ec.Simulation:
+    """Two instances of which only the first is recorded, so that rows have other signals too."""
+    first = options.pop("first", 3)
+    system = ec.System.of({"a": fmu, "b": fmu}, set={"a.first": first, "b.u": -1.0})
+    given = {"step_size": 0.01, "stop_time": 0.5, "output_interval": 0.02, "signals": EVERYTHING}
+    return ec.load(system, **{**given, **options}).prepare()
+
+
+def expected(time: np.ndarray, first: int = 3, u: float = 1.0, start: float = 0.0) -> dict[str, Any]:
+    """What the C file says, at these times."""
+    x, count = u * (time - start), first + np.floor(time / 0.1 + 1e-6).astype(int)
+    texts = [f"count is {n}, {'high' if y > 0.25 else 'low'}" for n, y in zip(count, x, strict=True)]
+    return {
+        "a.x": x,
+        "a.half": x / 2,
+        "a.count": count,
+        "a.twice": 2 * count,
+        "a.first": np.full(len(time), first),
+        "a.mode": np.where(x < 0.2, 1, np.where(x < 0.4, 2, 4)),
+        "a.high": x > 0.25,
+        "a.odd": count % 2 == 1,
+        "a.text": np.array(texts, dtype=object),
+        "a.note": np.full(len(time), NOTE, dtype=object),
+    }
+
+
+def check(result: ec.Result, first: int = 3, **more: float) -> None:
+    """Compare all columns, except where a sum of steps is within rounding of a threshold."""
+    away = np.ones(len(result.time), dtype=bool)
+    for edge in (0.2, 0.25, 0.4):
+        away &= np.abs(result["a.x"] - edge) > 1e-9
+    for name, values in expected(result.time, first, **more).items():
+        found = result[name]
+        if values.dtype == float:
+            np.testing.assert_allclose(found, values, atol=1e-12, err_msg=name)
+        else:
+            assert found[away].tolist() == values[away].tolist(), name
+            assert found.dtype == {"i": np.int32, "b": np.bool_, "O": object}[values.dtype.kind], name
+
+
+WAYS = {
+    "compiled": {},
+    "in Python": {"compiled": False},
+    "threads": {"threads": 2},
+    "isolated": {"isolate": ["a"]},
+    "strong": {"algorithm": "strong"},
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_all_types_are_recorded_however_steps_are_made(fmu: Path, way: str) -> None:
+    with prepare(fmu, **WAYS[way]) as simulation:
+        for first in (3, 4):  # the second run resets the FMUs
+            result = simulation.run(set={"a.first": first})
+            assert len(result.time) == 26
+            check(result, first)
+        assert result.names[:5] == [f"a.{n}" for n in ("x", "count", "mode", "high", "half")]
+        # texts were read at the 26 rows of the table, not at all 51 points; reading counts the calls before
+        assert result["a.reads"][-1] == 2 * 25 + (2 * 26 if first == 4 else 0)
+
+
+def test_error_controlled_steps_record_them_too(fmu: Path) -> None:
+    with prepare(fmu, error_tolerance=1e-3, output_interval=0.1) as simulation:
+        result = simulation.run()
+    assert result.time[-1] == 0.5
+    assert result["a.count"].tolist() == [3, 4, 5, 6, 7, 8]
+    assert [t.partition(",")[0] for t in result["a.text"]] == [f"count is {n}" for n in range(3, 9)]
+
+
+def test_a_run_that_starts_later_and_is_resumed(fmu: Path, tmp_path: Path) -> None:
+    place, file = tmp_path / "half.checkpoint", tmp_path / "rows.csv"
+    signals = tuple(n for n in EVERYTHING if n != "a.reads")
+    with prepare(fmu, start_time=0.1, signals=signals) as simulation:
+        simulation.run(stop_time=0.3, checkpoint=place, recorders=[ec.CsvFile(file)])
+        resumed = simulation.run(resume=place, recorders=[ec.CsvFile(file)])
+        check(simulation.run(), start=0.1)
+        whole = tmp_path / "whole.csv"
+        simulation.run(recorders=[ec.CsvFile(whole)])
+    assert file.read_bytes() == whole.read_bytes()
+    assert resumed.signals["a.count"]["minimum"] == 4.0
+
+
+def test_outputs_but_no_texts_and_no_locals_are_recorded_by_default(fmu: Path) -> None:
+    with prepare(fmu, signals=()) as simulation:
+        result = simulation.run()
+    names = [f"{c}.{n}" for c in "ab" for n in ("count", "mode", "high")]
+    assert result.names == simulation.names == ["a.x", "b.x", *names]
+    assert result.signals["a.high"]["maximum"] == 1.0
+
+
+def test_fmpy_records_the_same(fmu: Path) -> None:
+    names = ["x", "count", "mode", "high", "half", "odd"]
+    theirs = fmpy.simulate_fmu(
+        str(fmu), stop_time=0.5, step_size=0.01, output_interval=0.01, output=names, fmi_type="CoSimulation"
+    )
+    system = ec.System.of({"a": fmu})
+    with ec.load(
+        system, step_size=0.01, stop_time=0.5, output_interval=0.01, signals=[f"a.{n}" for n in names]
+    ).prepare() as simulation:
+        ours = simulation.run()
+    np.testing.assert_allclose(ours.time, theirs["time"], atol=1e-12)
+    away = np.abs(ours["a.x"][:, None] - [0.2, 0.25, 0.4]).min(axis=1) > 1e-9
+    for name in names:
+        assert np.allclose(ours[f"a.{name}"][away], theirs[name][away], atol=1e-12), name
+
+
+def test_tables_have_types(fmu: Path, tmp_path: Path) -> None:
+    files = tmp_path / "rows.csv", tmp_path / "rows.parquet"
+    with prepare(fmu) as simulation:
+        check(simulation.run(recorders=[ec.ParquetFile(files[1])]))
+        result = simulation.run(recorders=[ec.CsvFile(files[0])])
+    assert result["a.note"][0] == NOTE.replace("\n", "\\n")
+    text = files[0].read_text(encoding="utf-8").splitlines()
+    assert len(text) == 27
+    row = dict(zip(text[0].split(","), text[16].split(","), strict=False))
+    assert (row["time"], row["a.count"], row["a.mode"], row["a.high"]) == ("0.3", "6", "2", "1")
+    frame = polars.read_parquet(files[1])
+    types = {n: str(t) for n, t in frame.schema.items()}
+    assert types["a.x"] == types["a.half"] == "Float64"
+    assert types["a.count"] == types["a.mode"] == "Int32"
+    assert (types["a.high"], types["a.text"]) == ("Boolean", "String")
+    declared = json.loads(polars.read_parquet_metadata(files[1])["types"])
+    assert declared["a.mode"] == {
+        "type": "Enumeration",
+        "items": {"1": "off", "2": "low & slow", "4": "high"},
+    }
+    assert frame["a.note"][3] == NOTE
+    assert result.to_polars().schema["a.odd"] == polars.Boolean
+    for file in files:
+        stored = open_stored_run(file)
+        found = stored.read(["time", "a.count", "a.text"])
+        assert found["a.count"].tolist() == expected(found["time"])["a.count"].tolist()
+        assert found["a.text"][0] == "count is 3, low"
+        assert len(stored.read(["a.text"], 5)["a.text"]) <= 7
+        left = {one.signal for one in result.compare(file, {"*": 0.0}) if one.left_at is not None}
+        assert left <= {"a.reads", "a.note"}  # the calls of two runs, and a line break in CSV and in Parquet
+
+
+def test_a_reference_differs_in_a_text_or_a_boolean(fmu: Path, tmp_path: Path) -> None:
+    with prepare(fmu, signals=["a.text", "a.odd", "a.x"]) as simulation:
+        simulation.run().save(tmp_path / "kept", plots=False)
+        result = simulation.run(set={"a.first": 4})
+    left = {one.signal for one in result.compare(tmp_path / "kept") if one.left_at is not None}
+    assert left == {"a.text", "a.odd"}
+
+
+def test_a_saved_result_has_types_and_can_be_plotted(fmu: Path, tmp_path: Path) -> None:
+    with prepare(fmu) as simulation:
+        result = simulation.run()
+    pictures = result.save(tmp_path / "kept", plots=False)
+    record = json.loads((tmp_path / "kept" / "run.json").read_text(encoding="utf-8"))
+    assert not pictures
+    assert record["types"]["a.high"] == {"type": "Boolean"}
+    axes = result.plot("a.mode", "a.high").axes
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["off", "low & slow", "high"]
+    assert [label.get_text() for label in axes[1].get_yticklabels()] == ["false", "true"]
+    assert set(axes[0].get_lines()[0].get_ydata()) == {1.0, 2.0, 4.0}
+    with pytest.raises(CommandError, match=r"'a\.text' has texts, which cannot be plotted"):
+        result.plot("a.text")
+
+
+def test_steps_keep_a_value_until_the_next() -> None:
+    time, values = make_steps(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0, 0, 1, 1]))
+    assert time.tolist() == [0.0, 1.0, 2.0, 2.0, 3.0]
+    assert values.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
+
+
+def test_an_unknown_name_suggests_a_local(fmu: Path) -> None:
+    with prepare(fmu, signals=["a.hlf"]) as simulation, pytest.raises(CommandError, match=r"a\.half"):
+        simulation.run()
+
+
+def test_requirements_see_them(fmu: Path) -> None:
+    with prepare(fmu) as simulation:
+        assert simulation.run(require=["a.count.final == 8", "a.odd.maximum == 1"]).problem is None
+        with pytest.raises(RunError, match=r"a\.twice\.final"):
+            simulation.run(require=["a.twice.final < 16"])
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("isolated", [(), ("a",)])
+def test_a_variable_that_cannot_be_read_ends_the_run(
+    fmu: Path, compiled: bool, isolated: tuple[str, ...]
+) -> None:
+    options = {"compiled": compiled, "isolate": list(isolated), "signals": ["a.count", "a.text"]}
+    with prepare(fmu, output_interval=0.01, **options) as simulation:
+        with pytest.raises(RunError, match="a answered getting recorded variables with fmi2Error") as caught:
+            simulation.run(set={"a.fail_at": 5})
+        kept = caught.value.fields["result"]
+        assert kept.time[-1] == pytest.approx(0.19)
+        assert kept["a.text"][-1] == "count is 4, low"
+        check_again = simulation.run(set={"a.first": 1})
+        assert check_again["a.count"][-1] == 6
