@@ -104,6 +104,12 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
     return number
 
 
+def format_value(variable: ModelVariable, value: Any) -> Any:
+    """Return a value of a variable as users write it: the name of an item of an enumeration."""
+    names = {number: name for name, number in _items(variable).items()}
+    return names.get(value, value) if variable.type == "Enumeration" else value
+
+
 def _convert_integer(value: Any) -> int:
     """Return a whole number, possibly written as a float; raise ValueError for any other value."""
     if isinstance(value, float) and not value.is_integer():
@@ -112,10 +118,15 @@ def _convert_integer(value: Any) -> int:
 
 
 def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
-    declared = variable.declaredType.items if variable.declaredType is not None else []
-    items = {str(item.name): int(str(item.value)) for item in declared or []}
+    items = _items(variable)
     if str(value) in items:
         return items[str(value)]
     if str(value) in {str(v) for v in items.values()}:
         return int(value)
     raise CommandError(f"{name} = {value} is not one of {', '.join(items)}.")
+
+
+def _items(variable: ModelVariable) -> dict[str, int]:
+    """Return the items of an enumeration by name."""
+    declared = variable.declaredType.items if variable.declaredType is not None else []
+    return {str(item.name): int(str(item.value)) for item in declared or []}

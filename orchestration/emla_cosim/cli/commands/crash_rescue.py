@@ -20,6 +20,7 @@ from ...master.instances.call_codes import decode_call
 from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
 from ...recorders.table import Table
+from ...run.lost_values import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
 from ...run.scenarios.scenario import Scenario
@@ -256,7 +257,7 @@ def _finish_result(
         metrics=metrics.figures(),
         signals=metrics.signals(),
         coupling=metrics.coupling(),
-        remarks=metrics.remarks(),
+        remarks=[*describe_lost_values(before.record), *metrics.remarks()],
         steps=steps,
         simulated_s=end - before.end_s,
         end_s=end,

@@ -2,7 +2,7 @@
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from ...fmu.file import FmuFile
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
+from ...fmu.lost_values import find_lost_values
+from ...fmu.variables import TypedValue
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
@@ -71,6 +73,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         super().__init__(name, file, inputs, outputs)
         self.runs_beside_others = _is_thread_safe(file)
         self._log = log
+        self._start_values = list[TypedValue]()
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
         self._present = black_box.current_activity()
@@ -112,6 +115,15 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
 
+    def set_start_values(self, values: Iterable[TypedValue]) -> None:
+        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        self._start_values = list(values)
+        self._set_start_values()
+
+    def _set_start_values(self) -> None:
+        for variable, value in self._start_values:
+            self.set_value(variable, value)
+
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
         reference = _ONE(variable.valueReference)
@@ -139,12 +151,22 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
         self._present.time = start_time
-        super().enter_initialization(start_time, stop_time)
+        super().enter_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode."""
+        """Leave initialization mode, and note which start values the FMU did not take."""
         super().exit_initialization()
         self._stepping = True
+        self.lost_values = find_lost_values(self._start_values, self._read_back)
+
+    def _read_back(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        """Return values of variables; raises fmpy's exceptions, but InstanceError after fmi2Fatal."""
+        try:
+            return self.get_typed(variables)
+        except FMICallException as error:
+            if error.status == FATAL:
+                raise self.error(str(error.function), FATAL) from error
+            raise
 
     def set_inputs(self) -> None:
         """Pass `inputs` to the FMU."""

@@ -61,12 +61,12 @@ class IsolatedInstance(DescribedInstance):
         self._receive()
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; InstanceError if the FMU rejects a value."""
-        self._ask("set_values", [(str(variable.name), value) for variable, value in values])
+        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        self._ask("set_start_values", [(str(variable.name), value) for variable, value in values])
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
-        self.set_start_values([(variable, value)])
+        self._ask("set_value", str(variable.name), value)
 
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a numeric or Boolean variable."""
@@ -80,11 +80,11 @@ class IsolatedInstance(DescribedInstance):
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
-        self._ask("enter_initialization", start_time, stop_time)
+        self._ask("enter_initialization", start_time, stop_time, self.tolerance)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode."""
-        self._ask("exit_initialization")
+        """Leave initialization mode, and note which start values the FMU did not take."""
+        self.lost_values = self._ask("exit_initialization")
 
     def set_inputs(self) -> None:
         """Send `inputs` with the next call."""
