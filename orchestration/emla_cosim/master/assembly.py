@@ -72,7 +72,9 @@ class Assembly:
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
             instance = (
-                IsolatedInstance(*described) if isolated else InProcessInstance(*described, log, number)
+                IsolatedInstance(*described, number)
+                if isolated
+                else InProcessInstance(*described, log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance

@@ -29,6 +29,7 @@ CALLS = (
     "terminate",
     "freeInstance",
     "getDirectionalDerivative",
+    "getString",
 )
 """Calls of an instance; the first entry means no call."""
 

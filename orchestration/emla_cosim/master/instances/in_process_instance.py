@@ -2,7 +2,7 @@
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,9 @@ _DEAD_LIBRARIES: set[Path] = set()
 
 _INTERPRETED = "slavemodule.txt"
 """A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
+
+_RESETS = "fmublock"
+"""End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
 
 LARGEST_STATE = 2**32
 """Largest accepted size of a serialized state, in bytes."""
@@ -78,7 +81,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
         self._present = black_box.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
-        try:
+        with self._report_failed_start():
             self.announce("loading its library")
             self._library = LoadedLibrary.entered(file)
             try:
@@ -87,11 +90,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             except BaseException:
                 self._library.leave()
                 raise
-        except Exception as error:  # fmpy raises bare Exception
-            reasons = " ".join([str(error), *log.last(name)])
-            raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
-        finally:
-            self.returned()
         self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
         self._component = self.fmu.component
         self._do_step = self._functions["doStep"]
@@ -108,6 +106,19 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 TypedValues("get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
+
+    @contextlib.contextmanager
+    def _report_failed_start(self) -> Iterator[None]:
+        """Convert any exception to CommandError, because fmpy raises bare ones."""
+        try:
+            yield
+        except Exception as error:
+            reasons = " ".join([str(error), *self._log.last(self.name)])
+            raise CommandError(
+                f"the FMU '{self.file.path}' of {self.name} cannot be started: {reasons}"
+            ) from error
+        finally:
+            self.returned()
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
@@ -143,10 +154,27 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return bool(value) if variable.type == "Boolean" else value
 
     def reset(self) -> None:
-        """Return to the state right after instantiation."""
-        super().reset()
+        """Return to the state right after instantiation.
+
+        FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
+        """
+        if str(self.file.description.generationTool).endswith(_RESETS):
+            super().reset()
+        else:
+            self._replace()
         self._stepping, self._no_way_back = False, 1
         self.inputs[:] = self._input_starts
+
+    def _replace(self) -> None:
+        """Free the FMU's instance and make a new one."""
+        with contextlib.suppress(FMICallException):
+            if self._stepping:
+                self.fmu.terminate()
+        self.free()
+        with self._report_failed_start():
+            self.fmu.instantiate(callbacks=self._log.callbacks, loggingOn=True)
+        self._component = self.fmu.component
+        self.bind(self.inputs, self.outputs)
 
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""

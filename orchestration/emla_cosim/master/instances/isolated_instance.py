@@ -12,15 +12,24 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
+from ...sandbox import black_box
 from ...sandbox.black_box import BlackBoxFile
 from ...sandbox.server import Server, ServerEndedError
-from .call_codes import decode_call
+from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
 from .request import Request
 
 _TIMEOUT = 10.0
 """Seconds that an FMU has to terminate and to free its memory."""
+
+
+_FMI_CALLS = {
+    "enter_initialization": "enterInitializationMode",
+    "exit_initialization": "exitInitializationMode",
+    "outputs": "getReal",
+}
+"""FMI functions of the requests that can take long, beside steps."""
 
 
 class ProcessEndedError(InstanceError):
@@ -38,14 +47,20 @@ class IsolatedInstance(DescribedInstance):
 
     steps_apart = True
 
-    def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-        """Start the process, and instantiate the FMU there; CommandError if the process cannot start."""
+    def __init__(
+        self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str], number: int = 0
+    ) -> None:
+        """Start the process, and instantiate the FMU there; CommandError if the process cannot start.
+
+        `number` is the number of the instance in `black_box`.
+        """
         super().__init__(name, file, inputs, outputs)
         self._inputs_to_set: bytes | None = None
         self._slopes_to_set: bytes | None = None
         self._outputs_of_step: bytes | None = None
         self._end: InstanceError | None = None
         self._under_way = False
+        self._present, self._number = black_box.current_activity(), number
         try:
             with contextlib.ExitStack() as resources:
                 self._calls = resources.enter_context(contextlib.closing(BlackBoxFile()))
@@ -106,13 +121,14 @@ class IsolatedInstance(DescribedInstance):
 
     def begin_step(self, time: float, step: float) -> None:
         """Begin to advance from `time` by `step`, both in s."""
+        self._present.time = time
         self._request("do_step", (time, step))
         self._under_way = True
 
     def end_step(self) -> None:
         """Wait until the step is done."""
         self._under_way = False
-        self._outputs_of_step = self._receive()
+        self._outputs_of_step = self._receive(call="doStep")
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
@@ -151,7 +167,7 @@ class IsolatedInstance(DescribedInstance):
     def _ask(self, call: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Send a call with the pending inputs, and return its result."""
         self._request(call, arguments)
-        return self._receive(timeout)
+        return self._receive(timeout, _FMI_CALLS.get(call, ""))
 
     def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
         if self._under_way:  # an interrupted step: wait for its end and discard the result
@@ -171,7 +187,10 @@ class IsolatedInstance(DescribedInstance):
         except ServerEndedError as error:
             raise self._ended_error(str(error)) from error
 
-    def _receive(self, timeout: float | None = None) -> Any:
+    def _receive(self, timeout: float | None = None, call: str = "") -> Any:
+        """Wait for the answer to a request, with the FMI call in the black box meanwhile."""
+        if call:
+            self._present.code = code_of(self._number, call)
         try:
             answer = self._server.receive(timeout)
         except ServerEndedError as error:
@@ -179,6 +198,8 @@ class IsolatedInstance(DescribedInstance):
         except BaseException:
             self._ended_error("left")
             raise
+        finally:
+            self._present.code = 0
         if isinstance(answer, Exception):
             raise answer
         return answer
