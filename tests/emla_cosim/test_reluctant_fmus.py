@@ -119,7 +119,7 @@ def test_the_terminal_and_the_record_tell_it(reluctant: Path, tmp_path: Path) ->
         "--set",
         "Reluctant.share=-1",
         "--no-plots",
-        "-o",
+        "--output",
         str(tmp_path / "o"),
     ]
     done = CliRunner().invoke(app, arguments)

@@ -115,8 +115,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     double *reals = ((Instance *)c)->reals;
     if (time >= reals[SLOW_FROM]) {
         const double whole = floor(reals[PAUSE]);
-        const struct timespec pause = {(time_t)whole, (long)(1e9 * (reals[PAUSE] - whole))};
-        nanosleep(&pause, NULL);
+        struct timespec pause = {(time_t)whole, (long)(1e9 * (reals[PAUSE] - whole))};
+        while (nanosleep(&pause, &pause) != 0) continue; /* a signal does not end the step */
     }
     reals[X] += step * reals[GAIN] * reals[U];
     return fmi2OK;
