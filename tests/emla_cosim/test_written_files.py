@@ -109,7 +109,10 @@ def test_a_file_is_not_used_for_two_things(emla: Emla, tmp_path: Path) -> None:
     before = (tmp_path / "x.ssp").read_bytes()
     for arguments, words in (
         (("run", "lift", "--output", "o", "--checkpoint", "o/results.csv"), "is also a file of the results"),
-        (("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"), "is also a file of the results"),
+        (
+            ("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"),
+            "is also a file of the results",
+        ),
         (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is also the scenario"),
         (
             ("run", "x.ssp", "--checkpoint", "link.ssp"),

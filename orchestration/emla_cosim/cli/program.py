@@ -28,7 +28,7 @@ def main() -> None:
     if _command(sys.argv[1:]) in ("run", "rerun"):  # these call compiled code of others
         from ..sandbox.guard import run_supervised  # no other command needs it
 
-        run_supervised(_run, _rescue)
+        run_supervised(_run, _rescue, _report)
     else:
         _run()
 
@@ -87,6 +87,12 @@ def _rescue(how: str) -> None:
     from .commands.crash_rescue import rescue_results
 
     rescue_results(how, ended)
+
+
+def _report(seconds: int, asked: bool) -> None:
+    from .commands.crash_rescue import report_late_call
+
+    report_late_call(seconds, asked)
 
 
 def _make_writable(stream: TextIO | None) -> TextIO:

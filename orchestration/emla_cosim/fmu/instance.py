@@ -2,7 +2,7 @@
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from ctypes import byref, c_int
 from pathlib import Path
 from typing import Any
@@ -63,10 +63,26 @@ class FmiInstance(ABC):
             return int(error.status)
         return int(answer or 0)
 
-    def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
-        """Set up the experiment and enter initialization mode; times in s."""
+    def enter_initialization(
+        self,
+        start_time: float,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+        set_values: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Set up the experiment, set start values and enter initialization mode.
+
+        Start values come after `fmi2SetupExperiment`, because FMUs of 20-sim reset all variables there.
+
+        Args:
+            start_time: In s.
+            stop_time: In s; None without a fixed end.
+            tolerance: Relative tolerance of the FMU's solver; None leaves it to the FMU.
+            set_values: Sets the start values.
+        """
         with self.calling():
-            self.fmu.setupExperiment(startTime=start_time, stopTime=stop_time)
+            self.fmu.setupExperiment(tolerance=tolerance, startTime=start_time, stopTime=stop_time)
+            set_values()
             self.fmu.enterInitializationMode()
 
     def exit_initialization(self) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
-from ..base.signal_types import SignalType
 from ..base.wording import format_number as in_digits
 from .interface import Interface
 
@@ -76,7 +75,7 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":
-        return _enumeration(name, interface.signal_type(variable.name), value)
+        return _enumeration(name, variable, value)
     if variable.type == "Boolean":
         booleans = {"true": True, "1": True, "false": False, "0": False}
         if str(value).lower() not in booleans:
@@ -105,6 +104,12 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
     return number
 
 
+def format_value(variable: ModelVariable, value: Any) -> Any:
+    """Return a value of a variable as users write it: the name of an item of an enumeration."""
+    names = {number: name for name, number in _items(variable).items()}
+    return names.get(value, value) if variable.type == "Enumeration" else value
+
+
 def _convert_integer(value: Any) -> int:
     """Return a whole number, possibly written as a float; raise ValueError for any other value."""
     if isinstance(value, float) and not value.is_integer():
@@ -112,10 +117,16 @@ def _convert_integer(value: Any) -> int:
     return int(value)
 
 
-def _enumeration(name: str, of_type: SignalType, value: Any) -> int:
-    items = {item: number for number, item in of_type.items.items()}
+def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
+    items = _items(variable)
     if str(value) in items:
         return items[str(value)]
     if str(value) in {str(v) for v in items.values()}:
         return int(value)
     raise CommandError(f"{name} = {value} is not one of {', '.join(items)}.")
+
+
+def _items(variable: ModelVariable) -> dict[str, int]:
+    """Return the items of an enumeration by name."""
+    declared = variable.declaredType.items if variable.declaredType is not None else []
+    return {str(item.name): int(str(item.value)) for item in declared or []}

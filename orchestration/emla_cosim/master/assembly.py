@@ -12,7 +12,7 @@ from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import Interface
 from ..fmu.log import FmuLog
-from ..fmu.variables import TypedValue, convert_start_values
+from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
@@ -75,7 +75,9 @@ class Assembly:
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
             instance = (
-                IsolatedInstance(*described) if isolated else InProcessInstance(*described, log, number)
+                IsolatedInstance(*described, number)
+                if isolated
+                else InProcessInstance(*described, log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
@@ -93,12 +95,13 @@ class Assembly:
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
-    def start(self, system: System, fresh: bool = False) -> None:
+    def start(self, system: System, fresh: bool = False, tolerance: float | None = None) -> None:
         """Prepare all instances for initialization, and set start values.
 
         Args:
             system: The system of this assembly, possibly with other start values.
             fresh: Whether to replace instances that have run. Otherwise they are reset.
+            tolerance: Relative tolerance for the solvers of all FMUs; None takes those of the FMUs.
 
         Raises:
             CommandError: A start value does not fit its variable.
@@ -119,6 +122,7 @@ class Assembly:
         self.network.reorder(self._order)
         self._used = True
         for name, instance in self.instances.items():
+            instance.tolerance = self.files[name].interface.tolerance if tolerance is None else tolerance
             instance.set_start_values(self._values[name][1])
 
     @cached_property
@@ -183,6 +187,23 @@ class Assembly:
             interface = self.files[component.name].interface
             self._changed[component.name] = component, _non_default_values(component, interface)
         return self._changed[component.name][1]
+
+    def list_lost_values(self, component: Component) -> dict[str, dict[str, Any]]:
+        """Return the start values of a component that its FMU did not take in the last initialization.
+
+        Each has the value that was set (`set`), the one that the FMU has instead (`read`, None if it does not
+        tell it), and the unit.
+        """
+        known, interface = _map_known_names(component), self.files[component.name].interface
+        found = {}
+        for lost in self.instances[component.name].lost_values:
+            name, alias = known.get(lost.variable, (lost.variable, Alias(lost.variable)))
+            values = [format_value(interface.variables[lost.variable], x) for x in lost[1:]]
+            if alias.transformation != IDENTITY:
+                values = [x if x is None else alias.transformation.inverse()(x) for x in values]
+            unit = alias.unit or interface.unit(lost.variable)
+            found[name] = {"set": values[0], "read": values[1], "unit": None if unit is None else str(unit)}
+        return found
 
     def _parameters_of(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
         found: dict[str, float] = {}

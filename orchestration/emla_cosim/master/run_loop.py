@@ -8,7 +8,7 @@ from .stepping.pacing import Pacing
 from .stepping.stepping_base import RowSink, Stepping
 
 STRETCH = 0.05
-"""Target wall time of a stretch, in s; sets the number of steps in each."""
+"""Target wall time of a stretch, in s; sets the number of steps in each. `LONGEST` is the limit."""
 
 MOST_STEPS = 2**20
 """Largest number of steps in a stretch."""
@@ -38,14 +38,14 @@ def simulate(
     """
     most = 1
     while not (stepping.reached(until) or interrupted()):
-        began = time.perf_counter()
+        began, first = time.perf_counter(), stepping.steps
         count = most if pacing is None else min(most, pacing.steps(stepping.times.step))
         stepping.advance(rows, count, until)
         took = time.perf_counter() - began
         if took < 0.5 * STRETCH:
             most = min(2 * most, MOST_STEPS)
         elif took > 2.0 * STRETCH:
-            most = max(most // 2, 1)
+            most = max(min(most, stepping.steps - first) // 2, 1)
         if pacing is not None:
             pacing.wait(stepping.time, interrupted)
         between()

@@ -27,6 +27,7 @@ class RunOptions(TypedDict, total=False):
     start_time: float | str | None
     stop_time: float | str | None
     step_size: float | str | None
+    fmi_tolerance: float | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     compiled: bool
@@ -92,6 +93,7 @@ class CompareOptions(TypedDict, total=False):
     start_time: float | str | None
     stop_time: float | str | None
     step_size: float | str | None
+    fmi_tolerance: float | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     isolate: Sequence[str] | bool

@@ -191,6 +191,11 @@ class Options:
         identity="step size",
         commands=ALL,
     )
+    fmi_tolerance: float | None = _stepping(
+        help="Relative tolerance of the solvers inside the FMUs. Default: that of each FMU's experiment.",
+        above=0.0,
+        identity="FMI tolerance",
+    )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",

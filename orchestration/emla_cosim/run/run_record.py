@@ -110,6 +110,8 @@ def build_run_record(
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
                 "changed": assembly.list_non_default_values(c),
+                "not_taken": assembly.list_lost_values(c),
+                "tolerance": assembly.instances[c.name].tolerance,
                 "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
             }
             for c in system.components

@@ -40,6 +40,7 @@ from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
 from .execution import Run
 from .followers import following_values
+from .lost_values import describe_lost_values
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
@@ -270,7 +271,7 @@ class Simulation:
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with show_paths_relative_to(self._unpacked):
-            assembly.start(system, fresh or self._error is not None)
+            assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance)
         self._error = None
         recorded = select_signals(chosen.signals, self.names, self.further_names if chosen.signals else ())
         others = assembly.unexchanged
@@ -585,7 +586,7 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
-            remarks=[*going.metrics.remarks(), *stepping.remarks()],
+            remarks=[*describe_lost_values(record), *going.metrics.remarks(), *stepping.remarks()],
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,

@@ -18,11 +18,18 @@ from . import black_box
 from .interruption import POLITE, ignore_interrupts, is_repeated_request
 from .processes import describe_exit, watch_parent
 
-_TIMEOUT = 3.0
+_TIMEOUT = 3
 """Seconds that a run has to end after the second request."""
 
+_PATIENCE = 3, 20
+"""Seconds after which a call of an FMU that does not return is reported: after a request, and without one."""
 
-def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
+
+def run_supervised(
+    run: Callable[[], None],
+    rescue: Callable[[str], None],
+    report: Callable[[int, bool], None] = lambda seconds, asked: None,
+) -> None:
     """Call `run` in a child process, then exit with the exit code of the child.
 
     If the system cannot fork, or has no memory left for a child, `run` is called without supervision.
@@ -30,6 +37,8 @@ def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> No
     Args:
         run: The function to call.
         rescue: Called in another child with the way the run ended, if it did not end normally.
+        report: Called in another child when a call of an FMU does not return, with the seconds so far, and
+            whether the run was asked to end.
     """
     if not hasattr(os, "fork"):
         run()
@@ -46,7 +55,7 @@ def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> No
             signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
             run()
             return
-        status = _wait_for_child(child)
+        status = _wait_for_child(child, report)
         whole = black_box.current_activity().ended and os.WIFEXITED(status)
         if not whole:
             _run_rescue(rescue, describe_exit(os.waitstatus_to_exitcode(status)))
@@ -85,25 +94,55 @@ def _run_watched(run: Callable[[], None], parent: int) -> None:
     black_box.current_activity().ended = 1
 
 
-def _wait_for_child(child: int) -> int:
+def _wait_for_child(child: int, report: Callable[[int, bool], None]) -> int:
     """Wait until the child ends, pass signals on to it, and return its status.
 
-    The second request starts a timeout, after which a child that an FMU blocks is killed.
+    A call of an FMU that does not return is reported. The second request starts a timeout, after which the
+    child is killed.
     """
-    asked = 0
+    asked, waited, late, reported = 0, 0, 0, set[bool]()
+    before: list[bytes] = []
 
     def pass_on(number: int, frame: object) -> None:
-        nonlocal asked
-        asked += not is_repeated_request()
-        if asked == 2:
-            signal.setitimer(signal.ITIMER_REAL, _TIMEOUT)
+        nonlocal asked, late
+        if not is_repeated_request():
+            asked, late = asked + 1, 0
         with contextlib.suppress(ProcessLookupError):
-            os.kill(child, signal.SIGKILL if number == signal.SIGALRM else number)
+            os.kill(child, number)
 
-    for number in (*POLITE, signal.SIGALRM):
-        signal.signal(number, pass_on)
+    def look(number: int, frame: object) -> None:
+        """Look each second at what the child does."""
+        nonlocal before, waited, late
+        calls = [bytes(activity) for activity in black_box.list_busy_activities()]
+        waited, late = waited + 1 if calls and calls == before else 0, late + 1
+        before = calls
+        if asked >= 2 and late >= _TIMEOUT:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
+        if asked < 2 and min(waited, late) >= _PATIENCE[not asked] and bool(asked) not in reported:
+            reported.add(bool(asked))
+            _run_report(report, waited, bool(asked))
+
+    for signum in POLITE:
+        signal.signal(signum, pass_on)
+    signal.signal(signal.SIGALRM, look)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
-    return os.waitpid(child, 0)[1]
+    signal.setitimer(signal.ITIMER_REAL, 1.0, 1.0)
+    try:
+        return os.waitpid(child, 0)[1]
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _run_report(report: Callable[[int, bool], None], seconds: int, asked: bool) -> None:
+    """Call `report` in another child, which loads more than this process needs."""
+    with contextlib.suppress(OSError):
+        if (child := os.fork()) == 0:
+            with contextlib.suppress(BaseException):
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                report(seconds, asked)
+            os._exit(0)
+        os.waitpid(child, 0)
 
 
 def _run_rescue(rescue: Callable[[str], None], how: str) -> None:

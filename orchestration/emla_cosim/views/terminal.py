@@ -145,6 +145,11 @@ def show_error(sentence: str) -> None:
     ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
 
 
+def show_warning(sentence: str) -> None:
+    """Show a warning."""
+    ERR.print(f"\n[bold yellow]Warning:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
+
+
 def show_interrupted() -> None:
     """Show that the user interrupted the command."""
     ERR.print("[bold red]Interrupted.[/]")

@@ -20,6 +20,7 @@ from ...master.instances.call_codes import decode_call
 from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
 from ...recorders.table import Table
+from ...run.lost_values import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
 from ...run.scenarios.scenario import Scenario
@@ -34,6 +35,7 @@ from ...views.terminal import (
     show_error,
     show_interrupted,
     show_result,
+    show_warning,
     use_verbosity,
 )
 
@@ -194,6 +196,23 @@ def rescue_results(how: str, ended: float) -> None:
         show_error(f"{cause}; {error}")
 
 
+def report_late_call(seconds: int, asked: bool) -> None:
+    """Show which component does not return from a call.
+
+    Args:
+        seconds: Time since the call began.
+        asked: Whether the run was asked to end.
+    """
+    state: _RunState = pickle.loads(black_box.read_message())
+    busy = [decode_call(present) for present in black_box.list_busy_activities()]
+    calls = [f"{state.components[i]} in {call}" for i, call in busy if i is not None]
+    if not calls or (state.wanted.quiet and not asked):
+        return
+    what = f"no answer from {join_names(calls)} for {seconds} s."
+    ends = "Press Ctrl-C again to end the run now" if asked else "The run waits. Press Ctrl-C twice to end it"
+    show_warning(f"{what} {ends}; the results so far are kept.")
+
+
 def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
     """Return why the process ended, from the calls of components that were in progress.
 
@@ -256,7 +275,7 @@ def _finish_result(
         metrics=metrics.figures(),
         signals=metrics.signals(),
         coupling=metrics.coupling(),
-        remarks=metrics.remarks(),
+        remarks=[*describe_lost_values(before.record), *metrics.remarks()],
         steps=steps,
         simulated_s=end - before.end_s,
         end_s=end,

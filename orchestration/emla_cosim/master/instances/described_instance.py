@@ -8,6 +8,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...fmu.file import FmuFile
+from ...fmu.lost_values import LostValue
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
 
@@ -39,14 +40,17 @@ class DescribedInstance(FmuInstance):
         self.nominals = np.array([_nominal(v) for v in self.written])
         self._input_starts = np.array([_start(v) for v in self.read])
         self.inputs, self.outputs = self._input_starts.copy(), np.zeros(len(self.written))
+        self.tolerance: float | None = None
+        """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
+        self.lost_values: list[LostValue] = []
+        """Start values that the FMU did not have at the end of its last initialization."""
 
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
 
+    @abstractmethod
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; InstanceError if the FMU rejects a value."""
-        for variable, value in values:
-            self.set_value(variable, value)
+        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
 
     @abstractmethod
     def set_value(self, variable: ModelVariable, value: Any) -> None:

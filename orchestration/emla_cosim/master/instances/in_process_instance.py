@@ -2,7 +2,7 @@
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from ...fmu.file import FmuFile
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
+from ...fmu.lost_values import find_lost_values
+from ...fmu.variables import TypedValue
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
@@ -32,6 +34,9 @@ _DEAD_LIBRARIES: set[Path] = set()
 
 _INTERPRETED = "slavemodule.txt"
 """A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
+
+_RESETS = "fmublock"
+"""End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
 
 LARGEST_STATE = 2**32
 """Largest accepted size of a serialized state, in bytes."""
@@ -71,11 +76,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         super().__init__(name, file, inputs, outputs)
         self.runs_beside_others = _is_thread_safe(file)
         self._log = log
+        self._start_values = list[TypedValue]()
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
         self._present = black_box.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
-        try:
+        with self._report_failed_start():
             self.announce("loading its library")
             self._library = LoadedLibrary.entered(file)
             try:
@@ -84,11 +90,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             except BaseException:
                 self._library.leave()
                 raise
-        except Exception as error:  # fmpy raises bare Exception
-            reasons = " ".join([str(error), *log.last(name)])
-            raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
-        finally:
-            self.returned()
         self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
         self._component = self.fmu.component
         self._do_step = self._functions["doStep"]
@@ -107,11 +108,33 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.bind(self.inputs.copy(), self.outputs)
         self.observe([], np.empty(0))
 
+    @contextlib.contextmanager
+    def _report_failed_start(self) -> Iterator[None]:
+        """Convert any exception to CommandError, because fmpy raises bare ones."""
+        try:
+            yield
+        except Exception as error:
+            reasons = " ".join([str(error), *self._log.last(self.name)])
+            raise CommandError(
+                f"the FMU '{self.file.path}' of {self.name} cannot be started: {reasons}"
+            ) from error
+        finally:
+            self.returned()
+
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
+
+    def set_start_values(self, values: Iterable[TypedValue]) -> None:
+        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        self._start_values = list(values)
+        self._set_start_values()
+
+    def _set_start_values(self) -> None:
+        for variable, value in self._start_values:
+            self.set_value(variable, value)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -134,20 +157,47 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return bool(value) if variable.type == "Boolean" else value
 
     def reset(self) -> None:
-        """Return to the state right after instantiation."""
-        super().reset()
+        """Return to the state right after instantiation.
+
+        FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
+        """
+        if str(self.file.description.generationTool).endswith(_RESETS):
+            super().reset()
+        else:
+            self._replace()
         self._stepping, self._no_way_back = False, 1
         self.inputs[:] = self._input_starts
+
+    def _replace(self) -> None:
+        """Free the FMU's instance and make a new one."""
+        with contextlib.suppress(FMICallException):
+            if self._stepping:
+                self.fmu.terminate()
+        self.free()
+        with self._report_failed_start():
+            self.fmu.instantiate(callbacks=self._log.callbacks, loggingOn=True)
+        self._component = self.fmu.component
+        self.bind(self.inputs, self.outputs)
 
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
         self._present.time = start_time
-        super().enter_initialization(start_time, stop_time)
+        super().enter_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode."""
+        """Leave initialization mode, and note which start values the FMU did not take."""
         super().exit_initialization()
         self._stepping = True
+        self.lost_values = find_lost_values(self._start_values, self._read_back)
+
+    def _read_back(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        """Return values of variables; raises fmpy's exceptions, but InstanceError after fmi2Fatal."""
+        try:
+            return self.get_typed(variables)
+        except FMICallException as error:
+            if error.status == FATAL:
+                raise self.error(str(error.function), FATAL) from error
+            raise
 
     def set_inputs(self) -> None:
         """Pass `inputs` to the FMU."""

@@ -12,15 +12,24 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
+from ...sandbox import black_box
 from ...sandbox.black_box import BlackBoxFile
 from ...sandbox.server import Server, ServerEndedError
-from .call_codes import decode_call
+from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
 from .request import Request
 
 _TIMEOUT = 10.0
 """Seconds that an FMU has to terminate and to free its memory."""
+
+
+_FMI_CALLS = {
+    "enter_initialization": "enterInitializationMode",
+    "exit_initialization": "exitInitializationMode",
+    "outputs": "getReal",
+}
+"""FMI functions of the requests that can take long, beside steps."""
 
 
 class ProcessEndedError(InstanceError):
@@ -38,8 +47,13 @@ class IsolatedInstance(DescribedInstance):
 
     steps_apart = True
 
-    def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-        """Start the process, and instantiate the FMU there; CommandError if the process cannot start."""
+    def __init__(
+        self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str], number: int = 0
+    ) -> None:
+        """Start the process, and instantiate the FMU there; CommandError if the process cannot start.
+
+        `number` is the number of the instance in `black_box`.
+        """
         super().__init__(name, file, inputs, outputs)
         self._inputs_to_set: bytes | None = None
         self._slopes_to_set: bytes | None = None
@@ -48,6 +62,7 @@ class IsolatedInstance(DescribedInstance):
         self._observed: Vector = np.empty(0)
         self._end: InstanceError | None = None
         self._under_way = False
+        self._present, self._number = black_box.current_activity(), number
         try:
             with contextlib.ExitStack() as resources:
                 self._calls = resources.enter_context(contextlib.closing(BlackBoxFile()))
@@ -63,12 +78,12 @@ class IsolatedInstance(DescribedInstance):
         self._receive()
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; InstanceError if the FMU rejects a value."""
-        self._ask("set_values", [(str(variable.name), value) for variable, value in values])
+        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        self._ask("set_start_values", [(str(variable.name), value) for variable, value in values])
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
-        self.set_start_values([(variable, value)])
+        self._ask("set_value", str(variable.name), value)
 
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a variable."""
@@ -82,11 +97,11 @@ class IsolatedInstance(DescribedInstance):
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
-        self._ask("enter_initialization", start_time, stop_time)
+        self._ask("enter_initialization", start_time, stop_time, self.tolerance)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode."""
-        self._ask("exit_initialization")
+        """Leave initialization mode, and note which start values the FMU did not take."""
+        self.lost_values = self._ask("exit_initialization")
 
     def set_inputs(self) -> None:
         """Send `inputs` with the next call."""
@@ -119,13 +134,14 @@ class IsolatedInstance(DescribedInstance):
 
     def begin_step(self, time: float, step: float) -> None:
         """Begin to advance from `time` by `step`, both in s."""
+        self._present.time = time
         self._request("do_step", (time, step))
         self._under_way = True
 
     def end_step(self) -> None:
         """Wait until the step is done."""
         self._under_way = False
-        self._outputs_of_step, self._observed_of_step = self._receive()
+        self._outputs_of_step, self._observed_of_step = self._receive(call="doStep")
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
@@ -164,7 +180,7 @@ class IsolatedInstance(DescribedInstance):
     def _ask(self, call: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Send a call with the pending inputs, and return its result."""
         self._request(call, arguments)
-        return self._receive(timeout)
+        return self._receive(timeout, _FMI_CALLS.get(call, ""))
 
     def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
         if self._under_way:  # an interrupted step: wait for its end and discard the result
@@ -185,7 +201,10 @@ class IsolatedInstance(DescribedInstance):
         except ServerEndedError as error:
             raise self._ended_error(str(error)) from error
 
-    def _receive(self, timeout: float | None = None) -> Any:
+    def _receive(self, timeout: float | None = None, call: str = "") -> Any:
+        """Wait for the answer to a request, with the FMI call in the black box meanwhile."""
+        if call:
+            self._present.code = code_of(self._number, call)
         try:
             answer = self._server.receive(timeout)
         except ServerEndedError as error:
@@ -193,6 +212,8 @@ class IsolatedInstance(DescribedInstance):
         except BaseException:
             self._ended_error("left")
             raise
+        finally:
+            self._present.code = 0
         if isinstance(answer, Exception):
             raise answer
         return answer

@@ -10,6 +10,7 @@ import numpy as np
 from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.log import FmuLog
+from ...fmu.lost_values import LostValue
 from ...sandbox import black_box
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
@@ -34,10 +35,26 @@ class IsolatedProcess:
         own = getattr(self, request.call, None) or getattr(self._instance, request.call)
         return own(*request.arguments)
 
-    def set_values(self, values: list[tuple[str, Any]]) -> None:
-        """Set variables by name."""
+    def set_start_values(self, values: list[tuple[str, Any]]) -> None:
+        """Set start values by name."""
         known = self._instance.file.variables
         self._instance.set_start_values((known[name], value) for name, value in values)
+
+    def enter_initialization(
+        self, start_time: float, stop_time: float | None, tolerance: float | None
+    ) -> None:
+        """Enter initialization mode; times in s, None without a fixed stop time or tolerance."""
+        self._instance.tolerance = tolerance
+        self._instance.enter_initialization(start_time, stop_time)
+
+    def exit_initialization(self) -> list[LostValue]:
+        """Leave initialization mode, and return the start values that the FMU did not take."""
+        self._instance.exit_initialization()
+        return self._instance.lost_values
+
+    def set_value(self, name: str, value: Any) -> None:
+        """Set a variable by name."""
+        self._instance.set_value(self._instance.file.variables[name], value)
 
     def value(self, name: str) -> Any:
         """Return the value of a variable."""

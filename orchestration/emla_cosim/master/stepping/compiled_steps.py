@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..algorithms.tasks import Call
-from .by_address import doubles, instance_at, observed_at, operation_at, part, positions, present_at
+from .by_address import doubles, instance_at, observed_at, operation_at, part, positions, present_at, seconds
 from .compiled_calls import get_observed, get_outputs, set_inputs, shift, step
 from .record_layout import Failure
 
@@ -21,6 +21,12 @@ def divides(multiple, k):
 def point(clock, k):
     """See `Clock.point`."""
     return (clock.first + k * clock.per_step) / clock.denominator
+
+
+@part
+def present_second(loop):
+    """Return the number of the present second. A stretch of steps ends with it, however slow they become."""
+    return seconds(loop.seconds, (0,))
 
 
 @part

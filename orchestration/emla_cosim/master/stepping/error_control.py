@@ -1,6 +1,7 @@
 """Control the step size by the error, which is estimated from one whole step and two halves."""
 
 import math
+import time
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,7 +16,7 @@ from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
 from ..instances.fmu_instance import DiscardedStepError
 from .step_control import StepControl
-from .stepping_base import ROUNDING, RowSink, Stepping
+from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
 SMALLEST = 1e-6
@@ -160,8 +161,9 @@ class ErrorControl(Stepping):
         """Do at most `most` steps, none beyond `until` in s, and record them."""
         if self.watch is not None and self._time == self.times.start:
             self.watch(self._time, self.algorithm.network.signals)
+        ends = time.monotonic() + LONGEST
         for _ in range(most):
-            if self.reached(until):
+            if self.reached(until) or time.monotonic() > ends:
                 return
             point, output, event = self._next_point(until)
             step = self.control.propose(point - self._time)

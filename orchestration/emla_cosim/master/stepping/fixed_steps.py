@@ -11,7 +11,7 @@ from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import COMPILED, compile_kernel
 from .sharing import Sharing
-from .stepping_base import ROUNDING, RowSink, Stepping
+from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ class FixedSteps(Stepping):
 
     def _advance_here(self, rows: RowSink, last: int) -> None:
         algorithm, times = self.algorithm, self.times
+        ends = time.monotonic() + LONGEST
         for k in range(algorithm.steps, last):
             algorithm.step(times.point(k), times.span(k, 1), partial(times.stretch, k + 1))
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
@@ -111,6 +112,8 @@ class FixedSteps(Stepping):
                 raise failure
             if (k + 1) % rows.every == 0:
                 self.record(rows, algorithm.network.observer.is_due(k + 1))
+            if time.monotonic() > ends:
+                return
 
     def _advance_compiled(self, kernel: "Kernel", rows: RowSink, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
@@ -128,7 +131,7 @@ class FixedSteps(Stepping):
             rows.commit(recorded)
         if failure is not None:
             raise failure
-        if self.algorithm.steps < first + count:  # compiled code leaves this step to Python
+        if kernel.needs_python:
             self._advance_here(rows, self.algorithm.steps + 1)
 
     def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: RowSink, last: int) -> bool:

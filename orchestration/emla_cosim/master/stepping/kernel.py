@@ -73,6 +73,8 @@ class Kernel:
         self._threads: ThreadPoolExecutor | None = None
         self.together = False
         """Whether `run` uses all lanes, after `share_out` among several."""
+        self.needs_python = False
+        """Whether compiled code cannot do the step after `run`."""
         self.share_out([], [[]])
 
     def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
@@ -121,17 +123,17 @@ class Kernel:
         try:
             began = time.perf_counter()
             self._run_threads(0, steps, steps + 1, 0)
-            return (time.perf_counter() - began) / steps
+            return (time.perf_counter() - began) / int(loop["reached"])
         finally:
             lanes["task_count"], loop["read_count"] = kept, checked
 
     def run(
         self, first: int, count: int, clock: Clock, every: int, rows: Vector
     ) -> tuple[int, RunError | None]:
-        """Do steps, and record rows.
+        """Do steps, and record rows. They end after a second of wall time at the latest.
 
-        If fewer steps are done and there is no error, do the next step with the algorithm in Python. The
-        algorithm knows which groups have done that step already.
+        If `needs_python` is true afterwards, do the next step with the algorithm in Python. The algorithm
+        knows which groups have done that step already.
 
         Args:
             first: Number of the first step. Step k begins at point k of the clock.
@@ -155,6 +157,7 @@ class Kernel:
             algorithm.sweeps += int(self._lane_records["sweeps"].sum())
             if failure == Failure.NOT_IN_ONE:
                 algorithm.done = self._groups_done(reached)
+        self.needs_python = failure == Failure.NOT_IN_ONE
         error = self._error(failure, reached, clock)
         return int(loop["recorded"]), error
 
@@ -232,6 +235,7 @@ class Kernel:
         loop["group_count"] = len(groups)
         loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
         loop["instances"] = instances.ctypes.data
+        loop["seconds"] = _seconds()
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         observer = network.observer
         observed = keep(observed_records(network, keep))
@@ -242,7 +246,7 @@ class Kernel:
 
     def _error(self, failure: Failure, reached: int, clock: Clock) -> RunError | None:
         network, lane = self._algorithm.network, self._lane_records[int(self._loop["lane"])]
-        if failure in (Failure.NONE, Failure.NOT_IN_ONE):
+        if failure in (Failure.NONE, Failure.LATE, Failure.NOT_IN_ONE):
             return None
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(clock.point(reached + 1))
@@ -286,4 +290,14 @@ def _function_address(name: str, module: str) -> int:
 def _give_way() -> int:
     """Return the address of the C function that lets other threads run."""
     library, name = ("kernel32", "SwitchToThread") if os.name == "nt" else (None, "sched_yield")
+    return _c_address(library, name)
+
+
+@cache
+def _seconds() -> int:
+    """Return the address of the C function `time`: it takes far less time than finer clocks."""
+    return _c_address(*(("msvcrt", "_time64") if os.name == "nt" else (None, "time")))
+
+
+def _c_address(library: str | None, name: str) -> int:
     return ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value or 0

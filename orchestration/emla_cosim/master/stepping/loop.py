@@ -8,10 +8,12 @@ from numba import cfunc, types
 
 from .by_address import OPTIONS, lane_at, loop_at, part, present_at
 from .compiled_groups import advance_group, see
-from .compiled_steps import all_finite, divides, operate, point, record
+from .compiled_steps import all_finite, divides, operate, point, present_second, record
 from .record_layout import Failure
 
-_NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
+_NONE, _NOT_FINITE, _NOT_IN_ONE, _LATE = (
+    int(f) for f in (Failure.NONE, Failure.NOT_FINITE, Failure.NOT_IN_ONE, Failure.LATE)
+)
 
 
 @part
@@ -35,7 +37,7 @@ def _advance(loop, lane, k, time, length):
 
 @cfunc(types.int64(types.intp, types.int64, types.int64, types.int64, types.intp), **OPTIONS)
 def advance(address, first, count, every, rows):
-    """Do steps and return the failure.
+    """Do steps and return the failure; they end with the present second of wall time.
 
     Args:
         address: Address of a LOOP record.
@@ -47,7 +49,7 @@ def advance(address, first, count, every, rows):
     loop = loop_at(address, 0)
     lane = lane_at(loop.lanes, 0)
     loop.recorded, loop.lane = 0, 0
-    next_time = point(loop.clock, first)
+    next_time, began = point(loop.clock, first), present_second(loop)
     for k in range(first, first + count):
         loop.reached = k
         time, next_time = next_time, point(loop.clock, k + 1)
@@ -59,6 +61,9 @@ def advance(address, first, count, every, rows):
             if failure != _NONE:
                 loop.reached = k + 1
                 return failure
+        if present_second(loop) != began:
+            loop.reached = k + 1
+            return _LATE
     loop.reached = first + count
     return _NONE
 

@@ -21,10 +21,12 @@ from .by_address import (
     task_at,
 )
 from .compiled_groups import advance_group, see
-from .compiled_steps import all_finite, divides, operate, point, record
+from .compiled_steps import all_finite, divides, operate, point, present_second, record
 from .record_layout import LANE, LOOP, NOWHERE, TASK, Failure
 
-_NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
+_NONE, _NOT_FINITE, _NOT_IN_ONE, _LATE = (
+    int(f) for f in (Failure.NONE, Failure.NOT_FINITE, Failure.NOT_IN_ONE, Failure.LATE)
+)
 _RELEASED, _FAILED, _GIVEN_UP = (
     int(LOOP.fields[name][1])  # type: ignore[index]
     for name in ("released", "failed", "given_up")
@@ -96,6 +98,8 @@ def _judge(loop, address):
 def advance_lane(address, n, first, count, every, rows):
     """Do the tasks of lane n in several steps. The first lane returns the failure.
 
+    The steps end with the present second of wall time.
+
     Call this for all lanes, each in a thread of its own.
 
     Args:
@@ -109,7 +113,7 @@ def advance_lane(address, n, first, count, every, rows):
     loop = loop_at(address, 0)
     lane, leads = lane_at(loop.lanes, n), n == 0
     present, tasks = present_at(lane.present, 0), positions(lane.tasks)
-    next_time = point(loop.clock, first)
+    next_time, began = point(loop.clock, first), present_second(loop)
     for k in range(first, first + count):
         time, next_time = next_time, point(loop.clock, k + 1)
         if leads:
@@ -139,6 +143,10 @@ def advance_lane(address, n, first, count, every, rows):
                 loop.lane, loop.reached = 0, k + 1
                 count_to(address + _RELEASED, NOWHERE)
                 return failure
+        if present_second(loop) != began:
+            loop.reached = k + 1
+            count_to(address + _RELEASED, NOWHERE)
+            return _LATE
     if leads:
         loop.reached = first + count
     return _NONE

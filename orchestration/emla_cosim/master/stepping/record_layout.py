@@ -14,8 +14,9 @@ from ...sandbox.black_box import Activity
 class Failure(IntEnum):
     """Why the loop ended before its last step.
 
-    An FMI function failed, a signal is not finite, or a group of instances cannot do the step in one
-    (`NOT_IN_ONE`). That group is then at the begin of the step; the groups before it have done the step.
+    An FMI function failed, a signal is not finite, a group of instances cannot do the step in one
+    (`NOT_IN_ONE`), or the time for one call of the loop is over (`LATE`). A group that cannot do the step
+    is then at the begin of the step; the groups before it have done the step.
     """
 
     NONE = 0
@@ -28,6 +29,7 @@ class Failure(IntEnum):
     SET_STATE = 7
     NOT_IN_ONE = 8
     OBSERVE = 9
+    LATE = 10
 
 
 _ADDRESS, _NUMBER = "intp", "int64"
@@ -169,8 +171,9 @@ LOOP = _record(
     lane_count=_NUMBER,
     tasks=_ADDRESS,  # of TASK records; none with a single thread
     give_way=_ADDRESS,  # of a C function that lets other threads run
+    seconds=_ADDRESS,  # of a C function that returns the wall time in whole seconds
     clock=CLOCK,
-    reached=_NUMBER,  # output: the step that failed, or the one after the last
+    reached=_NUMBER,  # output: the step that failed, or the one after the last that was done
     recorded=_NUMBER,  # output: number of filled rows; other code may write to the PRESENT record
     group=_NUMBER,  # output: the first group that could not do the step in one
     lane=_NUMBER,  # output: the lane of the failure

@@ -13,6 +13,10 @@ ROUNDING = 1e-6
 """Times that differ by less than this fraction of a step are equal."""
 
 
+LONGEST = 1.0
+"""Wall time in s after which `Stepping.advance` returns with the next step, so that a run ends when told."""
+
+
 class RowSink(Protocol):
     """Takes recorded rows: time in s, then all signals, then the observed variables.
 
@@ -68,7 +72,7 @@ class Stepping(ABC):
 
     @abstractmethod
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
-        """Do steps and record them. Rows before an error stay recorded.
+        """Do steps and record them, for about `LONGEST`. Rows before an error stay recorded.
 
         Args:
             rows: receives the rows.

@@ -96,9 +96,9 @@ class HostedInstance(FmiInstance):
     def initialize(
         self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
     ) -> None:
-        """Set values by name, set up the experiment, and go through initialization mode."""
-        self.set(values or {})
-        self.enter_initialization(start, stop)
+        """Set up the experiment, set values by name, and go through initialization mode."""
+        tolerance = self.subject.interface.tolerance
+        self.enter_initialization(start, stop, tolerance, lambda: self.set(values or {}))
         self.exit_initialization()
 
     def exit_initialization(self) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,9 +69,8 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(places.astype(int)):
         instance = HostedInstance(subject)
-        instance.set(course.at(0))
-        instance.enter_initialization(float(course.times[0]))
-        values = course.at(int(k))
+        first, values = course.at(0), course.at(int(k))
+        instance.enter_initialization(float(course.times[0]), set_values=partial(instance.set, first))
         instance.set(values)
         found = declared_dependencies.at_initialization(subject)
         yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")
