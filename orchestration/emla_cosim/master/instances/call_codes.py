@@ -29,6 +29,16 @@ CALLS = (
     "terminate",
     "freeInstance",
     "getDirectionalDerivative",
+    "enterEventMode",
+    "newDiscreteStates",
+    "enterContinuousTimeMode",
+    "completedIntegratorStep",
+    "setTime",
+    "setContinuousStates",
+    "getContinuousStates",
+    "getDerivatives",
+    "getEventIndicators",
+    "getNominalsOfContinuousStates",
 )
 """Calls of an instance; the first entry means no call."""
 

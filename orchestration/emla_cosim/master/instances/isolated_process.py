@@ -13,6 +13,7 @@ from ...fmu.log import FmuLog
 from ...sandbox import black_box
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
+from .instance_kinds import make_instance
 from .request import Request
 
 
@@ -87,7 +88,7 @@ def main() -> None:
 
 
 def _start_instance(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> IsolatedProcess:
-    return IsolatedProcess(InProcessInstance(name, file, inputs, outputs, FmuLog()))
+    return IsolatedProcess(make_instance(name, file, inputs, outputs, FmuLog()))
 
 
 if __name__ == "__main__":
