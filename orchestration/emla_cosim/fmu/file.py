@@ -9,14 +9,14 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from ..base.errors import CommandError
 from ..base.files import hash_file
 from ..base.wording import format_count
-from .interface import Interface, read_interface
+from .interface import CO_SIMULATION, Interface, read_interface
 from .shared_library import find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
 @dataclass(frozen=True)
 class FmuFile:
-    """An unpacked FMI 2.0 co-simulation FMU.
+    """An unpacked FMI 2.0 FMU.
 
     Attributes:
         path: The FMU file.
@@ -24,6 +24,7 @@ class FmuFile:
         interface: Its model description.
         library: The shared library for this machine.
         sha256: The hash of the file.
+        kind: `CO_SIMULATION` or `MODEL_EXCHANGE`: as what its instances run.
     """
 
     path: Path
@@ -31,6 +32,7 @@ class FmuFile:
     interface: Interface
     library: Path
     sha256: str
+    kind: str = CO_SIMULATION
 
     @property
     def description(self) -> ModelDescription:
@@ -40,7 +42,7 @@ class FmuFile:
     @property
     def model_identifier(self) -> str:
         """Return the name of the library, without its extension."""
-        return self.interface.model_identifier
+        return str(self.interface.kinds[self.kind].modelIdentifier)
 
     @property
     def variables(self) -> dict[str, ModelVariable]:
@@ -49,20 +51,24 @@ class FmuFile:
 
     def has_capability(self, capability: str) -> bool:
         """Return whether the FMU has a capability flag of the standard, such as `canGetAndSetFMUstate`."""
-        return bool(getattr(self.description.coSimulation, capability))
+        return bool(getattr(self.interface.kinds[self.kind], capability, False))
 
 
-def open_fmu(path: Path, folder: Path) -> FmuFile:
+def open_fmu(path: Path, folder: Path, kind: str | None = None) -> FmuFile:
     """Check an FMU file and unpack it to a folder.
 
     Args:
         path: The FMU file.
         folder: The folder to create.
+        kind: As what it runs, one of its kinds. Default: co-simulation if it has that.
 
     Raises:
         CommandError: If the file does not exist, is not an FMU, or cannot run on this machine.
     """
     interface = read_interface(path)
+    kind = kind or next(iter(interface.kinds))
+    if kind not in interface.kinds:
+        raise CommandError(f"the FMU '{path}' has no {kind}, only {next(iter(interface.kinds))}.")
     try:
         unpack(path, folder)
     except UnsafeArchiveError as error:
@@ -78,8 +84,9 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         path=path,
         folder=folder,
         interface=interface,
-        library=_check_complete(path, _library(path, folder, interface.model_identifier)),
+        library=_check_complete(path, _library(path, folder, str(interface.kinds[kind].modelIdentifier))),
         sha256=hash_file(path),
+        kind=kind,
     )
 
 

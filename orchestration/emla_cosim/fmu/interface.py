@@ -17,21 +17,41 @@ from ..base.units import BASE_UNITS, SiUnit
 from .dependencies import Dependencies
 
 _DESCRIPTION = "modelDescription.xml"
+CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
+"""The kinds of an FMU, as the standard calls them."""
+
+KINDS = {"cs": CO_SIMULATION, "me": MODEL_EXCHANGE}
+"""The kinds by their names in options."""
+
 _LARGEST = 2**28
 """The largest size of an unpacked model description in bytes."""
 
 
 @dataclass(frozen=True)
 class Interface:
-    """The model description of an FMI 2.0 co-simulation FMU, by names."""
+    """The model description of an FMI 2.0 FMU, by names."""
 
     description: ModelDescription
 
+    @cached_property
+    def kinds(self) -> dict[str, Any]:
+        """Return fmpy's element for each kind that the FMU has; co-simulation is first."""
+        found = {
+            CO_SIMULATION: self.description.coSimulation,
+            MODEL_EXCHANGE: self.description.modelExchange,
+        }
+        return {kind: element for kind, element in found.items() if element is not None}
+
     @property
-    def model_identifier(self) -> str:
-        """Return the name of the FMU's library, without its extension."""
-        means = self.description.coSimulation
-        return str(means.modelIdentifier) if means is not None else ""
+    def tolerance(self) -> float | None:
+        """Return the relative tolerance of the default experiment, None if it has no positive one."""
+        experiment = self.description.defaultExperiment
+        declared = None if experiment is None else experiment.tolerance
+        try:
+            tolerance = float(declared or math.nan)
+        except ValueError:
+            return None
+        return tolerance if 0.0 < tolerance < math.inf else None
 
     @cached_property
     def variables(self) -> dict[str, ModelVariable]:
@@ -145,8 +165,8 @@ def explain_unsupported(interface: Interface) -> str | None:
     description = interface.description
     if description.fmiVersion != "2.0":
         return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0"
-    if description.coSimulation is None:
-        return "is for model exchange only; this master needs co-simulation"
+    if not interface.kinds:
+        return "is neither for co-simulation nor for Model Exchange"
     return None
 
 

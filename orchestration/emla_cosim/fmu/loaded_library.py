@@ -9,9 +9,11 @@ from typing import Any, ClassVar
 from ..base.errors import CommandError
 from .file import FmuFile
 from .instance import FmiInstance, load
+from .interface import CO_SIMULATION, MODEL_EXCHANGE
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)
+_CONTINUOUS = (_POINTER, _POINTER, _SIZE)
 _PROTOTYPES = {
     "setReal": _VALUES,
     "getReal": _VALUES,
@@ -19,10 +21,26 @@ _PROTOTYPES = {
     "getInteger": _VALUES,
     "setBoolean": _VALUES,
     "getBoolean": _VALUES,
-    "setRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
-    "doStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
     "getFMUstate": (_POINTER, _POINTER),
     "setFMUstate": (_POINTER, _POINTER),
+}
+_OF_KIND = {
+    CO_SIMULATION: {
+        "setRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
+        "doStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+    },
+    MODEL_EXCHANGE: {
+        "enterEventMode": (_POINTER,),
+        "newDiscreteStates": (_POINTER, _POINTER),
+        "enterContinuousTimeMode": (_POINTER,),
+        "completedIntegratorStep": (_POINTER, ctypes.c_int, _POINTER, _POINTER),
+        "setTime": (_POINTER, ctypes.c_double),
+        "setContinuousStates": _CONTINUOUS,
+        "getContinuousStates": _CONTINUOUS,
+        "getDerivatives": _CONTINUOUS,
+        "getEventIndicators": _CONTINUOUS,
+        "getNominalsOfContinuousStates": _CONTINUOUS,
+    },
 }
 DERIVATIVE = "getDirectionalDerivative"
 """A function that a library can lack."""
@@ -42,8 +60,8 @@ class LoadedLibrary:
     def __init__(self, file: FmuFile) -> None:
         self._path = file.library
         guid = file.description.guid
-        self._bound = load("CoSimulation", file.library, file.folder, file.model_identifier, guid)
-        types = dict(_PROTOTYPES)
+        self._bound = load(file.kind, file.library, file.folder, file.model_identifier, guid)
+        types = _PROTOTYPES | _OF_KIND[file.kind]
         if file.has_capability("providesDirectionalDerivative") and hasattr(
             self._bound.dll, _c_name(DERIVATIVE)
         ):

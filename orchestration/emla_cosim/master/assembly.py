@@ -10,14 +10,15 @@ from ..base.files import temporary_folder
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
-from ..fmu.interface import Interface
+from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from .instances.described_instance import DescribedInstance
-from .instances.in_process_instance import InProcessInstance
+from .instances.instance_kinds import make_instance
+from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
 from .network import Link, Network
 from .observer import ObservedVariable, Observer
@@ -43,7 +44,7 @@ class Assembly:
         """
         with contextlib.ExitStack() as resources:
             folder = resources.enter_context(temporary_folder("emla-"))
-            self.files: Mapping[str, FmuFile] = _open_files(fmus, folder)
+            self.files: Mapping[str, FmuFile] = _open_files(system, fmus, folder)
             self.system = system
             self._wired = resolve_system(system, {name: file.interface for name, file in self.files.items()})
             self._instance_stack = resources.enter_context(contextlib.ExitStack())
@@ -75,9 +76,7 @@ class Assembly:
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
             instance = (
-                IsolatedInstance(*described, number)
-                if isolated
-                else InProcessInstance(*described, log, number)
+                IsolatedInstance(*described, number) if isolated else make_instance(*described, log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
@@ -95,13 +94,21 @@ class Assembly:
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
-    def start(self, system: System, fresh: bool = False, tolerance: float | None = None) -> None:
+    def start(
+        self,
+        system: System,
+        fresh: bool = False,
+        tolerance: float | None = None,
+        integrator: IntegratorSettings | None = None,
+    ) -> None:
         """Prepare all instances for initialization, and set start values.
 
         Args:
             system: The system of this assembly, possibly with other start values.
             fresh: Whether to replace instances that have run. Otherwise they are reset.
             tolerance: Relative tolerance for the solvers of all FMUs; None takes those of the FMUs.
+            integrator: How to integrate the FMUs that run as Model Exchange; its tolerance is for those that
+                have none.
 
         Raises:
             CommandError: A start value does not fit its variable.
@@ -122,7 +129,10 @@ class Assembly:
         self.network.reorder(self._order)
         self._used = True
         for name, instance in self.instances.items():
-            instance.tolerance = self.files[name].interface.tolerance if tolerance is None else tolerance
+            own = self.files[name].interface.tolerance if tolerance is None else tolerance
+            settings = integrator or IntegratorSettings()
+            instance.tolerance = own
+            instance.use_integrator(settings._replace(tolerance=own or settings.tolerance))
             instance.set_start_values(self._values[name][1])
 
     @cached_property
@@ -238,9 +248,14 @@ def _non_default_values(component: Component, interface: Interface) -> dict[str,
     return found
 
 
-def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
-    opened = {path: open_fmu(path, folder / str(i)) for i, path in enumerate(dict.fromkeys(fmus.values()))}
-    return {name: opened[path] for name, path in fmus.items()}
+def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
+    """Open each FMU once for each kind in use."""
+    wanted = {name: (path, system.component(name).kind) for name, path in fmus.items()}
+    opened = {
+        (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
+        for i, (path, kind) in enumerate(dict.fromkeys(wanted.values()))
+    }
+    return {name: opened[one] for name, one in wanted.items()}
 
 
 def _outputs(file: FmuFile, system: System, name: str) -> list[str]:

@@ -28,6 +28,8 @@ class RunOptions(TypedDict, total=False):
     stop_time: float | str | None
     step_size: float | str | None
     fmi_tolerance: float | None
+    integrator: str
+    integrator_step: float | str | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     compiled: bool
@@ -59,6 +61,7 @@ class PrepareOptions(RunOptions, total=False):
     parameters: Sequence[str | Path]
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
     mapping: Mapping[str, str | Path]
+    kind: Mapping[str, str]
     fault: Sequence[Fault | str | Mapping[str, Any]]
     input: Sequence[Input | str | Path | Mapping[str, Any]]
     flavour: str
@@ -84,6 +87,7 @@ class CompareOptions(TypedDict, total=False):
     parameters: Sequence[str | Path]
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
     mapping: Mapping[str, str | Path]
+    kind: Mapping[str, str]
     fault: Sequence[Fault | str | Mapping[str, Any]]
     input: Sequence[Input | str | Path | Mapping[str, Any]]
     trajectory: str | Path | None
@@ -94,6 +98,8 @@ class CompareOptions(TypedDict, total=False):
     stop_time: float | str | None
     step_size: float | str | None
     fmi_tolerance: float | None
+    integrator: str
+    integrator_step: float | str | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     isolate: Sequence[str] | bool

@@ -40,6 +40,7 @@ from ..base.option import (
 from ..base.patterns import has_wildcard, matches_pattern
 from ..base.quantities import parse_quantity, parse_unit_name
 from ..base.values import convert_value
+from ..fmu.cvode import METHODS
 from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
@@ -66,6 +67,11 @@ def read_threads(text: str) -> int | None:
         return int(text)
     except ValueError as error:
         raise CommandError(f"--threads {text} is neither a whole number nor auto.") from error
+
+
+def read_kinds(texts: Sequence[str]) -> dict[str, str]:
+    """Read as what FMUs run, such as `me` or `plant=me`; a text without a component is for all."""
+    return {pattern or "*": kind for pattern, _, kind in (text.rpartition("=") for text in texts)}
 
 
 _system = partial(option, group=SYSTEM, commands=ALL)
@@ -112,6 +118,16 @@ class Options:
         help="SSP parameter mapping with the names that the FMU of --replace uses for its variables "
         "(repeatable).",
         metavar="COMPONENT=FILE.ssm",
+        in_sweep=SAME,
+    )
+    kind: Mapping[str, str] = _prepared(
+        {},
+        help="Run FMUs as co-simulation (cs) or Model Exchange (me), all or those of COMPONENT; see "
+        "docs/fmi.md (repeatable). Default: cs where the FMU has it.",
+        metavar="[COMPONENT=]cs|me",
+        identity="kind",
+        parse=read_kinds,
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT),
         in_sweep=SAME,
     )
     fault: Sequence[Fault] = _prepared(
@@ -195,6 +211,18 @@ class Options:
         help="Relative tolerance of the solvers inside the FMUs. Default: that of each FMU's experiment.",
         above=0.0,
         identity="FMI tolerance",
+    )
+    integrator: str = _stepping(
+        "bdf",
+        help="Method of CVode for FMUs that run as Model Exchange: bdf for stiff models, adams for others.",
+        choices=lambda: METHODS,
+        identity="integrator",
+    )
+    integrator_step: float | None = _stepping(
+        help="Largest step of CVode in FMUs that run as Model Exchange. Default: the communication step.",
+        unit="s",
+        above=0.0,
+        identity="integrator step",
     )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, check_choice, join_names
+from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.wording import format_count
-from ..fmu.interface import Interface, read_interfaces
+from ..fmu.interface import KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path
 from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from ..system.model import Replacement, System
@@ -40,6 +41,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
         system.component(name)
     fmus = _fmu_files(system, options, progress)
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
+    looked_at = looked_at or options.kind
     interfaces = read_interfaces(fmus) if looked_at else {}
     system = _apply_parameter_files(system, options.parameters, interfaces)
     if tables:
@@ -56,7 +58,29 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     for name, replacement in replacements.items():
         system = _replace_component(system, name, replacement, others[name], interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, others[name]
-    return system, fmus
+    return choose_kinds(system, options.kind, interfaces), fmus
+
+
+def choose_kinds(system: System, kinds: Mapping[str, str], interfaces: Mapping[str, Interface]) -> System:
+    """Return the system with components that run as these kinds; later patterns override earlier ones.
+
+    A pattern that is not the name of a component skips FMUs without the kind.
+
+    Raises:
+        CommandError: If a kind is unknown, or no FMU that matches a pattern has it.
+    """
+    for pattern, kind in kinds.items():
+        check_choice("kind", kind, KINDS)
+        matching = [c for c in system.components if matches_pattern(c.name, pattern)]
+        if not matching:
+            raise CommandError(f"no component matches '{pattern}' of the option 'kind'.", name=pattern)
+        able = [c for c in matching if KINDS[kind] in interfaces[c.name].kinds]
+        if not able:
+            names = join_names([c.name for c in matching])
+            raise CommandError(f"no FMU has {KINDS[kind]} among {names}; change the option 'kind'.")
+        for component in able:
+            system = system.with_component(replace(component, kind=kind))
+    return system
 
 
 def limit_to_data_end(options: Options) -> Options:

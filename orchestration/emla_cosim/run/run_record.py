@@ -107,6 +107,7 @@ def build_run_record(
             c.name: {
                 "fmu": _file(assembly.files[c.name].path, unpacked),
                 "sha256": definition.fmus[c.name],
+                "kind": assembly.files[c.name].kind,
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
                 "changed": assembly.list_non_default_values(c),

@@ -21,6 +21,7 @@ from ..fmu.variables import convert_start_value, find_variable
 from ..inputs.events import input_events, row_distance
 from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
+from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.compilation import compile_kernel
 from ..master.stepping.fixed_steps import FixedSteps
@@ -271,7 +272,8 @@ class Simulation:
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with show_paths_relative_to(self._unpacked):
-            assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance)
+            integrator = IntegratorSettings(method=chosen.integrator, largest=chosen.integrator_step)
+            assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance, integrator)
         self._error = None
         recorded = select_signals(chosen.signals, self.names, self.further_names if chosen.signals else ())
         others = assembly.unexchanged

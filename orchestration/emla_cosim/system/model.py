@@ -39,6 +39,8 @@ class Component:
         aliases: variables that have another name or unit in the FMU.
         samples: whether it computes at communication points only, as a digital controller does. The values it
             holds between them are then no error of the coupling.
+        kind: as what its FMU runs: `cs` (co-simulation) or `me` (Model Exchange). Default: co-simulation if
+            the FMU has that.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Component:
     fmu: Path | None = None
     aliases: Mapping[str, Alias] = field(default_factory=dict)
     samples: bool = False
+    kind: str = ""
 
     @property
     def branch(self) -> str:

@@ -30,6 +30,16 @@ CALLS = (
     "freeInstance",
     "getDirectionalDerivative",
     "getString",
+    "enterEventMode",
+    "newDiscreteStates",
+    "enterContinuousTimeMode",
+    "completedIntegratorStep",
+    "setTime",
+    "setContinuousStates",
+    "getContinuousStates",
+    "getDerivatives",
+    "getEventIndicators",
+    "getNominalsOfContinuousStates",
 )
 """Calls of an instance; the first entry means no call."""
 

@@ -8,9 +8,11 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...fmu.file import FmuFile
+from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.lost_values import LostValue
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
+from .integrator_settings import IntegratorSettings
 
 
 class DescribedInstance(FmuInstance):
@@ -30,10 +32,11 @@ class DescribedInstance(FmuInstance):
         """Variables of the input vector (`read`) and of the output vector (`written`)."""
         self.typed = any(v.type != "Real" for v in (*self.read, *self.written))
         """Whether some of them have another type than Real."""
-        self.varies_step = file.has_capability("canHandleVariableCommunicationStepSize")
+        integrated = file.kind == MODEL_EXCHANGE  # then the integrator does what steps need
+        self.varies_step = integrated or file.has_capability("canHandleVariableCommunicationStepSize")
         self.rolls_back = file.has_capability("canGetAndSetFMUstate")
         self.serializes = self.rolls_back and file.has_capability("canSerializeFMUstate")
-        self.interpolates = file.has_capability("canInterpolateInputs") and not self.typed
+        self.interpolates = (integrated or file.has_capability("canInterpolateInputs")) and not self.typed
         self.differentiates = file.has_capability("providesDirectionalDerivative") and not self.typed
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
@@ -47,6 +50,9 @@ class DescribedInstance(FmuInstance):
 
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
+
+    def use_integrator(self, settings: IntegratorSettings) -> None:
+        """Integrate with these settings from the next initialization on, if the FMU runs as Model Exchange."""
 
     @abstractmethod
     def set_start_values(self, values: Iterable[TypedValue]) -> None:

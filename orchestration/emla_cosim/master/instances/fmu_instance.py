@@ -84,7 +84,7 @@ class EntryPoints:
 
 
 class FmuInstance(ABC):
-    """Co-simulation FMU as algorithms see it: it exchanges two vectors with the network.
+    """FMU as algorithms see it: it exchanges two vectors with the network.
 
     `inputs` has the values of its connected inputs until `set_inputs` passes them on; `get_outputs` writes to
     `outputs`, a part of the signals of the network. Every method may raise InstanceError, a RunError.
@@ -202,6 +202,9 @@ class FmuInstance(ABC):
 
     def forget(self, state: Any) -> None:  # noqa: B027 - only instances that save states need it
         """Free a saved state; never raises."""
+
+    def prepare_checkpoints(self) -> None:  # noqa: B027 - most forget nothing in a checkpoint
+        """Step from now on so that the results are the same after `serialize` and `deserialize`."""
 
     def serialize(self) -> bytes:
         """Return the state as bytes; needs `serializes`."""

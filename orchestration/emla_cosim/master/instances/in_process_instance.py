@@ -92,7 +92,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 raise
         self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
         self._component = self.fmu.component
-        self._do_step = self._functions["doStep"]
         self._set_real, self._get_real = self._functions["setReal"], self._functions["getReal"]
         self._input_references, self._output_references = (
             np.array([v.valueReference for v in variables], dtype=np.uint32)
@@ -259,7 +258,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
         self._present.time = time
-        status = self._do_step(self._component, time, step, self._no_way_back)
+        status = self._functions["doStep"](self._component, time, step, self._no_way_back)
         if status not in FINE:
             raise self.error(f"doStep at t = {time:.9g} s", status)
 
@@ -292,9 +291,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def forget(self, state: Any) -> None:
         """Free a saved state."""
-        if not self._is_dead():
-            with contextlib.suppress(FMICallException):
-                self.fmu.freeFMUstate(state)
+        self._free_state(state)
 
     def serialize(self) -> bytes:
         """Return the FMU's state as bytes."""
@@ -309,16 +306,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 self.fmu.fmi2SerializeFMUstate(self._component, state, content, size.value)
             return content.raw
         finally:
-            self.forget(state)
+            self._free_state(state)
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
         with self.calling():
             state = self.fmu.deSerializeFMUstate(content)
         try:
-            self.restore(state)
+            self._call("setFMUstate", state)
         finally:
-            self.forget(state)
+            self._free_state(state)
 
     def close(self) -> None:
         """Terminate the FMU if the standard allows it, and free the instance and its library."""
@@ -375,6 +372,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def _copy_state(self, state: Any) -> Any:
         self._call("getFMUstate", ctypes.byref(state))
         return state
+
+    def _free_state(self, state: Any) -> None:
+        if not self._is_dead():
+            with contextlib.suppress(FMICallException):
+                self.fmu.freeFMUstate(state)
 
     def _with_notice(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
         """Return the function, with its calls recorded in the black box."""

@@ -11,6 +11,7 @@ from fmpy.model_description import ModelVariable
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
+from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.variables import TypedValue
 from ...sandbox import black_box
 from ...sandbox.black_box import BlackBoxFile
@@ -18,6 +19,7 @@ from ...sandbox.server import Server, ServerEndedError
 from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
+from .integrator_settings import IntegratorSettings
 from .request import Request
 
 _TIMEOUT = 10.0
@@ -88,6 +90,15 @@ class IsolatedInstance(DescribedInstance):
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a variable."""
         return self._ask("value", str(variable.name))
+
+    def use_integrator(self, settings: IntegratorSettings) -> None:
+        """Integrate with these settings from the next initialization on, if the FMU runs as Model Exchange."""
+        if self.file.kind == MODEL_EXCHANGE:
+            self._ask("use_integrator", settings)
+
+    def prepare_checkpoints(self) -> None:
+        """Step from now on so that the results are the same after `serialize` and `deserialize`."""
+        self._ask("prepare_checkpoints")
 
     def reset(self) -> None:
         """Return to the state right after instantiation."""

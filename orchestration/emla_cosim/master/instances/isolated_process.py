@@ -14,6 +14,7 @@ from ...fmu.lost_values import LostValue
 from ...sandbox import black_box
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
+from .instance_kinds import make_instance
 from .request import Request
 
 
@@ -115,7 +116,7 @@ def main() -> None:
 
 
 def _start_instance(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> IsolatedProcess:
-    return IsolatedProcess(InProcessInstance(name, file, inputs, outputs, FmuLog()))
+    return IsolatedProcess(make_instance(name, file, inputs, outputs, FmuLog()))
 
 
 if __name__ == "__main__":

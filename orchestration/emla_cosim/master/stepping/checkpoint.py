@@ -68,6 +68,8 @@ def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
     require(network.instances, "serializes", "canSerializeFMUstate", "a checkpoint")
+    for instance in network.instances:
+        instance.prepare_checkpoints()
     return place
 
 

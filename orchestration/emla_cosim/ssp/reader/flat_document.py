@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...base.units import IDENTITY, find_conversion
+from ...fmu.interface import KINDS
 from ...system.model import Alias, Component, Connection, System
 from ..documents.ssd_data import ParameterBinding, ParameterSet, SsvParameter, Structure, TableTransformation
 from .binding import BoundValue, build_transformation, resolve_bindings
@@ -122,7 +123,8 @@ def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]
             parameters[sources[variable]] = bound.parameter.value
         else:
             parameters[variable] = bound.value
-    return Component(name, parameters=parameters, fmu=Path(fmu.component.source), aliases=aliases)
+    kind = next((k for k, name in KINDS.items() if name == fmu.component.implementation), "")
+    return Component(name, parameters=parameters, fmu=Path(fmu.component.source), aliases=aliases, kind=kind)
 
 
 def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str, Alias]:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, join_names
+from ...fmu.interface import KINDS
 from ..documents.parameter_sets import parse_mapping, parse_parameter_set
 from ..documents.ssd_data import (
     FMU,
@@ -106,10 +107,10 @@ class _Loader:
     def _fmu(self, component: ComponentElement) -> ComponentElement:
         if not component.source:
             raise self._fault(f"the component '{component.name}' has no source.")
-        if component.implementation not in ("any", "CoSimulation"):
+        if component.implementation not in ("any", *KINDS.values()):
             raise self._fault(
                 f"the component '{component.name}' requires {component.implementation}; this "
-                "master supports CoSimulation."
+                f"master supports {join_names(KINDS.values())}."
             )
         fmu = self._package.file(component.source, self._where)
         return replace(
