@@ -113,7 +113,6 @@ class Scenario:
     def export(
         self,
         file: str | Path,
-        nested: bool = False,
         progress: Progress | None = None,
         **options: Unpack[PrepareOptions],
     ) -> Path:
@@ -121,7 +120,6 @@ class Scenario:
 
         Args:
             file: path of the SSP.
-            nested: group components by the first part of their names into a system each.
             progress: receives the progress of building FMUs.
             **options: values by name. With `overwrite`, a file that emla did not write is replaced.
 
@@ -145,8 +143,6 @@ class Scenario:
         with show_paths_relative_to(self.unpacked):
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
-            write_ssp(
-                Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
-            )
+            write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
         told.advance(1)
         return Path(file)
