@@ -75,7 +75,8 @@ class Scenario:
 
     def notes_with(self, options: Options) -> Sequence[str]:
         """Return the notes on a run with these options. Raise CommandError if the system cannot be run."""
-        return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
+        notes = self.notes if self.remarks is None else self.remarks(self.system, options)
+        return tuple(dict.fromkeys((*notes, *options.overridden_notes())))
 
     def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
         """Build and load all FMUs and compile the loop, so that the scenario can run many times.
