@@ -86,7 +86,7 @@ def demands(k: int, step: float) -> Row:
     return {
         "u_q": 600.0 if long else 15.0 * math.sin(40.0 * t) + 5.0,
         "u_d": -205.0 if long else 8.0 * math.cos(25.0 * t),
-        "i_q_ref": 20.0 * math.sin(30.0 * t),  # not used: torque_source is the current
+        "i_q_ref": 20.0 * math.sin(30.0 * t),  # not used: use_commanded_current is false
         "d_3": 0.42 * math.cos(8.0 * t + math.pi / 3.0),
         "d_4": -0.15 * math.cos(12.0 * t + math.pi / 6.0),
         "sag": 0.1 if 0.15 <= t < 0.16 else 0.0,
@@ -547,7 +547,7 @@ START_VALUES: dict[str, dict[str, Any]] = {
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the defaults are too fast for RK4 to be exact
     "AnatcController": {},
-    "SignalFault": {"kind": 2, "start": FREEZE[0], "duration": FREEZE[1]},
+    "SignalFault": {"freeze": True, "start": FREEZE[0], "duration": FREEZE[1]},
     "HdrmManipulator": {},
     "HdrmPlant": {
         **indexed("coupling.J_c", (1.2e-3, 1.5e-3, 1e-4)),

@@ -87,7 +87,7 @@ OUTPUTS = {
     "phase.i_c": Theirs("Motor.Iw_A"),
 }
 ALL = {**INPUTS, **PARAMETERS, **OUTPUTS}
-ONLY_OURS = {"torque_source", "screw.q_LB", "screw.q_UB", "screw.v_max", "motor.i_max"}
+ONLY_OURS = {"use_commanded_current", "screw.q_LB", "screw.q_UB", "screw.v_max", "motor.i_max"}
 # what a drive has beside the paper's plant, all of it off
 ONLY_OURS |= {"motor.i_N", "motor.permitted_rise", "motor.tau_th", "motor.temperature_rise", "motor.load"}
 ONLY_OURS |= {"friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"}

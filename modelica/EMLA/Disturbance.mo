@@ -12,7 +12,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
   end Load;
 
   record D2 "(82); the FMU names these d_2"
-    Types.DisturbanceReading reading = Types.DisturbanceReading.acceleration "Whether d_2 is in m/s2 or in N";
+    Boolean is_force = false "Whether d_2 is a force in N, not an acceleration in m/s2";
     Real amplitude[2](each unit = "m/s2") = {0.0, 0.0} "Amplitudes of the sines (in N if a force)";
     Real omega[2](each unit = "rad/s") = {0.0, 0.0} "Their angular frequencies";
     Real phase[2](each unit = "rad") = {0.0, 0.0} "Their phases";
@@ -61,7 +61,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
   Interfaces.RealOutput sag "Missing fraction of the supply voltage"
     annotation(Placement(transformation(extent = {{-10, -120}, {10, -100}}, rotation = -90)));
 protected
-  final parameter Boolean as_force = d_2_terms.reading == Types.DisturbanceReading.force "Whether (82) acts on the load";
+  final parameter Boolean as_force = d_2_terms.is_force "Whether (82) acts on the load";
   final parameter Real interval(unit = "s") =
     if d_2_terms.high > d_2_terms.low then d_2_terms.sample_time else NEVER "No random part needs no events";
   Real risen[levels] "How far each level has come, between 0 and 1";
@@ -92,7 +92,7 @@ equation
 <p>Load force profile and the disturbances (82) and (83) of one joint. d_2 is a sum of sines, a decaying arctan of the
 speed, and a uniform random value held for <code>d_2_terms.sample_time</code>: the same numbers as in the FMU when that is
 stepped by the sample time or less.</p>
-<p><code>d_2_terms.reading</code>: (82) is announced in newtons but enters (26) as an acceleration, the default here. Read
+<p><code>d_2_terms.is_force</code>: (82) is announced in newtons but enters (26) as an acceleration, the default here. Read
 as a force, it is taken off F_L, so that positive values push the actuator out either way.</p>
 </html>"));
 end Disturbance;

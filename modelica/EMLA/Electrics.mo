@@ -37,7 +37,7 @@ partial block Electrics "Motor currents, torque, inverter and sensors, at a scre
     annotation(Placement(transformation(extent = {{-120, 80}, {-100, 100}})));
   Interfaces.RealInput u_d(unit = "V", nominal = 100.0) "d-axis stator voltage demanded from the inverter"
     annotation(Placement(transformation(extent = {{-120, 50}, {-100, 70}})));
-  Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used for torque_source = command"
+  Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_commanded_current"
     annotation(Placement(transformation(extent = {{-120, 20}, {-100, 40}})));
   Interfaces.RealInput d_3(unit = "V", nominal = 10.0) "Disturbance of the q-axis voltage"
     annotation(Placement(transformation(extent = {{-120, -70}, {-100, -50}})));
@@ -46,8 +46,8 @@ partial block Electrics "Motor currents, torque, inverter and sensors, at a scre
   Interfaces.RealInput sag "Missing fraction of the supply voltage"
     annotation(Placement(transformation(extent = {{-70, -120}, {-50, -100}}, rotation = 90)));
 
-  parameter Types.TorqueSource torque_source = Types.TorqueSource.current
-    "Current that drives the screw: actual (physics) or commanded (paper)";
+  parameter Boolean use_commanded_current = false
+    "Compute the torque from the commanded (paper) instead of the actual current";
 
   Inverter inverter "What makes the voltages"
     annotation(Placement(transformation(extent = {{-60, 50}, {-20, 90}})));
@@ -123,7 +123,7 @@ equation
   u_d_motor = inverter.u_d + d_4;
 
   // torque (3)
-  magnet_torque = 1.5 * N_p * Phi_PM * (if torque_source == Types.TorqueSource.command then i_q_ref else i_q);
+  magnet_torque = 1.5 * N_p * Phi_PM * (if use_commanded_current then i_q_ref else i_q);
   reluctance_torque = 1.5 * N_p * i_q * i_d * (L_d - L_q);
   tau_m = magnet_torque + reluctance_torque;
 

@@ -124,8 +124,8 @@ equation
 <p>Motor in d-q coordinates (3), gearbox and screw (4) to (6), together (9); disturbances as in (26), uncertainties as
 in (84). The states are x_1 = x_L, x_2 = v_L, x_3 = i_q and x_4 = i_d; x_L grows as the actuator extends.</p>
 <ul>
-<li><code>torque_source</code>: (9) drives the screw with the commanded current i_q*, (3) with the actual i_q. The
-default is the actual current; <code>command</code> is the paper's idealisation.</li>
+<li><code>use_commanded_current</code>: (9) drives the screw with the commanded current i_q*, (3) with the actual i_q. The
+default is the actual current; the commanded one is the paper's idealisation.</li>
 <li><code>screw.C_eq</code>: as printed, a spring from the load to ground. Its default 0 is a rigid screw.</li>
 <li>A_eq multiplies an acceleration into a torque, so its unit is kg.m, not kg as printed.</li>
 <li>What a drive has beside the paper's plant is off by default: dead time, current sensors, friction, an efficiency that

@@ -12,25 +12,21 @@ Examples:
     0.14
 """
 
-from .disturbance import Disturbance, DisturbanceReading
-from .electrics import TorqueSource
+from .disturbance import Disturbance
 from .motor import EmlaMotor
 from .observer import EmlaObserver
 from .plant import EmlaPlant
 from .reference import Reference
-from .signal_fault import FaultKind, SignalFault
+from .signal_fault import SignalFault
 
 BLOCKS = (EmlaPlant, EmlaMotor, EmlaObserver, Reference, Disturbance, SignalFault)
 
 __all__ = [
     "BLOCKS",
     "Disturbance",
-    "DisturbanceReading",
     "EmlaMotor",
     "EmlaObserver",
     "EmlaPlant",
-    "FaultKind",
     "Reference",
     "SignalFault",
-    "TorqueSource",
 ]

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from enum import IntEnum
 from typing import Any
 
 from fmublock import (
@@ -30,19 +29,12 @@ LEVELS = 6
 """Number of levels of a load profile."""
 
 
-class DisturbanceReading(IntEnum):
-    """How to read (82): the paper says newtons, but uses it as an acceleration in (26)."""
-
-    ACCELERATION = 1
-    FORCE = 2
-
-
 class Disturbance(Block):
     """Load force profile and the disturbances (82) and (83) of one joint.
 
     d_2 is a sum of sines, a decaying arctan of the speed, and a uniform random value held for a
-    sample time. If it is read as a force, it is subtracted from F_L instead. Positive values push the
-    actuator out in both cases.
+    sample time. The paper says that (82) is in newtons, but uses it as an acceleration in (26). As a force,
+    it is subtracted from F_L. Positive values push the actuator out in both cases.
     """
 
     default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-4)
@@ -78,8 +70,8 @@ class Disturbance(Block):
         symbol=r"\omega_r",
         description="Angular frequency of the ripple",
     )
-    reading = Parameter(
-        DisturbanceReading.ACCELERATION, name="d_2.reading", description="Whether d_2 is in m/s2 or in N"
+    is_force = Parameter(
+        False, name="d_2.is_force", description="Whether d_2 is a force in N, not an acceleration in m/s2"
     )
     amplitude_2 = Parameter(
         0.0,
@@ -190,7 +182,7 @@ class Disturbance(Block):
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return the load force, (82) and (83) at the present time."""
         d_2 = self.acceleration_disturbance(v)
-        as_force = where(v.reading == DisturbanceReading.FORCE, 1.0, 0.0)
+        as_force = where(v.is_force, 1.0, 0.0)
         d_3 = 0.0
         for i in range(2):
             d_3 += wave(v.amplitude_3[i], cos, v.omega_3[i] * v.time + v.phase_3[i])

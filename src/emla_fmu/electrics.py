@@ -4,21 +4,11 @@ Its inputs from the mechanical half are position and speed of the screw, `v.x_L`
 that half is the torque. Quantities are amplitude-invariant d-q quantities.
 """
 
-from enum import IntEnum
 from typing import Any
 
 from fmublock import where
 
 from . import inverter, motion_law, sensors, thermal
-
-
-class TorqueSource(IntEnum):
-    """The q-axis current that drives the screw."""
-
-    CURRENT = 1
-    """The actual current (3): physics."""
-    COMMAND = 2
-    """The commanded current i_q* (9): the paper's idealisation."""
 
 
 def derivatives(v: Any) -> dict[str, Any]:
@@ -72,13 +62,13 @@ def terminal_voltage(v: Any) -> tuple[Any, Any, Any]:
 
 
 def torque(v: Any) -> Any:
-    """Return tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
+    """Return tau_m of (3) in N m, with the magnet's current chosen by use_commanded_current."""
     return magnet_torque(v) + reluctance_torque(v)
 
 
 def magnet_torque(v: Any) -> Any:
     """Return the part of tau_m in N m from the permanent magnet with i_q or i_q*."""
-    return 1.5 * v.N_p * v.Phi_PM * where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
+    return 1.5 * v.N_p * v.Phi_PM * where(v.use_commanded_current, v.i_q_ref, v.i_q)
 
 
 def reluctance_torque(v: Any) -> Any:

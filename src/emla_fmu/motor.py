@@ -30,7 +30,7 @@ class EmlaMotor(Block):
     permitted_rise, tau_th = EmlaPlant.permitted_rise, EmlaPlant.tau_th
     u_max, delay = EmlaPlant.u_max, EmlaPlant.delay
     dead_time, f_PWM, i_0 = EmlaPlant.dead_time, EmlaPlant.f_PWM, EmlaPlant.i_0
-    torque_source = EmlaPlant.torque_source
+    use_commanded_current = EmlaPlant.use_commanded_current
     F_3, F_4 = EmlaPlant.F_3, EmlaPlant.F_4
     sigma, resolution, seed = EmlaPlant.sigma, EmlaPlant.resolution, EmlaPlant.seed
     sigma_i, resolution_i, seed_i = EmlaPlant.sigma_i, EmlaPlant.resolution_i, EmlaPlant.seed_i

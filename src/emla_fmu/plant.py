@@ -5,7 +5,6 @@ from typing import Any
 from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, Parameter, State
 
 from . import electrics, end_stops, friction, inverter, motion_law
-from .electrics import TorqueSource
 
 
 class EmlaPlant(Block):
@@ -36,7 +35,7 @@ class EmlaPlant(Block):
     i_q_ref = Input(
         unit="A",
         nominal=10.0,
-        description="Commanded q-axis current i_q*, used for torque_source = command",
+        description="Commanded q-axis current i_q*, used with use_commanded_current",
         terminal="drive",
     )
     F_L = Input(unit="N", nominal=1e4, description="Load force, positive against extension", terminal="load")
@@ -204,9 +203,8 @@ class EmlaPlant(Block):
         name="inverter.i_0",
         description="Phase current below which dead time takes less voltage",
     )
-    torque_source = Parameter(
-        TorqueSource.CURRENT,
-        description="Current that drives the screw: actual (physics) or commanded (paper)",
+    use_commanded_current = Parameter(
+        False, description="Compute the torque from the commanded (paper) instead of the actual current"
     )
     F_2 = Parameter(0.0, name="uncertainty.F_2", description="Modelling error of g_2 as a fraction (84)")
     F_3 = Parameter(0.0, name="uncertainty.F_3", description="Modelling error of g_3 as a fraction (84)")

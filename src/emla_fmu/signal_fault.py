@@ -1,6 +1,5 @@
 """Faults of a signal, such as an encoder's that freezes or jumps."""
 
-from enum import IntEnum
 from typing import Any
 
 from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, Parameter, logical_and, where
@@ -11,31 +10,23 @@ _ROUNDING = 1e-9
 """Rounding in s of a communication point at the fault's beginning or end."""
 
 
-class FaultKind(IntEnum):
-    """Kinds of faults."""
-
-    NONE = 1
-    FREEZE = 2
-    OFFSET = 3
-    GAIN = 4
-    CONSTANT = 5
-
-
 class SignalFault(Block):
     """Passes a signal on, except during a fault.
 
-    Before and after the fault, y has the same bits as u. A freeze keeps the value of the communication
-    point before the fault. If the fault begins at the start of a run, it keeps that of the first point.
+    During the fault, y is gain * u + offset, or frozen. Before and after it, y has the same bits as u. A
+    freeze keeps the value of the communication point before the fault. If the fault begins at the start of a
+    run, it keeps that of the first point.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
     u = Input(0.0, description="Signal before the fault")
 
-    kind = Parameter(FaultKind.NONE, description="Kind of fault")
     start = Parameter(NEVER, unit="s", symbol="t_0", description="Time at which the fault begins")
     duration = Parameter(NEVER, unit="s", minimum=0.0, symbol="T", description="Duration of the fault")
-    value = Parameter(0.0, symbol="w", description="Offset, gain or constant")
+    freeze = Parameter(False, description="Whether the signal keeps its value, without gain and offset")
+    gain = Parameter(1.0, symbol="g", description="Factor of the signal during the fault; 0 for a constant")
+    offset = Parameter(0.0, symbol="w", description="Value added to the signal, or the constant")
 
     frozen = DiscreteState(0.0, symbol="u_-", description="Frozen value")
     known = DiscreteState(0.0, description="1 when the frozen value is known")
@@ -51,14 +42,12 @@ class SignalFault(Block):
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return the signal as factor * u - less, which keeps all bits of u while there is no fault."""
         lasts = self.lasts(v)
-        freezes = logical_and(v.kind == FaultKind.FREEZE, v.known > 0.0)
-        constant = v.kind == FaultKind.CONSTANT
-        factor = where(freezes, 0.0, where(constant, 0.0, where(v.kind == FaultKind.GAIN, v.value, 1.0)))
-        adds = where(constant, v.value, where(v.kind == FaultKind.OFFSET, v.value, 0.0))
-        less = -where(freezes, v.frozen, adds)
+        known = logical_and(v.freeze, v.known > 0.0)
+        factor = where(known, 0.0, where(v.freeze, 1.0, v.gain))
+        less = -where(known, v.frozen, where(v.freeze, 0.0, v.offset))
         return {
             "y": where(lasts, factor, 1.0) * v.u - where(lasts, less, 0.0),
-            "active": where(logical_and(lasts, v.kind != FaultKind.NONE), 1.0, 0.0),
+            "active": where(lasts, 1.0, 0.0),
         }
 
     def lasts(self, v: Any) -> Any:

@@ -157,8 +157,8 @@ def test_the_record_of_other_algorithms(emla: Emla, tmp_path: Path) -> None:
     assert strong["sweeps_over_loops"] >= strong["steps"] == 10
 
 
-def test_enumerations_and_booleans_are_set_by_name(emla: Emla, tmp_path: Path) -> None:
-    settings = ["lift.plant.torque_source=command", "lift.controller.limit_current=false"]
+def test_booleans_are_set_by_name(emla: Emla, tmp_path: Path) -> None:
+    settings = ["lift.plant.use_commanded_current=true", "lift.controller.limit_current=false"]
     options = [x for s in settings for x in ("--set", s)]
     result = emla("run", "lift", "--stop-time", "0.001", "--no-plots", *options)
     assert result.exit_code == 0, result.output
@@ -282,10 +282,6 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (
             ["run", "lift", "--set", "lift.plant.sensor.seed=99999999999"],
             ["sensor.seed", "at most 2147483646"],
-        ),
-        (
-            ["run", "lift", "--set", "lift.plant.torque_source=luck"],
-            ["= luck is not one of current, command"],
         ),
         (["run", "lift", "--set", "lift.observer.use_model=maybe"], ["= maybe is not a Boolean"]),
         (["run", "lift", "--stop-time", "0"], ["stop time 0 s"]),

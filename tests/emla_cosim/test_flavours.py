@@ -10,7 +10,6 @@ import pytest
 
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.study.joint import start_values
-from emla_fmu.signal_fault import FaultKind
 from fmublock.platforms import host_platform
 from hdrm_fmu.spline import Spline, trajectory_parameters
 from tests.support import joint_data
@@ -96,7 +95,7 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(MODELS["AnatcController"], TILT, gains_of("anatc", "published")["tilt"]),
         COMPARED,
     ),
-    "SignalFault": ({"kind": FaultKind.FREEZE, "start": 0.1, "duration": 0.2}, {"u": 0.5}),
+    "SignalFault": ({"freeze": True, "start": 0.1, "duration": 0.2}, {"u": 0.5}),
     "HdrmManipulator": (
         {"lift.a": 1.2, "tube.share": 0.4},
         {"payload.m": 100, "x_L[1]": 0.05, "x_L[2]": 0.05, "x_L[3]": 0.5}

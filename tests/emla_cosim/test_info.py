@@ -80,8 +80,7 @@ def test_a_run_starts_from_the_values_in_effect(study: ec.Info, fmu_folder: Path
     told = {v.name: v.start for v in numbers}
     assert told == parameters
     assert (study["lift.plant.motor.R_s"].start, study["lift.plant.motor.R_s"].default) == (0.2, 0.14)
-    assert study["lift.plant.torque_source"].start == "current"
-    assert study["lift.plant.torque_source"].choices == ("current", "command")
+    assert study["lift.plant.use_commanded_current"].start is False
 
 
 def test_connections_are_told_at_both_ends(study: ec.Info, fmu_folder: Path) -> None:

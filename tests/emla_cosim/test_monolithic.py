@@ -17,7 +17,7 @@ from scipy.integrate import simpson
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
+from emla_fmu import Disturbance, EmlaObserver, EmlaPlant
 from fmublock import Block, Output, Parameter
 from fmublock.block import Values
 from fmublock.instance import Instance
@@ -183,7 +183,7 @@ def lag(x_2d_in_a_1: bool, speed: float, h: float = 1e-4) -> float:
     known, gains = paper.Actuator().known, PUBLISHED["lift"]
     ramp = Component(Ramp(), {"speed": speed}).begin()
     plant = Component(
-        EmlaPlant(), {"v_L": speed, "torque_source": TorqueSource.COMMAND, "inverter.u_max": 1e6}
+        EmlaPlant(), {"v_L": speed, "use_commanded_current": True, "inverter.u_max": 1e6}
     ).begin()
     controller = Component(
         RsbaController(),
@@ -305,7 +305,7 @@ def test_what_acts_on_the_plant_acts_in_the_right_direction(
 def test_force_reading_of_d_2_takes_it_off_the_load() -> None:
     start = {
         **{f"load.level[{i + 1}]": 5e3 for i in range(6)},
-        "d_2.reading": DisturbanceReading.FORCE,
+        "d_2.is_force": True,
         "d_2.amplitude[1]": 300.0,
         "d_2.omega[1]": 7.0,
         "d_2.arctan": 100.0,
@@ -408,8 +408,7 @@ def test_plant_at_random_points() -> None:
         p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded, drive=drive)
         u = paper.PlantInputs(**acting)
 
-        source = TorqueSource.COMMAND if commanded else TorqueSource.CURRENT
-        v = values(given, acting, torque_source=float(source), F_2=F[0], F_3=F[1], F_4=F[2])
+        v = values(given, acting, use_commanded_current=float(commanded), F_2=F[0], F_3=F[1], F_4=F[2])
         v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
         v = values(vars(v), dict(zip(("x_L", "v_L", "i_q", "i_d"), x.tolist(), strict=True)))
         v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady

@@ -119,10 +119,9 @@ def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pyte
     assert not any(text.get_parse_math() for text in (*legend, figure._suptitle))
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_packages(nested: bool, fmu_folder: Path, tmp_path: Path) -> None:
+def test_packages(fmu_folder: Path, tmp_path: Path) -> None:
     original = joined(fmu_folder)
-    back = ec.load(original.export(tmp_path / "x.ssp", nested=nested, set=SET))
+    back = ec.load(original.export(tmp_path / "x.ssp", set=SET))
     assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
     assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
     assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)

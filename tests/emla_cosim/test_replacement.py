@@ -250,11 +250,10 @@ def test_a_scenario_file_does_the_same(
     assert Path("file/results.csv").read_bytes() == Path("options/results.csv").read_bytes()
 
 
-@pytest.mark.parametrize("nested", [(), ("--nested",)], ids=["flat", "nested"])
-def test_a_package_does_the_same(emla: Emla, foreign: tuple[str, ...], nested: tuple[str, ...]) -> None:
+def test_a_package_does_the_same(emla: Emla, foreign: tuple[str, ...]) -> None:
     """Its connections carry the factors, its parameters the mapping."""
     ran(emla, "options", "lift", "--stop-time", "0.02", *IDEAL, *foreign)
-    exported = emla("export", "lift", "my.ssp", "--stop-time", "0.02", *IDEAL, *foreign, *nested)
+    exported = emla("export", "lift", "my.ssp", "--stop-time", "0.02", *IDEAL, *foreign)
     assert exported.exit_code == 0, exported.output
     ran(emla, "package", "my.ssp")
     assert Path("package/results.csv").read_bytes() == Path("options/results.csv").read_bytes()

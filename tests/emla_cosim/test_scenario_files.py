@@ -246,11 +246,11 @@ def test_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
 def test_a_file_does_what_options_do(emla: Emla) -> None:
     write(
         'system = "lift"\nstop_time = 0.02\nplots = false\noutput = "file"\nalgorithm = "jacobi"\n'
-        'step_size = 5e-5\n[set]\n"lift.plant.motor.R_s" = 0.2\n"lift.disturbance.d_2.reading" = "force"\n'
+        'step_size = 5e-5\n[set]\n"lift.plant.motor.R_s" = 0.2\n"lift.disturbance.d_2.is_force" = true\n'
     )
     ran(emla, "my.toml", output="file")
     options = ("--stop-time", "0.02", "--algorithm", "jacobi", "--step-size", "5e-5", "--no-plots")
-    values = ("--set", "lift.plant.motor.R_s=0.2", "--set", "lift.disturbance.d_2.reading=force")
+    values = ("--set", "lift.plant.motor.R_s=0.2", "--set", "lift.disturbance.d_2.is_force=true")
     ran(emla, "lift", *options, *values, "--output", "options", output="options")
     assert Path("file/results.csv").read_bytes() == Path("options/results.csv").read_bytes()
 

@@ -71,7 +71,7 @@ def test_study_has_the_observer_in_the_loop_and_everything_that_disturbs() -> No
             0.002,
             0.001,
         )
-        assert "torque_source" not in plant  # the default: actual current
+        assert "use_commanded_current" not in plant  # the default: actual current
         disturbance = system.component(f"{joint}.disturbance").parameters
         assert disturbance["d_3.amplitude[1]"] == 0.42
         assert disturbance["d_2.amplitude[1]"] in (0.8, 0.9)

@@ -22,10 +22,10 @@ from emla_cosim.fmu.models import FLAVOURS, build
 from emla_cosim.master.network import Link, order_with_followers, stepping_order
 from emla_cosim.study.loading import load
 from emla_cosim.sweeps.targets import format_arguments
-from emla_cosim.system.fault import KINDS, Fault, read_faults
+from emla_cosim.system.fault import Fault, read_faults
 from emla_cosim.system.resolution import find_transformation
 from emla_cosim.system.signal_faults import add_fault_components, wire_faults
-from emla_fmu import FaultKind, SignalFault
+from emla_fmu import SignalFault
 from fmublock.instance import Instance
 from tests.support.faulty_systems import faulty, wired
 
@@ -63,19 +63,21 @@ U = [3.0, -0.0, 5.0, 7.0, 11.0, 13.0, 17.0]
 
 
 @pytest.mark.parametrize(
-    ("kind", "during"),
+    ("effect", "during"),
     [
-        (FaultKind.NONE, [7.0, 11.0]),
-        (FaultKind.FREEZE, [5.0, 5.0]),
-        (FaultKind.OFFSET, [9.0, 13.0]),
-        (FaultKind.GAIN, [14.0, 22.0]),
-        (FaultKind.CONSTANT, [2.0, 2.0]),
+        ({}, [7.0, 11.0]),
+        ({"freeze": 1.0}, [5.0, 5.0]),
+        ({"freeze": 1.0, "gain": 2.0, "offset": 2.0}, [5.0, 5.0]),
+        ({"offset": 2.0}, [9.0, 13.0]),
+        ({"gain": 2.0}, [14.0, 22.0]),
+        ({"gain": 0.0, "offset": 2.0}, [2.0, 2.0]),
+        ({"gain": 2.0, "offset": 2.0}, [16.0, 24.0]),
     ],
 )
-def test_what_becomes_of_a_signal(kind: FaultKind, during: Sequence[float]) -> None:
+def test_what_becomes_of_a_signal(effect: Mapping[str, float], during: Sequence[float]) -> None:
     block = Instance(SignalFault())
     r = block.layout.reference
-    values = {"kind": float(kind), "start": 0.3, "duration": 0.2, "value": 2.0, "u": U[0]}
+    values = {**effect, "start": 0.3, "duration": 0.2, "u": U[0]}
     block.set([r(n) for n in values], list(values.values()))
     block.setup_experiment(0.0)
     block.enter_initialization()
@@ -87,14 +89,13 @@ def test_what_becomes_of_a_signal(kind: FaultKind, during: Sequence[float]) -> N
         found.append(block.get([r("y"), r("active")]))
     y, active = np.array(found).T
     assert y.tobytes() == np.array([*U[:3], *during, *U[5:]]).tobytes()  # minus zero included
-    lasts = 0.0 if kind == FaultKind.NONE else 1.0
-    assert active.tolist() == [0.0, 0.0, 0.0, lasts, lasts, 0.0, 0.0]
+    assert active.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
 
 
 def test_a_freeze_from_the_start_keeps_the_first_step() -> None:
     block = Instance(SignalFault())
     r = block.layout.reference
-    block.set([r("kind"), r("start"), r("u")], [2.0, 0.0, 1.0])
+    block.set([r("freeze"), r("start"), r("u")], [1.0, 0.0, 1.0])
     block.setup_experiment(0.0)
     block.enter_initialization()
     block.exit_initialization()
@@ -104,10 +105,6 @@ def test_a_freeze_from_the_start_keeps_the_first_step() -> None:
         block.do_step(0.1 * k, 0.1)
         found.append(block.get([r("y")])[0])
     assert found == [1.0, 2.0, 2.0, 2.0]
-
-
-def test_the_kinds_are_those_of_the_block() -> None:
-    assert [kind.name.lower() for kind in FaultKind if kind != FaultKind.NONE] == list(KINDS)
 
 
 # ---- in a system ----------------------------------------------------------------------------------

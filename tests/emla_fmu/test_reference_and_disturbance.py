@@ -10,7 +10,7 @@ from hypothesis import given
 
 from emla_cosim.study.joint import start_values
 from emla_cosim.study.systems import STUDY
-from emla_fmu import Disturbance, DisturbanceReading, Reference
+from emla_fmu import Disturbance, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
 from fmublock import Instance
@@ -159,7 +159,7 @@ def test_before_zero_the_first_random_value_holds() -> None:
 def test_read_as_force_the_disturbance_leaves_the_acceleration_alone() -> None:
     t = np.arange(0, 1.0, 0.05)
     disturbance = {"amplitude_2": (0.8, 0.7), "omega_2": (8.0, 20.0), "level": (1e3,) * LEVELS}
-    force = outputs_at(Disturbance(), t, 0.01, reading=DisturbanceReading.FORCE, **disturbance)
+    force = outputs_at(Disturbance(), t, 0.01, is_force=True, **disturbance)
     acceleration = outputs_at(Disturbance(), t, 0.01, **disturbance)
     assert (force.d_2 == 0.0).all() and (acceleration.F_L == 1e3).all()
     assert force.F_L == pytest.approx(1e3 - acceleration.d_2)

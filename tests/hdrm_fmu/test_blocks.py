@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emla_fmu import EmlaPlant, TorqueSource
+from emla_fmu import EmlaPlant
 from fmublock import Instance, StepDiscardedError
 from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
 from hdrm_fmu.parameters import RANGES
@@ -88,7 +88,7 @@ def test_it_accelerates_as_three_plants_under_its_load_force(
             i_q_ref=tau_m[i] / (1.5 * emla.N_p * emla.Phi_PM),
             F_L=merged["F_L"][i],
             d_2=d_2[i],
-            torque_source=TorqueSource.COMMAND,
+            use_commanded_current=True,
             v_L=m.v[i],
             **{
                 "start.x_L": m.q[i],

@@ -22,7 +22,7 @@ from tests.support.modelica_package import (
 CONSTANTS = ["NEVER", "pi"]
 """What package.mo declares itself."""
 
-PACKAGES = ["Types", "Interfaces", "Functions"]
+PACKAGES = ["Interfaces", "Functions"]
 
 PARTS = ["Actuator", "Electrics", "Machine"]
 """Data, and what blocks extend."""

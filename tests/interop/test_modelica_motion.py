@@ -328,7 +328,7 @@ MOTIONS = {
     "trajectory": Motion("Trajectory", CURVE, step=1e-3, count=1000, every=10),
     "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
     "plant driven by the command": Motion(
-        "EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS, rests=WINDING
+        "EmlaPlant", {**PLANT, "use_commanded_current": True}, PLANT_INPUTS, rests=WINDING
     ),
     "plant of a drive": Motion("EmlaPlant", {**PLANT, **DRIVE}, PLANT_INPUTS, tolerance=1e-6),
     "plant with sensors": Motion(
@@ -406,7 +406,7 @@ MOTIONS = {
     "disturbance": Motion("Disturbance", DISTURBANCE, SPEED, step=1e-3, count=1000, every=1),
     "disturbance as a force": Motion(
         "Disturbance",
-        {**DISTURBANCE, "d_2.reading": 2},
+        {**DISTURBANCE, "d_2.is_force": True},
         SPEED,
         step=1e-3,
         count=1000,

@@ -196,7 +196,7 @@ _export = st.builds(
     lambda scenario, file, options: _joined(("export", scenario, file, "--fmus", FMUS), *options),
     _scenarios,
     _paths | st.sampled_from(["new.ssp", "ok.ssp"]),
-    _options(EXPORT) | st.just([("--nested",)]),
+    _options(EXPORT),
 )
 _rerun = st.builds(
     lambda quiet, file, options: _joined(

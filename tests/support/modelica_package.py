@@ -148,6 +148,4 @@ def _array(values: list[str]) -> str:
 
 
 def _literal(variable: Variable, value: Any) -> str:
-    if variable.enumeration is not None:
-        return f"EMLA.Types.{variable.enumeration.__name__}.{variable.enumeration(value).name.lower()}"
     return str(bool(value)).lower() if variable.fmi_type == "Boolean" else repr(value)

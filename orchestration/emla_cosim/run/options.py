@@ -367,6 +367,8 @@ class Options:
         in_sweep=LEFT_OUT,
     )
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    overridden: Mapping[str, Any] = dataclasses.field(default_factory=dict, compare=False)
+    """Earlier options that a later choice of algorithm or step-size control does not have."""
 
     def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
         """Return the options with other values.
@@ -390,9 +392,23 @@ class Options:
         """Return the options with values from `read_options`, merged as by `merge`."""
         if not values:
             return self
-        both = merge({**{n: getattr(self, n) for n in values if n in _FIXED}, **self.own}, values)
+        fixed = {name: getattr(self, name) for name in (*values, *_KINDS) if name in _FIXED}
+        again = {name: value for name, value in self.overridden.items() if _choice_of(name) in values}
+        both = merge({**fixed, **again, **self.own}, values)
         own = {name: both.pop(name) for name in [*both] if name not in _FIXED}
-        return dataclasses.replace(self, **both, own=own)
+        earlier = {**self.overridden, **self.own}
+        overridden = {name: value for name, value in earlier.items() if name not in own}
+        return dataclasses.replace(self, **both, own=own, overridden=overridden)
+
+    def overridden_notes(self) -> list[str]:
+        """Return a note on each option that a later choice made useless, without full stops."""
+        known = list_options()
+        chosen = {"algorithm": self.algorithm_name, "step_size_control": self.step_size_control_name}
+        return [
+            f"the {known[name].noun} of the scenario is not used: the {known[_choice_of(name)].noun} "
+            f"{chosen[_choice_of(name)]} has none"
+            for name in self.overridden
+        ]
 
     @property
     def algorithm_name(self) -> str:
@@ -503,6 +519,9 @@ class Options:
 
 _FIXED = {o.name: o for o in options_of(Options)}
 
+_KINDS: Mapping[str, Mapping[str, type]] = {"algorithm": ALGORITHMS, "step_size_control": STEP_SIZE_CONTROLS}
+"""The options that choose a class, with the classes, each of which has options of its own."""
+
 
 def list_options(command: str | None = None) -> dict[str, Option]:
     """Return all options by name, or those of one command. Registered classes add theirs."""
@@ -518,9 +537,35 @@ def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def merge(before: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge values of options by name. Tables are merged; all other values are replaced."""
+    """Merge values of options by name. Tables are merged; all other values are replaced.
+
+    A later algorithm or step-size control removes earlier options that it does not have. Later options of a
+    step-size control remove an earlier choice of one that does not have them.
+    """
+    before = _without_overridden(before, later)
     tables = {n for n, value in later.items() if isinstance(value, Mapping) and before.get(n)}
     return {**before, **{n: _merge_tables(before[n], v) if n in tables else v for n, v in later.items()}}
+
+
+def _choice_of(name: str) -> str:
+    """Return the option that chooses the class to which an option belongs; empty for recorders."""
+    found = (what for what, kinds in _KINDS.items() if any(name in _names(kind) for kind in kinds.values()))
+    return next(found, "")
+
+
+def _without_overridden(before: Mapping[str, Any], later: Mapping[str, Any]) -> Mapping[str, Any]:
+    kept = dict(before)
+    for what, kinds in _KINDS.items():
+        belonging = {name for kind in kinds.values() for name in _names(kind)}
+        if (chosen := later.get(what)) is not None:
+            has = _names(kinds[chosen]) if isinstance(chosen, str) else set[str]()
+            kept = {name: value for name, value in kept.items() if name not in belonging - has}
+    earlier = kept.get("step_size_control")
+    if earlier is not None and "step_size_control" not in later:
+        asked = {name for kind in STEP_SIZE_CONTROLS.values() for name in _names(kind)} & later.keys()
+        if asked - (_names(STEP_SIZE_CONTROLS[earlier]) if isinstance(earlier, str) else set()):
+            kept["step_size_control"] = None
+    return kept
 
 
 def _merge_tables(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:

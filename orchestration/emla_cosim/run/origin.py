@@ -27,7 +27,7 @@ class RunOrigin:
         if not given:
             return self
         both = merge(self.overrides, with_gains(given))
-        names = [name for name in list_options() if name in self.overrides or name in given]
+        names = [name for name in list_options() if name in both]
         return replace(self, overrides={name: _make_absolute(name, both[name]) for name in names})
 
 

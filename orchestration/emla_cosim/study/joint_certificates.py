@@ -10,7 +10,6 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from emla_fmu import TorqueSource
 from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, ObserverConstants, certificate
 
 from ..base.arrays import Vector
@@ -50,7 +49,7 @@ _CHOICES = (
     "observer.use_model",
     "observer.use_measured_current",
     "observer.model.N_p",
-    "plant.torque_source",
+    "plant.use_commanded_current",
 )
 """Parameters that are not real numbers, which the outline of a run does not have."""
 
@@ -210,7 +209,7 @@ def _remarks(
             "The observer estimates the disturbance as a third state, which (44) does not have.",
         ),
         (
-            own["plant.torque_source"] == TorqueSource.CURRENT,
+            not own["plant.use_commanded_current"],
             "x_3d is u_2, for whose derivative Omega_3 there is no prior bound, and P_3 acts on the speed, "
             "which (36) omits. Both are measured here.",
         ),

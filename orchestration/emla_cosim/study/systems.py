@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from emla_fmu import EmlaMotor, TorqueSource
+from emla_fmu import EmlaMotor
 from emla_fmu.observer_gains import ObserverGains
 from fmublock.noise import MODULUS
 
@@ -76,7 +76,7 @@ def study_joint(
     seeds = {} if own.seed is None else {"seed": own.seed}
     plant |= seeds
     if as_printed:
-        plant["torque_source"] = int(TorqueSource.COMMAND)
+        plant["use_commanded_current"] = True
     elif drive or own.is_realistic:
         plant |= realistic_plant_values(other or own.realistic)
         plant |= {} if own.seed is None else {"seed_i": current_seed(own.seed)}

@@ -69,9 +69,13 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
 
 
 def _start_values(fault: Fault) -> dict[str, Value]:
-    values: dict[str, Value] = {"kind": fault.kind, "start": fault.start}
-    given = {"duration": fault.duration, "value": fault.value}
-    return values | {name: x for name, x in given.items() if x is not None}
+    values: dict[str, Value] = {"start": fault.start}
+    if fault.duration is not None:
+        values["duration"] = fault.duration
+    if fault.value is None:
+        return values | {"freeze": True}
+    effects = {"offset": {"offset": fault.value}, "gain": {"gain": fault.value}}
+    return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
 
 
 def _end(system: System, fault: Fault) -> tuple[str, str]:

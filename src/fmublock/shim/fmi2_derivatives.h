@@ -30,7 +30,11 @@ static fmi2Status check_unknown(const Instance *instance, fmi2ValueReference ref
                   variables[reference].name);
 }
 
-/* During initialization at the start values, later at the present time, states and inputs. */
+/* During initialization at the start values, later at the present time, states and inputs.
+ *
+ * A known with the seed 0 has no effect. It may be any variable, because OMSimulator lists all dependencies
+ * of an unknown here, Integers too.
+ */
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[],
                                         size_t nUnknown, const fmi2ValueReference vKnown_ref[],
                                         size_t nKnown, const fmi2Real dvKnown[], fmi2Real dvUnknown[]) {
@@ -43,6 +47,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     for (size_t i = 0; i < nUnknown; i++)
         if (check_unknown(instance, vUnknown_ref[i]) != fmi2OK) return fmi2Error;
     for (size_t i = 0; i < nKnown; i++) {
+        if (dvKnown[i] == 0.0 && vKnown_ref[i] < SHOWN(instance)) continue; /* of any type, see below */
         if (check_known(instance, vKnown_ref[i]) != fmi2OK) return fmi2Error;
         direction[vKnown_ref[i]] += dvKnown[i];
     }

@@ -27,14 +27,11 @@ MAPPING = FOREIGN_MAPPING
 SCHEMAS = Path(emla_cosim.ssp.documents.__file__).parent / "schemas"
 
 
-@pytest.fixture(scope="module", params=["flat", "nested"])
-def exported(
-    request: Any, fmu_folder: Path, foreign_plant: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+@pytest.fixture(scope="module")
+def exported(fmu_folder: Path, foreign_plant: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The study with one plant of somebody else."""
     path = tmp_path_factory.mktemp("exported") / "study.ssp"
-    options = ["--nested"] if request.param == "nested" else []
-    options += ["--replace", f"tilt.plant={foreign_plant}", "--mapping", f"tilt.plant={MAPPING}"]
+    options = ["--replace", f"tilt.plant={foreign_plant}", "--mapping", f"tilt.plant={MAPPING}"]
     result = CliRunner().invoke(app, ["export", "study", str(path), "--fmus", str(fmu_folder), *options])
     assert result.exit_code == 0, result.output
     return path

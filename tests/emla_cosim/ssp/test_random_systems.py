@@ -11,7 +11,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.ssp.reader.flat_document import read_ssp
@@ -59,7 +58,7 @@ VALUES: dict[str, Any] = {
     "Real": NUMBERS,
     "Integer": st.integers(-9, 9),
     "Boolean": st.booleans(),
-    "Enumeration": st.sampled_from([*ITEMS, *ITEMS.values()]),
+    "Enumeration": st.sampled_from(["off", ITEMS["off"]]),  # the start value; no other is exported
 }
 
 
@@ -73,22 +72,11 @@ class Example:
 
     system: System
     models: dict[str, str]
-    nested: bool
-
-
-def free_names(names: set[str], nested: bool) -> bool:
-    """Whether components may be called so together."""
-    if not nested:
-        return len({n.replace(".", "_") for n in names}) == len(names)
-    return not any(other.startswith(f"{name}.") for name in names for other in names)
 
 
 @st.composite
 def examples(draw: Any) -> Example:
-    nested = draw(st.booleans())
-    names = draw(
-        st.lists(NAMES, min_size=1, max_size=5, unique=True).filter(lambda x: free_names(set(x), nested))
-    )
+    names = draw(st.lists(NAMES, min_size=1, max_size=5, unique=True))
     models = {name: draw(st.sampled_from(sorted(MODELS))) for name in names}
     components = {name: draw(component(name, models[name])) for name in names}
     outputs = [(n, v) for n in names for v in variables(models[n]) if causality(models[n], v) == "output"]
@@ -106,7 +94,7 @@ def examples(draw: Any) -> Example:
                     options.append(st.none())
                 connections.append(Connection(source, output, name, input_, draw(st.one_of(options))))
                 drop(components, name, input_)
-    return Example(System(tuple(components.values()), tuple(connections)), models, nested)
+    return Example(System(tuple(components.values()), tuple(connections)), models)
 
 
 def drop(components: dict[str, Component], name: str, variable: str) -> None:
@@ -171,9 +159,9 @@ def convertible(source: SiUnit | None, target: SiUnit | None) -> bool:
 EXPERIMENT = SystemTimes(0.5, 12.25, 1e-3)
 
 
-def written(path: Path, system: System, fmus: dict[str, Path], nested: bool) -> dict[str, bytes]:
+def written(path: Path, system: System, fmus: dict[str, Path]) -> dict[str, bytes]:
     """The files of a package."""
-    write_ssp(path, "name", "What it is", system, fmus, EXPERIMENT, nested)
+    write_ssp(path, "name", "What it is", system, fmus, EXPERIMENT)
     with zipfile.ZipFile(path) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 
@@ -183,11 +171,11 @@ def written(path: Path, system: System, fmus: dict[str, Path], nested: bool) -> 
 def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
     files = {name: fmus[model] for name, model in example.models.items()}
     with tempfile.TemporaryDirectory() as folder:
-        first = written(Path(folder, "first.ssp"), example.system, files, example.nested)
+        first = written(Path(folder, "first.ssp"), example.system, files)
         with read_ssp(Path(folder, "first.ssp")) as document:
             found = document.system
             theirs = {c.name: c.fmu for c in found.components if c.fmu is not None}
-            second = written(Path(folder, "second.ssp"), found, theirs, example.nested)
+            second = written(Path(folder, "second.ssp"), found, theirs)
             interfaces = {name: read_interface(file) for name, file in theirs.items()}
             plain = resolve_system(found, interfaces)
         assert second == first
@@ -220,19 +208,11 @@ def as_number(value: Any) -> Any:
 
 @settings(max_examples=30)
 @given(st.lists(NAMES, min_size=2, max_size=5, unique=True))
-def test_names_that_do_not_go_together(fmus: dict[str, Path], names: list[str]) -> None:
-    """Are refused, flat or nested, and nothing is written."""
+def test_names_stay(fmus: dict[str, Path], names: list[str]) -> None:
+    """Also where they differ only in characters that an identifier cannot have."""
     system = System(tuple(Component(name) for name in names), ())
-    files = dict.fromkeys(names, fmus["short"])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "x.ssp")
-        for nested in (False, True):
-            if free_names(set(names), nested):
-                written(path, system, files, nested)
-                with read_ssp(path) as document:
-                    assert {c.name for c in document.system.components} == set(names)
-                path.unlink()
-            else:
-                with pytest.raises(CommandError, match="nested"):
-                    written(path, system, files, nested)
-                assert not path.exists()
+        written(path, system, dict.fromkeys(names, fmus["short"]))
+        with read_ssp(path) as document:
+            assert [c.name for c in document.system.components] == names

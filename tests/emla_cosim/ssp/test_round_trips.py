@@ -17,7 +17,6 @@ from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood
 
 MAPPING = FOREIGN_MAPPING
-NESTED = ["--nested"]
 
 
 @pytest.fixture(autouse=True)
@@ -33,40 +32,29 @@ def export(source: str, file: str, fmus: Path, *options: str) -> dict[str, bytes
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def there_and_back(scenario: str, fmus: Path, *options: str, nested: bool = False) -> dict[str, bytes]:
+def there_and_back(scenario: str, fmus: Path, *options: str) -> dict[str, bytes]:
     """Export, export what was read, and compare; returns the files."""
-    shape = NESTED if nested else []
-    first = export(scenario, "first.ssp", fmus, *options, *shape)
-    assert export("first.ssp", "second.ssp", fmus, *shape) == first
+    first = export(scenario, "first.ssp", fmus, *options)
+    assert export("first.ssp", "second.ssp", fmus) == first
     assert Path("first.ssp").read_bytes() == Path("second.ssp").read_bytes()
     return first
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
 @pytest.mark.parametrize("scenario", ["study", "published"])
-def test_scenarios(scenario: str, nested: bool, fmu_folder: Path) -> None:
-    there_and_back(scenario, fmu_folder, nested=nested)
+def test_scenarios(scenario: str, fmu_folder: Path) -> None:
+    there_and_back(scenario, fmu_folder)
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_flat_and_nested_become_each_other(nested: bool, fmu_folder: Path) -> None:
-    one, other = (NESTED, []) if nested else ([], NESTED)
-    expected = export("study", "one.ssp", fmu_folder, *one)
-    export("study", "other.ssp", fmu_folder, *other)
-    assert export("other.ssp", "again.ssp", fmu_folder, *one) == expected
-
-
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_sampled_components_and_bonds(nested: bool, fmu_folder: Path) -> None:
+def test_sampled_components_and_bonds(fmu_folder: Path) -> None:
     bonds = {"axis": "lift.plant.tau_m * lift.plant.v_L"}
     scenario = load("lift", fmus=fmu_folder, bonds=bonds)
-    file = scenario.export("sampled.ssp", nested)
+    file = scenario.export("sampled.ssp")
     found = load(file).system
     samples = {c.name for c in scenario.system.components if c.samples}
     assert samples and samples < {c.name for c in found.components}
     assert {c.name for c in found.components if c.samples} == samples
     assert {name: str(bond) for name, bond in found.bonds.items()} == bonds
-    again = load(file, fmus=fmu_folder).export("again.ssp", nested)
+    again = load(file, fmus=fmu_folder).export("again.ssp")
     assert again.read_bytes() == file.read_bytes()
 
 
@@ -114,10 +102,9 @@ def test_two_bonds_of_one_name_are_refused(fmu_folder: Path) -> None:
         load("unpacked")
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_a_replaced_component(nested: bool, fmu_folder: Path, foreign_plant: Path) -> None:
+def test_a_replaced_component(fmu_folder: Path, foreign_plant: Path) -> None:
     options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
-    files = there_and_back("study", fmu_folder, *options, nested=nested)
+    files = there_and_back("study", fmu_folder, *options)
     assert "resources/lift_plant.ssm" in files
     found = understood(Path("second.ssp"))
     plant = found.system.component("lift.plant")
@@ -126,11 +113,10 @@ def test_a_replaced_component(nested: bool, fmu_folder: Path, foreign_plant: Pat
     assert found.values("lift.plant")["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_one_name_with_a_value_for_each_component(nested: bool, fmu_folder: Path) -> None:
+def test_one_name_with_a_value_for_each_component(fmu_folder: Path) -> None:
     step, force = "solver.internal_step", "model.A_eq"
     options = ["--set", f"lift.plant.{step}=3e-5", "--set", f"tilt.controller.{force}=0.0456"]
-    there_and_back("study", fmu_folder, *options, nested=nested)
+    there_and_back("study", fmu_folder, *options)
     found = understood(Path("second.ssp"))
     assert found.values("lift.plant")[step] == 3e-5
     assert step not in found.values("lift.controller")
@@ -138,10 +124,9 @@ def test_one_name_with_a_value_for_each_component(nested: bool, fmu_folder: Path
     assert found.values("tilt.observer")[force] != 0.0456
 
 
-@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-def test_what_is_read_is_what_was_exported(nested: bool, fmu_folder: Path) -> None:
+def test_what_is_read_is_what_was_exported(fmu_folder: Path) -> None:
     """Names, connections and values."""
-    export("study", "first.ssp", fmu_folder, *(NESTED if nested else []))
+    export("study", "first.ssp", fmu_folder)
     study = load("study", fmus=fmu_folder)
     system, fmus = prepare_system(study.system, study.options, Progress())
     interfaces = {name: read_interface(file) for name, file in fmus.items()}

@@ -26,17 +26,10 @@ def command(
     scenario: Annotated[str, typer.Argument(help=SOURCE)],
     file: Annotated[Path, typer.Argument(help="Package to write.", metavar="FILE.ssp")],
     given: dict[str, Any],
-    nested: Annotated[
-        bool,
-        typer.Option(
-            help="Write one system per joint. Default: a flat system, the only kind that libcosim and Ecos "
-            "read."
-        ),
-    ] = False,
 ) -> None:
     """Export a scenario as an SSP package."""
     chosen = load(scenario, **given)
     check_output_files({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
-        chosen.export(file, nested, progress)
+        chosen.export(file, progress)
     show_file(file)

@@ -75,7 +75,8 @@ class Scenario:
 
     def notes_with(self, options: Options) -> Sequence[str]:
         """Return the notes on a run with these options. Raise CommandError if the system cannot be run."""
-        return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
+        notes = self.notes if self.remarks is None else self.remarks(self.system, options)
+        return tuple(dict.fromkeys((*notes, *options.overridden_notes())))
 
     def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
         """Build and load all FMUs and compile the loop, so that the scenario can run many times.
@@ -113,7 +114,6 @@ class Scenario:
     def export(
         self,
         file: str | Path,
-        nested: bool = False,
         progress: Progress | None = None,
         **options: Unpack[PrepareOptions],
     ) -> Path:
@@ -121,7 +121,6 @@ class Scenario:
 
         Args:
             file: path of the SSP.
-            nested: group components by the first part of their names into a system each.
             progress: receives the progress of building FMUs.
             **options: values by name. With `overwrite`, a file that emla did not write is replaced.
 
@@ -145,8 +144,6 @@ class Scenario:
         with show_paths_relative_to(self.unpacked):
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
-            write_ssp(
-                Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
-            )
+            write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
         told.advance(1)
         return Path(file)

@@ -158,3 +158,4 @@ class Structure:
     description: str = ""
     samples: tuple[str, ...] = ()
     bonds: Mapping[str, Bond] = field(default_factory=dict)
+    id: str | None = None

@@ -61,6 +61,7 @@ def parse_structure(content: bytes, where: str) -> Structure:
         description=root.get("description", ""),
         samples=tuple(e["component"] for e in _own(root, where, "Samples", ("component",))),
         bonds=_bonds(root, where),
+        id=root.get("id"),
     )
 
 

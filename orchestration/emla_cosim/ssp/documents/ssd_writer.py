@@ -44,7 +44,9 @@ def format_structure(structure: Structure) -> bytes:
     namespaces = ANNOTATION_NAMESPACES
     if structure.samples or structure.bonds:
         namespaces = ANNOTATION_NAMESPACES | OWN_NAMESPACE
-    root = document("ssd", namespaces, name=structure.name, description=structure.description or None)
+    root = document(
+        "ssd", namespaces, id=structure.id, name=structure.name, description=structure.description or None
+    )
     _add_system(root, structure.system, structure.step_size)
     add_units(root, "ssd", _units(structure.system))
     start, stop = (

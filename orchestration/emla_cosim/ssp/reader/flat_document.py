@@ -8,6 +8,7 @@ from pathlib import Path
 from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS
 from ...system.model import Alias, Component, Connection, System
+from ..documents.identifiers import parse_id
 from ..documents.ssd_data import ParameterBinding, ParameterSet, SsvParameter, Structure, TableTransformation
 from .binding import BoundValue, build_transformation, resolve_bindings
 from .collecting import collect_wiring
@@ -46,7 +47,8 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
     """Read a package, a folder or an SSD. Unpacked FMUs exist until the end of the block.
 
     A component has the names of its elements with dots, such as `lift.plant` for `plant` in the system
-    `lift`. A top-level element `lift_plant` with the id `lift.plant` is also called `lift.plant`.
+    `lift`. A top-level element `lift_plant` with the id `lift.plant` is also called `lift.plant`; see
+    `identifiers`.
 
     Raises:
         CommandError: If something is invalid, missing or not supported.
@@ -68,7 +70,7 @@ def _document(structure: Structure, package: Package) -> SspDocument:
     connections = (_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
     system = System(tuple(components), tuple(x for x in connections if x is not None), structure.bonds)
     return SspDocument(
-        name=structure.name,
+        name=parse_id(structure.name, structure.id),
         description=structure.description,
         system=system,
         start_time=structure.start_time,
@@ -103,9 +105,7 @@ def _names(wired: Wiring) -> dict[Path_, str]:
     names: dict[Path_, str] = {}
     taken: set[str] = set()
     for path, fmu in wired.fmus.items():
-        id_ = fmu.component.id
-        flat = len(path) == 1 and id_ is not None and id_.replace(".", "_") == path[0]
-        name = id_ if flat and id_ is not None else ".".join(path)
+        name = parse_id(path[0], fmu.component.id) if len(path) == 1 else ".".join(path)
         if name in taken:
             raise wired.fault(f"there are two components '{name}'.")
         taken.add(name)

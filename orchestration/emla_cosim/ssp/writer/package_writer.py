@@ -12,9 +12,10 @@ from ...base.ownership import check_replaceable
 from ...fmu.interface import read_interfaces
 from ...system.model import System
 from ...system.resolution import resolve_system
+from ..documents.identifiers import format_id, make_identifier
 from ..documents.ssd_data import DEFAULT_SSD, Structure
 from ..documents.ssd_writer import format_structure
-from .elements import StructurePart, build_root_system, order_system
+from .elements import StructurePart, build_root_system
 from .parameter_files import file_name, parameter_files
 
 
@@ -62,19 +63,18 @@ def write_ssp(
     system: System,
     fmus: Mapping[str, Path],
     experiment: SystemTimes,
-    nested: bool = False,
     overwrite: bool = False,
 ) -> None:
     """Write a system with its FMUs to a package; equal content gives equal bytes.
 
     Args:
         path: The file.
-        name: The name of the system.
+        name: The name of the system. Characters that not every tool accepts are replaced; `read_ssp` restores
+            them.
         description: Its description.
         system: The system.
         fmus: The FMUs by component.
         experiment: The times of the default experiment.
-        nested: Whether the dots in component names create nested systems.
         overwrite: Whether to replace a file that emla did not write.
 
     Raises:
@@ -82,7 +82,6 @@ def write_ssp(
         RunError: If the file cannot be written.
     """
     check_package(path, overwrite)
-    system = order_system(system, nested)
     fmus = {c.name: fmus[c.name] for c in system.components}
     interfaces = read_interfaces(fmus)
     plain = resolve_system(system, interfaces)
@@ -92,15 +91,17 @@ def write_ssp(
         c.name: StructurePart(interfaces[c.name], uris[fmus[c.name]], parameters.bindings[c.name])
         for c in system.components
     }
+    identifier = make_identifier(name)
     structure = Structure(
-        name,
-        build_root_system(name, plain, parts, nested),
+        identifier,
+        build_root_system(identifier, plain, parts),
         experiment.start_time,
         experiment.stop_time,
         experiment.step_size,
         description,
         tuple(c.name for c in system.components if c.samples),
         system.bonds,
+        format_id(identifier, name),
     )
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}

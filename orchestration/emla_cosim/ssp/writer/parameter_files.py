@@ -4,8 +4,6 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-from fmpy.model_description import ModelVariable
-
 from ...base.errors import CommandError
 from ...fmu.interface import Interface
 from ...fmu.variables import convert_start_value, find_variable
@@ -16,6 +14,11 @@ from .elements import select_unambiguous
 
 SET_NAME = "initialValues"
 """The name of all parameter sets: Ecos selects sets by name, and its users expect this one."""
+
+_TYPES = ("Real", "Integer", "Boolean")
+"""The types of parameters that OMSimulator, libcosim and Ecos read."""
+
+_PLURALS = {"Enumeration": "Enumerations", "String": "Strings"}
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,12 @@ def _parameters(component: Component, interface: Interface) -> list[SsvParameter
     """Return the parameters of a component by its own names, in the order of the FMU's variables."""
     names = {component.alias(name).variable: name for name in component.parameters}
     known = [names.pop(variable) for variable in interface.variables if variable in names]
-    return [_parameter(component, interface, name) for name in (*known, *names.values())]
+    found = (_parameter(component, interface, name) for name in (*known, *names.values()))
+    return [parameter for parameter in found if parameter is not None]
 
 
-def _parameter(component: Component, interface: Interface, name: str) -> SsvParameter:
+def _parameter(component: Component, interface: Interface, name: str) -> SsvParameter | None:
+    """Return a parameter; None for a default of the FMU of a type that not all tools read."""
     value, alias = component.parameters[name], component.alias(name)
     variable = find_variable(component.name, interface.variables, alias.variable)
     if name in component.aliases and variable.type == "Real":
@@ -62,10 +67,18 @@ def _parameter(component: Component, interface: Interface, name: str) -> SsvPara
         except ValueError as error:
             raise CommandError(f"{component.name}.{name} = {value} is not a number.") from error
     typed = convert_start_value(component.name, interface, variable, value)
-    if variable.type == "Enumeration":
-        return SsvParameter(name, "Enumeration", _literal(variable, typed))
-    unit = interface.unit(variable.name) if variable.type == "Real" else None
-    return SsvParameter(name, variable.type, typed, unit)
+    if variable.type in _TYPES:
+        unit = interface.unit(variable.name) if variable.type == "Real" else None
+        return SsvParameter(name, variable.type, typed, unit)
+    start = variable.start
+    if start is not None and convert_start_value(component.name, interface, variable, start) == typed:
+        return None
+    raise CommandError(
+        f"{component.name}.{name} = {value} cannot be exported: not all tools read {_PLURALS[variable.type]} "
+        "from a package, and those would run with another value. Build the FMU with this start value.",
+        component=component.name,
+        variable=variable.name,
+    )
 
 
 def _mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
@@ -116,8 +129,3 @@ def file_name(name: str, ending: str, taken: Collection[str]) -> str:
         number += 1
         uri = f"resources/{stem}_{number}{ending}"
     return uri
-
-
-def _literal(variable: ModelVariable, number: int) -> str:
-    items = variable.declaredType.items if variable.declaredType is not None else []
-    return next(str(i.name) for i in items if int(str(i.value)) == number)

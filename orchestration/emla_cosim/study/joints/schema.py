@@ -384,7 +384,7 @@ _PLANT_ELSEWHERE = {
     "sensor.seed": _SEED,
     "sensor.current.seed": "it follows from seed",
     "start.x_L": "write it as x_L in [start]",
-    "torque_source": "the scenario decides it",
+    "use_commanded_current": "the scenario decides it",
 }
 
 
