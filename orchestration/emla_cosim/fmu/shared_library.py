@@ -1,6 +1,7 @@
 """Shared libraries: finding them, and detecting truncated ones, which end the process when loaded."""
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
@@ -23,6 +24,34 @@ def find_library(folder: Path, identifier: str) -> Path | None:
         if path.is_file():
             return path
     return None
+
+
+def explain_missing_library(folder: Path, identifier: str) -> str:
+    """Return why an unpacked FMU has no library for this machine, as the end of a message."""
+    name = f"{identifier}{fmpy.sharedLibraryExtension}"
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        inside = folder / "binaries" / platform
+        if not inside.is_dir():
+            continue
+        present = sorted(str(p.relative_to(inside)) for p in inside.rglob("*") if p.is_file())
+        if not present:
+            return f"has an empty folder 'binaries/{platform}': the library '{name}' is missing"
+        more = f" and {len(present) - 4} more files" if len(present) > 4 else ""
+        return (
+            f"has no library '{name}' in 'binaries/{platform}', only {', '.join(present[:4])}{more}; "
+            "the library must have the name of the modelIdentifier"
+        )
+    present = sorted({p.relative_to(folder / "binaries").parts[0] for p in _binaries(folder)})
+    if present:
+        return f"has no binary for {fmpy.platform}, only for {', '.join(present)}"
+    if any((folder / "sources").rglob("*.c")):
+        return f"has no binaries, only C sources; `fmpy compile` can build the binary for {fmpy.platform}"
+    return "has no binaries"
+
+
+def _binaries(folder: Path) -> Iterator[Path]:
+    """Yield the files below the folders of platforms."""
+    return (p for p in folder.glob("binaries/*/**/*") if p.is_file())
 
 
 def missing_bytes(path: Path) -> int:

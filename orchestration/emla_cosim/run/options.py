@@ -216,6 +216,14 @@ class Options:
         stage=LOADING,
         in_sweep=SAME,
     )
+    lenient: bool = _system(
+        False,
+        help="Accept FMUs and packages that violate their standard where other tools accept them. The "
+        "violations are listed.",
+        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO),
+        stage=LOADING,
+        in_sweep=SAME,
+    )
     compiled: bool = _stepping(
         True,
         help="Step in compiled code where possible. The results are the same.",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ..base.errors import CommandError, RunError, show_paths_relative_to
+from ..base.faults import accept_faults
 from ..base.files import get_working_folder
 from ..base.option import SHOWING
 from ..base.progress import Progress
@@ -76,6 +77,7 @@ class Simulation:
         holds: object = None,
         origin: RunOrigin | None = None,
         notes: Callable[[Options], Sequence[str]] | None = None,
+        accepted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         """Prepare a system.
 
@@ -88,6 +90,7 @@ class Simulation:
             holds: Object to keep alive as long as the simulation.
             origin: Origin for the records of runs.
             notes: Function that returns the notes on a run with its options.
+            accepted: Violations of the standard that were accepted while the system was read, by file.
 
         Raises:
             CommandError: If an option does not fit the system.
@@ -102,7 +105,8 @@ class Simulation:
         self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
         apart = select_isolated(self.options.isolated, system)  # report wrong names before anything is built
-        with show_paths_relative_to(unpacked):
+        with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
+            self._faults.merge(accepted or {})
             self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart)
         self._finalizer = weakref.finalize(self, self._assembly.close)
@@ -552,6 +556,7 @@ class Simulation:
             run.problem,
             self._unpacked,
         )
+        record["accepted_faults"] = self._faults.shown(self._unpacked)
         return Result(
             name=self.name,
             units=units,
@@ -559,7 +564,11 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
-            remarks=[*going.metrics.remarks(), *stepping.remarks()],
+            remarks=[
+                *self._faults.remarks(self._unpacked),
+                *going.metrics.remarks(),
+                *stepping.remarks(),
+            ],
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,

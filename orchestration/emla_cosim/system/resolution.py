@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..base.errors import CommandError
-from ..base.units import IDENTITY, LinearTransformation, find_conversion
+from ..base.faults import convert_documents_units
+from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
@@ -106,7 +107,7 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
         return connection.transformation
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
     try:
-        return find_conversion(source, target)
+        return convert_documents_units(f"the connection {connection}", source, target)
     except ValueError as error:
         raise CommandError(
             f"the connection {connection} joins {error}.", connection=str(connection)
