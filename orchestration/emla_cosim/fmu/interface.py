@@ -148,7 +148,7 @@ def _read_faulty(path: Path, error: ValidationError) -> Interface:
         interface = read_description(path, validate=False)
         problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
         _check_numbers(interface)
-    except (CommandError, MemoryError):
+    except MemoryError:
         raise
     except Exception as more:  # numbers and references that the schema would have found
         text = first_problem(error)

@@ -1,7 +1,6 @@
 """Shared libraries: finding them, and detecting truncated ones, which end the process when loaded."""
 
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
@@ -28,30 +27,24 @@ def find_library(folder: Path, identifier: str) -> Path | None:
 
 def explain_missing_library(folder: Path, identifier: str) -> str:
     """Return why an unpacked FMU has no library for this machine, as the end of a message."""
-    name = f"{identifier}{fmpy.sharedLibraryExtension}"
+    missing, name = f"has no binary for {fmpy.platform}", f"{identifier}{fmpy.sharedLibraryExtension}"
     for platform in (fmpy.platform_tuple, fmpy.platform):
         inside = folder / "binaries" / platform
-        if not inside.is_dir():
-            continue
-        present = sorted(str(p.relative_to(inside)) for p in inside.rglob("*") if p.is_file())
-        if not present:
-            return f"has an empty folder 'binaries/{platform}': the library '{name}' is missing"
-        more = f" and {len(present) - 4} more files" if len(present) > 4 else ""
-        return (
-            f"has no library '{name}' in 'binaries/{platform}', only {', '.join(present[:4])}{more}; "
-            "the library must have the name of the modelIdentifier"
-        )
-    present = sorted({p.relative_to(folder / "binaries").parts[0] for p in _binaries(folder)})
-    if present:
-        return f"has no binary for {fmpy.platform}, only for {', '.join(present)}"
+        if inside.is_dir():
+            present = sorted(str(p.relative_to(inside)) for p in inside.rglob("*") if p.is_file())
+            if not present:
+                return f"{missing}: the folder 'binaries/{platform}' is empty"
+            more = f" and {len(present) - 4} more files" if len(present) > 4 else ""
+            return (
+                f"{missing}: the folder 'binaries/{platform}' has {', '.join(present[:4])}{more}, but not "
+                f"'{name}', which is named after the modelIdentifier"
+            )
+    files = (p.relative_to(folder / "binaries") for p in folder.glob("binaries/*/**/*") if p.is_file())
+    if platforms := sorted({file.parts[0] for file in files}):
+        return f"{missing}, only for {', '.join(platforms)}"
     if any((folder / "sources").rglob("*.c")):
-        return f"has no binaries, only C sources; `fmpy compile` can build the binary for {fmpy.platform}"
-    return "has no binaries"
-
-
-def _binaries(folder: Path) -> Iterator[Path]:
-    """Yield the files below the folders of platforms."""
-    return (p for p in folder.glob("binaries/*/**/*") if p.is_file())
+        return f"{missing}, only C sources; `fmpy compile` can build it"
+    return f"{missing} or any other platform"
 
 
 def missing_bytes(path: Path) -> int:

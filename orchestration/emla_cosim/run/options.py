@@ -304,7 +304,8 @@ class Options:
         in_sweep=SAME,
     )
     reference: Path | None = _output(
-        help="Fail unless every signal agrees with an earlier run. Name that run's output folder.",
+        help="Fail unless every signal agrees with an earlier run, or with a table of reference values such "
+        "as MODEL_ref.csv. Name the run's output folder or the table.",
         metavar="FOLDER",
         commands=(RUN,),
         in_file=False,
