@@ -57,21 +57,25 @@ class LinearTransformation:
 IDENTITY = LinearTransformation()
 
 
+class UndefinedUnitError(ValueError):
+    """Two units cannot be converted because one of them has no definition; the message is a phrase."""
+
+
 def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
     """Return the conversion from one unit to another; the identity if one of them is None.
 
     The radian is ignored: a torque in N.m is one in N.m/rad.
 
     Raises:
-        ValueError: If the units measure different things, or one of them has no definition. The message is a
-            phrase such as `the units m and s`.
+        UndefinedUnitError: If one of the units has no definition.
+        ValueError: If they measure different things. The message is a phrase such as `the units m and s`.
     """
     if source is None or target is None or source == target:
         return IDENTITY
     if source.exponents is None or target.exponents is None:
         if source.name == target.name:
             return IDENTITY
-        raise ValueError(f"the units {source} and {target}, one of which is not defined")
+        raise UndefinedUnitError(f"the units {source} and {target}, one of which is not defined")
     if source.exponents[:-1] != target.exponents[:-1]:
         raise ValueError(f"the units {source} and {target}")
     return LinearTransformation(

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.errors import CommandError
 from ..base.files import hash_file
 from ..base.wording import format_count
 from .interface import CO_SIMULATION, Interface, read_interface
-from .shared_library import find_library, missing_bytes
+from .shared_library import explain_missing_library, find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
@@ -94,11 +93,7 @@ def _library(path: Path, folder: Path, identifier: str) -> Path:
     """Return the FMU's library for this machine."""
     if (library := find_library(folder, identifier)) is not None:
         return library
-    binaries = folder / "binaries"
-    present = sorted(p.name for p in binaries.iterdir()) if binaries.is_dir() else []
-    raise CommandError(
-        f"'{path}' has no binary for {fmpy.platform}, only for {', '.join(present) or 'no platform'}."
-    )
+    raise CommandError(f"'{path}' {explain_missing_library(folder, identifier)}.")
 
 
 def _check_complete(path: Path, library: Path) -> Path:

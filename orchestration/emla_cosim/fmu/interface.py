@@ -1,6 +1,7 @@
 """The model description of an FMU: its variables and their units."""
 
 import math
+import re
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,8 +11,10 @@ from typing import Any
 
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
+from fmpy.validation import validate_model_description
 
 from ..base.errors import CommandError
+from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from .dependencies import Dependencies
@@ -115,15 +118,15 @@ class Interface:
 def read_interface(path: Path) -> Interface:
     """Read the model description of an FMU file.
 
+    Violations of the standard that cannot change a result are accepted, others with the option `lenient`.
+
     Raises:
         CommandError: If the file does not exist, or this master cannot run it.
     """
     try:
         interface = read_description(path)
     except ValidationError as error:
-        raise CommandError(
-            f"'{path}' is not a valid FMU: {first_problem(error)} (`fmpy validate` shows more)."
-        ) from error
+        interface = _read_faulty(path, error)
     if (reason := explain_unsupported(interface)) is not None:
         raise CommandError(f"'{path}' {reason}.")
     for unit in interface.description.unitDefinitions:
@@ -151,13 +154,78 @@ def read_description(path: Path, validate: bool = True) -> Interface:
         raise CommandError(f"there is no FMU file '{path}'.")
     try:
         _check_size(path)
-        description = fmpy.read_model_description(str(path), validate=validate)
+        try:
+            description = fmpy.read_model_description(str(path), validate=validate)
+        except KeyError as error:  # fmpy (0.3.32) looks for the display units of an undefined unit
+            if not validate:
+                raise
+            raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
         _mark_differences(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
         raise
     except Exception as error:  # zip and XML readers raise many types
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return Interface(description)
+
+
+_HARMLESS = re.compile(
+    r"attribute 'generationDateAndTime'"
+    r"|^The unit .* is not defined"  # a connection that needs its definition is refused
+    r"|^(The|A) display unit "
+    r"|is of type (Integer|Boolean|String|Enumeration) and must have variability != \"continuous\""
+)
+"""Violations that cannot change a result."""
+
+
+def _read_faulty(path: Path, error: ValidationError) -> Interface:
+    """Return the interface of an FMU that violates the standard.
+
+    Raises:
+        CommandError: If it cannot be read, or a violation is not accepted.
+    """
+    try:
+        interface = read_description(path, validate=False)
+        problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
+        _check_numbers(interface)
+    except MemoryError:
+        raise
+    except Exception as more:  # numbers and references that the schema would have found
+        text = first_problem(error)
+        raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
+    grave = [p for p in problems if not _HARMLESS.search(p)]
+    if grave and not is_lenient():
+        raise CommandError(
+            f"'{path}' is not a valid FMU: {grave[0]} (`fmpy validate` shows more). {ADVICE}."
+        ) from error
+    note_fault(str(path), *grave, *problems)
+    return interface
+
+
+def _find_problems(description: ModelDescription) -> list[str]:
+    """Return what violates the standard in a description that was read without checks."""
+    defined = {u.name for u in description.unitDefinitions}
+    for variable in description.modelVariables:
+        declared = variable.declaredType
+        if (variable.unit or (declared.unit if declared is not None else None)) not in defined:
+            variable.displayUnit = None  # fmpy (0.3.32) raises a KeyError
+    return validate_model_description(description)
+
+
+def _check_numbers(interface: Interface) -> None:
+    """Raise an exception for numbers that are read later and that the schema would have checked."""
+    if interface.description.coSimulation is not None and not interface.model_identifier:
+        raise ValueError("there is no model identifier")
+    for unit in interface.units.values():
+        math.isfinite(unit.factor)
+    interface.direct, interface.initial  # noqa: B018 - reads them
+    for variable in interface.description.modelVariables:
+        if variable.type in ("Real", "Integer"):
+            for text in (variable.start, variable.min, variable.max):
+                float(text if text is not None else 0.0)
+    experiment = interface.description.defaultExperiment
+    if experiment is not None:
+        for name in ("startTime", "stopTime", "stepSize", "tolerance"):
+            float(getattr(experiment, name) or 0.0)
 
 
 def explain_unsupported(interface: Interface) -> str | None:
@@ -208,7 +276,11 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
 def first_problem(error: ValidationError) -> str:
     """Return the first validation problem in one line, without a full stop."""
     problems = error.problems
-    return " ".join(problems[0].split()).rstrip(".") if problems else "it has problems"
+    return _one_line(problems[0]) if problems else "it has problems"
+
+
+def _one_line(problem: str) -> str:
+    return " ".join(problem.split()).rstrip(".")
 
 
 def _unit(definition: Any) -> SiUnit:

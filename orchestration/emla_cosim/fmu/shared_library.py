@@ -25,6 +25,28 @@ def find_library(folder: Path, identifier: str) -> Path | None:
     return None
 
 
+def explain_missing_library(folder: Path, identifier: str) -> str:
+    """Return why an unpacked FMU has no library for this machine, as the end of a message."""
+    missing, name = f"has no binary for {fmpy.platform}", f"{identifier}{fmpy.sharedLibraryExtension}"
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        inside = folder / "binaries" / platform
+        if inside.is_dir():
+            present = sorted(str(p.relative_to(inside)) for p in inside.rglob("*") if p.is_file())
+            if not present:
+                return f"{missing}: the folder 'binaries/{platform}' is empty"
+            more = f" and {len(present) - 4} more files" if len(present) > 4 else ""
+            return (
+                f"{missing}: the folder 'binaries/{platform}' has {', '.join(present[:4])}{more}, but not "
+                f"'{name}', which is named after the modelIdentifier"
+            )
+    files = (p.relative_to(folder / "binaries") for p in folder.glob("binaries/*/**/*") if p.is_file())
+    if platforms := sorted({file.parts[0] for file in files}):
+        return f"{missing}, only for {', '.join(platforms)}"
+    if any((folder / "sources").rglob("*.c")):
+        return f"{missing}, only C sources; `fmpy compile` can build it"
+    return f"{missing} or any other platform"
+
+
 def missing_bytes(path: Path) -> int:
     """Return how many bytes of a library's ELF segments are beyond the end of its file.
 

@@ -1,12 +1,14 @@
 """Collect information on an FMU, a package or a scenario."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
 from fmpy.model_description import ValidationError
 
 from ..base.errors import CommandError, show_paths_relative_to
+from ..base.faults import accept_faults
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
@@ -61,12 +63,17 @@ def info(
         if set(options) - of_ours or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
             raise
         return _collect_unsupported_fmu(Path(source))
-    with show_paths_relative_to(scenario.unpacked):
+    with (
+        show_paths_relative_to(scenario.unpacked),
+        accept_faults(scenario.options.lenient) as faults,
+    ):
+        faults.merge(scenario.accepted)
         told = progress or Progress()
         system, files = prepare_system(scenario.system, scenario.options, told)
         found = _collect_system(scenario, system, files, read_interfaces(files))
     told.advance(1)
-    return found
+    remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
+    return replace(found, notes=(*found.notes, *remarks))
 
 
 def _collect_system(

@@ -1,7 +1,7 @@
 """Read the table of an earlier run."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -24,12 +24,14 @@ class StoredRun:
         names: Names of the columns, without time.
         table: The opened table.
         what: Name of the run in error messages.
+        prefix: Text that `names` have and the columns of the table lack.
     """
 
     path: Path
     names: Sequence[str]
     table: Table
     what: str = _REFERENCE
+    prefix: str = ""
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the table does not have.
@@ -41,7 +43,16 @@ class StoredRun:
         Raises:
             CommandError: The file cannot be read.
         """
-        return readable(f"{self.what}, '{self.path}',", lambda: self.table.read(names, most))
+        columns = [name.removeprefix(self.prefix) for name in names]
+        found = readable(f"{self.what}, '{self.path}',", lambda: self.table.read(columns, most))
+        return {name: found[column] for name, column in zip(names, columns, strict=True) if column in found}
+
+    def of_component(self, component: str) -> "StoredRun":
+        """Return the table with the names of a system of one component, if it has those of its variables."""
+        prefix = f"{component}."
+        if any(name.startswith(prefix) for name in self.names):
+            return self
+        return replace(self, names=[f"{prefix}{name}" for name in self.names], prefix=prefix)
 
 
 def open_stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
@@ -54,7 +65,10 @@ def open_stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
     Raises:
         CommandError: There is no table, or it cannot be read.
     """
-    kept = [place / name for name in table_names()] if place.is_dir() else [place]
+    kept = [place]
+    if place.is_dir():  # a run's output, or the one reference of an FMU in the layout of the cross-check
+        solutions = sorted(place.glob("*_ref.csv"))
+        kept = [*(place / name for name in table_names()), *(solutions if len(solutions) == 1 else [])]
     path = next((p for p in kept if p.exists()), None)
     if path is None:
         missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "does not exist"

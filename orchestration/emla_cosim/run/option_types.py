@@ -68,6 +68,7 @@ class PrepareOptions(RunOptions, total=False):
     fmus: str | Path | None
     platform: Sequence[str]
     isolate: Sequence[str] | bool
+    lenient: bool
 
 
 class LoadOptions(PrepareOptions, total=False):
@@ -103,6 +104,7 @@ class CompareOptions(TypedDict, total=False):
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     isolate: Sequence[str] | bool
+    lenient: bool
     compiled: bool
     output_interval: float | str | None
     criteria: Mapping[str, float | str]

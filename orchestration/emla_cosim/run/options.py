@@ -249,6 +249,14 @@ class Options:
         stage=LOADING,
         in_sweep=SAME,
     )
+    lenient: bool = _system(
+        False,
+        help="Accept FMUs and packages that violate their standard where other tools accept them. The "
+        "violations are listed.",
+        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO),
+        stage=LOADING,
+        in_sweep=SAME,
+    )
     compiled: bool = _stepping(
         True,
         help="Step in compiled code where possible. The results are the same.",
@@ -330,7 +338,8 @@ class Options:
         in_sweep=SAME,
     )
     reference: Path | None = _output(
-        help="Fail unless every signal agrees with an earlier run. Name that run's output folder.",
+        help="Fail unless every signal agrees with an earlier run, or with a table of reference values such "
+        "as MODEL_ref.csv. Name the run's output folder or the table.",
         metavar="FOLDER",
         commands=(RUN,),
         in_file=False,

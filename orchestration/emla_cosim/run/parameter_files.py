@@ -7,9 +7,10 @@ from itertools import count, takewhile
 from pathlib import Path
 
 from ..base.errors import CommandError
+from ..base.faults import convert_documents_units
 from ..base.files import read_file
 from ..base.quantities import Quantity
-from ..base.units import SiUnit, find_conversion
+from ..base.units import SiUnit
 from ..base.wording import format_count
 from ..fmu.interface import Interface
 from ..fmu.variables import convert_start_value
@@ -123,7 +124,7 @@ def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Int
         value = parameter.value
         if parameter.unit is not None and unit is not None:
             try:
-                value = find_conversion(parameter.unit, unit)(float(value))
+                value = convert_documents_units(str(file), parameter.unit, unit)(float(value))
             except ValueError as error:
                 raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
         values[parameter.name] = value

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ..base.errors import CommandError, RunError, show_paths_relative_to
+from ..base.faults import accept_faults
 from ..base.files import get_working_folder
 from ..base.option import SHOWING
 from ..base.progress import Progress
@@ -79,6 +80,7 @@ class Simulation:
         holds: object = None,
         origin: RunOrigin | None = None,
         notes: Callable[[Options], Sequence[str]] | None = None,
+        accepted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         """Prepare a system.
 
@@ -91,6 +93,7 @@ class Simulation:
             holds: Object to keep alive as long as the simulation.
             origin: Origin for the records of runs.
             notes: Function that returns the notes on a run with its options.
+            accepted: Violations of the standard that were accepted while the system was read, by file.
 
         Raises:
             CommandError: If an option does not fit the system.
@@ -105,7 +108,8 @@ class Simulation:
         self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
         apart = select_isolated(self.options.isolated, system)  # report wrong names before anything is built
-        with show_paths_relative_to(unpacked):
+        with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
+            self._faults.merge(accepted or {})
             self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart)
         self._types: dict[str, SignalType] = {}
@@ -264,6 +268,8 @@ class Simulation:
         self._abandon()
         required = [parse_requirement(text) for text in chosen.require]
         stored = open_stored_run(chosen.reference) if chosen.reference is not None else None
+        if stored is not None and len(self.system.components) == 1:
+            stored = stored.of_component(self.system.components[0].name)
         control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
@@ -580,6 +586,7 @@ class Simulation:
             run.problem,
             self._unpacked,
         )
+        record["accepted_faults"] = self._faults.shown(self._unpacked)
         return Result(
             name=self.name,
             units=units,
@@ -588,7 +595,12 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
-            remarks=[*describe_lost_values(record), *going.metrics.remarks(), *stepping.remarks()],
+            remarks=[
+                *self._faults.remarks(self._unpacked),
+                *describe_lost_values(record),
+                *going.metrics.remarks(),
+                *stepping.remarks(),
+            ],
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,

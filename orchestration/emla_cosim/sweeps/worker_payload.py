@@ -13,6 +13,7 @@ from typing import Any
 import cloudpickle
 
 from ..base.errors import CommandError, show_paths_relative_to
+from ..base.faults import accept_faults
 from ..base.files import hash_file
 from ..base.option import BUILDING, LEFT_OUT, PREPARING, options_of
 from ..base.progress import Progress
@@ -59,10 +60,13 @@ class Preparation:
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
         """Build missing FMUs and read their interfaces. Errors are those of `Scenario.prepare`."""
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
-        with show_paths_relative_to(scenario.unpacked):
+        with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
+            faults.merge(scenario.accepted)
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
+        for remark in faults.remarks(scenario.unpacked):
+            progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)
         done = {o.name for o in known if o.about.stage in (BUILDING, PREPARING)}

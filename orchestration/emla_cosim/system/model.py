@@ -181,12 +181,16 @@ class System:
     def split(self, path: str) -> tuple[Component, str]:
         """Split a full name into the component and the name of the variable; both may contain dots.
 
+        In a system of one component, the name of the variable is enough.
+
         Raises:
             CommandError: the component does not exist.
         """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
         found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
+        if found is None and len(self.components) == 1 and path:
+            return self.components[0], path
         if found is None:
             longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
             names = path.split(".")

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..base.errors import CommandError
+from ..base.faults import convert_documents_units
 from ..base.signal_types import SignalType
-from ..base.units import IDENTITY, LinearTransformation, find_conversion
+from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
@@ -133,7 +134,7 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
         return connection.transformation
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
     try:
-        return find_conversion(source, target)
+        return convert_documents_units(f"the connection {connection}", source, target)
     except ValueError as error:
         raise CommandError(
             f"the connection {connection} joins {error}.", connection=str(connection)

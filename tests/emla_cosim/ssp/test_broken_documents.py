@@ -83,7 +83,8 @@ FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
             ["a.y -> b.w", "units m and K"],
         ),
         ((component("a", "a.fmu", "u:input:K"),), ["the connector and the variable of a.u", "K and m"]),
-        ((component("a", "a.fmu", "u:input:inch"),), ["line", "unit 'inch'", "not define"]),
+        ((B, component("a", "a.fmu", "u:input:inch"), connection("b.y -> a.u")),
+         ["b.y -> a.u", "units m and inch", "not defined", "`--lenient`"]),
         ((A, B, connection("a.y -> b.u", table("Integer", _1=2))), ["a.y -> b.u", "IntegerMapping"]),
         ((A, B, connection("a.y -> b.u", linear("NaN"))), ["line", "factor nan"]),
         ((A, B, connection("a.y -> b.u", linear(1, "-INF"))), ["line", "offset -inf"]),
@@ -251,7 +252,7 @@ def test_times_that_are_none(refused: Refused, tmp_path: Path, fmu: Path) -> Non
         (ssv(k=1.0, units={"x": 'm="1" factor="0"'}), "", ["line", "factor 0"]),
         (ssv(k=1.0, units={"x": 'm="1" factor="NaN"'}), "", ["line", "factor nan"]),
         (ssv(k=(1.0, "K")), "", ["parameter 'k' and a.k", "K and m"]),
-        (ssv(k=(1.0, "inch")), "", ["line", "unit 'inch'"]),
+        (ssv(k=(1.0, "inch")), "", ["parameter 'k' and a.k", "inch and m", "not defined"]),
         (ssv(x=(1.0, "m")), "", ["parameter 'x' and a.x", "m and nowhere", "not defined"]),
         (ssv(k=1.0).replace("</ssv:Parameters>", "<ssv:Parameter name='k'><ssv:Real value='2'/>"
                             "</ssv:Parameter></ssv:Parameters>"), "", ["line", "'k'", "second value"]),

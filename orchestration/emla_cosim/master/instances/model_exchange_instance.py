@@ -42,9 +42,9 @@ class IntegrationError(InstanceError):
 class ModelExchangeInstance(InProcessInstance):
     """One instance of an FMU that runs as Model Exchange; see `FmuInstance` and `DescribedInstance`.
 
-    Between two calls the FMU is in continuous-time mode. The integrator goes on from one step to the next, and
-    starts anew where the FMU had an event or got other inputs, and where its state was saved or restored. So
-    a repeated step has the same result as the first one.
+    Between two calls the FMU is in continuous-time mode. The integrator goes on from one step to the next. It
+    starts anew where the FMU had an event or got other inputs, and where its state was saved or restored.
+    So a repeated step has the same result as the first one.
     """
 
     def __init__(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import CommandError, join_names
+from ...base.faults import accept_faults
 from ...base.files import read_text
 from ...base.option import FileOrObject
 from ...ssp.reader.flat_document import SspDocument, read_ssp
@@ -96,7 +97,8 @@ def _load_scenario_file(
         options = replace(options, actuator=_read("actuator", options.actuator))
         made_of["actuators"] = options.actuator
     make = described.make or SYSTEMS[described.system]
-    system = make(options.controller, options.gains, **made_of)
+    with accept_faults(options.lenient):  # preparing lists them
+        system = make(options.controller, options.gains, **made_of)
     made = Scenario(name, read.description, system, options, origin=origin.updated(values), remarks=_remarks)
     return replace(made, notes=made.notes_with(options))
 
@@ -148,7 +150,8 @@ def _load_fmu(
     _refuse_of_built_in(read, given)
     values = read_options(given)
     options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).merged(values)
-    alone = make_single_fmu(path, options)
+    with accept_faults(options.lenient):  # preparing lists them
+        alone = make_single_fmu(path, options)
     return Scenario(
         name or alone.name,
         read.description or alone.description,
@@ -165,10 +168,12 @@ def _load_ssp(
     """Return the scenario of an SSP, with the options of a scenario file."""
     _refuse_of_built_in(read, given)
     held = ResourceHolder()
-    document = held.stack.enter_context(read_ssp(path))
+    of_file = Options().updated(read.options, f"the scenario '{read.where}'", read.folder)
+    values = read_options(given)
+    with accept_faults(of_file.merged(values).lenient) as faults:
+        document = held.stack.enter_context(read_ssp(path))
     options = Options().updated(_times(document))
     options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
-    values = read_options(given)
     return Scenario(
         name or document.name,
         read.description or document.description,
@@ -178,6 +183,7 @@ def _load_ssp(
         document.unpacked,
         held,
         origin.updated(values),
+        accepted=faults.by_file,
     )
 
 

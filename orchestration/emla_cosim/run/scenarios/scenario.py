@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ...base.errors import CommandError, show_paths_relative_to
+from ...base.faults import accept_faults
 from ...base.progress import Progress
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.model import System
@@ -31,6 +32,7 @@ class Scenario:
         resources: object that keeps the folder in existence.
         origin: source and options that made the scenario.
         remarks: function that computes further notes from a system and its options.
+        accepted: violations of the standard that were accepted while reading, by file.
 
     Examples:
         >>> import emla_cosim as ec
@@ -50,6 +52,7 @@ class Scenario:
     remarks: Callable[[System, Options], Sequence[str]] | None = field(
         default=None, compare=False, repr=False
     )
+    accepted: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
         """Return the scenario with other options, and with the notes that belong to them.
@@ -109,6 +112,7 @@ class Scenario:
             self.resources,
             chosen.origin,
             self.notes_with,
+            self.accepted,
         )
 
     def export(
@@ -141,9 +145,12 @@ class Scenario:
         told = progress or Progress()
         times = run_times(chosen, self.name)
         experiment = SystemTimes(times.start, times.stop, times.step)
-        with show_paths_relative_to(self.unpacked):
+        with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
+            faults.merge(self.accepted)
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+        for remark in faults.remarks(self.unpacked):
+            told.note(f"Note: {remark}")
         told.advance(1)
         return Path(file)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 from ...base.errors import CommandError
+from ...base.faults import accept_if_lenient, note_fault
 from .ssd_data import MappingEntry, ParameterSet, SsvParameter
 from .xml import (
     XmlElement,
@@ -53,12 +54,25 @@ def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
     parameters: dict[str, SsvParameter] = {}
     for element in children(root, "ssv:Parameters", "ssv:Parameter"):
         name, typed = element.get("name"), element[0]
-        if name in parameters:
-            raise CommandError(f"'{where}' line {element.sourceline} gives '{name}' a second value.")
-        parameters[name] = SsvParameter(
+        found = SsvParameter(
             name, local_name(typed), _value(name, typed, where), read_unit(typed, units, where)
         )
+        if name in parameters:
+            _accept_second(found, parameters[name], where, element.sourceline)
+        parameters[name] = found
     return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
+
+
+def _accept_second(second: SsvParameter, first: SsvParameter, where: str, line: int) -> None:
+    """Accept a second value of a parameter if it is the same, and with `lenient` another one."""
+    if second == first:
+        note_fault(where, f"line {line} repeats the value of '{first.name}'")
+        return
+    accept_if_lenient(
+        where,
+        f"line {line} gives '{first.name}' a second value, {second.value}; it replaces {first.value}",
+        f"'{where}' line {line} gives '{first.name}' a second value",
+    )
 
 
 def _value(name: str, typed: XmlElement, where: str) -> float | int | bool | str:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ...base.errors import CommandError
+from ...base.faults import note_fault
 from ...base.units import SiUnit
 from ...system.bond import Bond
 from .parameter_sets import read_mapping, read_parameter_set
@@ -198,14 +199,22 @@ class _Reader:
             for name in ("pointsX", "pointsY")
         )
         return SsdConnection(
-            start_element=element.get("startElement"),
+            start_element=self._element_name(element, "startElement"),
             start_connector=element.get("startConnector"),
-            end_element=element.get("endElement"),
+            end_element=self._element_name(element, "endElement"),
             end_connector=element.get("endConnector"),
             transformation=read_transformation(element, self._where),
             suppress_unit_conversion=parse_boolean(element.get("suppressUnitConversion")),
             waypoints=tuple(zip(x, y, strict=False)),
         )
+
+    def _element_name(self, connection: XmlElement, attribute: str) -> str | None:
+        """Return the element at an end of a connection, None for the system itself."""
+        name = connection.get(attribute)
+        if name == "":
+            note_fault(self._where, f"an empty {attribute} of a connection, read as the system itself")
+            return None
+        return name
 
     def _mapping(self, element: XmlElement) -> Any:
         entries = self._content(element, element, "ssm")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import CommandError
+from ...base.faults import accept_if_lenient, note_fault
 from ...base.units import BASE_UNITS, LinearTransformation, SiUnit
 from .ssd_data import TableTransformation, Transformation
 
@@ -98,8 +99,23 @@ def check(root: XmlElement, where: str, kind: str) -> None:
     version = root.get("version", "")
     schema = _schema("2.0" if version.startswith("2.") else "1.0", kind)
     if not schema.validate(root):
-        first = schema.error_log[0]
-        raise CommandError(f"'{where}' line {first.line} is not valid SSP: {_short(first.message)}")
+        _check_faults(schema.error_log, where)
+
+
+def _check_faults(errors: Iterable[Any], where: str) -> None:
+    """Accept violations of the schema, or raise CommandError for the first one that is not accepted.
+
+    Nothing can be read where an attribute or element is missing or has no valid value. Only additional ones
+    and those in another order can be accepted.
+    """
+    for error in errors:
+        text = f"line {error.line} is not valid SSP: {_short(error.message).rstrip('.')}"
+        if "attribute 'generationDateAndTime'" in error.message:
+            note_fault(where, text)
+        elif any(part in error.message for part in ("is not allowed", "This element is not expected")):
+            accept_if_lenient(where, text, f"'{where}' {text}")
+        else:
+            raise CommandError(f"'{where}' {text}.")
 
 
 @cache
@@ -154,22 +170,19 @@ def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
 def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUnit | None:
     """Return the unit of an element, None without one.
 
+    A unit that the document does not define has no exponents: values with it cannot be converted.
+
     Args:
         element: The element.
         units: The units of the document.
-        where: The name of the document in error messages.
-
-    Raises:
-        CommandError: If the document does not define the unit.
+        where: The name of the document in the list of accepted faults.
     """
     name = element.get("unit")
     if name is None:
         return None
     if name not in units:
-        raise CommandError(
-            f"'{where}' line {element.sourceline} names the unit '{name}', which it does not define."
-        )
-    return units[name]
+        note_fault(where, f"it names the unit '{name}', which it does not define")
+    return units.get(name, SiUnit(name) if name else None)
 
 
 def _finite(element: XmlElement, attribute: str, default: str, where: str) -> float:

@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
-from ...base.units import IDENTITY, LinearTransformation, find_conversion
+from ...base.faults import convert_documents_units
+from ...base.units import IDENTITY, LinearTransformation
 from ...system.model import Value
 from ..documents.ssd_data import (
     ComponentElement,
@@ -178,7 +179,7 @@ def build_transformation(
     if entry is None or not entry.suppress_unit_conversion:
         unit = parameter.unit
         try:
-            total = find_conversion(unit, wiring.unit(node))
+            total = convert_documents_units(node_name(node), unit, wiring.unit(node))
         except ValueError as error:
             raise wiring.fault(
                 f"the parameter '{parameter.name}' and {node_name(node)} have {error}."

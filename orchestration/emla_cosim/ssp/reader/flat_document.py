@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...base.errors import CommandError
+from ...base.faults import is_lenient
 from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS
 from ...system.model import Alias, Component, Connection, System
@@ -55,8 +57,13 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
     """
     with contextlib.ExitStack() as held:
         package = held.enter_context(open_package(path))
-        structure = load_structure(package, held)
-        yield _document(structure, package)
+        try:
+            document = _document(load_structure(package, held), package)
+        except (AttributeError, TypeError, ValueError, KeyError) as error:
+            if not is_lenient():  # otherwise a document that violates the schema lacks something
+                raise
+            raise CommandError(f"'{path}' cannot be read: it violates the schema of SSP.") from error
+        yield document
 
 
 def _document(structure: Structure, package: Package) -> SspDocument:

@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from ...base.errors import CommandError, join_names, show_paths_relative_to
+from ...base.faults import accept_if_lenient
 from ...base.files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.ssd_data import DEFAULT_SSD
@@ -50,7 +51,10 @@ class Package:
             )
         found = (self.ssd.parent / path).resolve()
         if not found.is_relative_to(self.folder.resolve()):
-            raise CommandError(f"'{where}' names '{uri}', which is outside the package.")
+            outside = f"'{where}' names '{uri}', which is outside the package"
+            if self.unpacked is not None or not found.is_file():  # an archive must not reach other files
+                raise CommandError(f"{outside}.")
+            accept_if_lenient(where, f"'{uri}' is outside the package", outside)
         if not found.is_file():
             raise CommandError(f"'{where}' names the file '{uri}', which does not exist.")
         return found

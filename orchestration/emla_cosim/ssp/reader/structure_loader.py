@@ -138,7 +138,7 @@ class _Loader:
         if component.type == SSP:
             inner._package = self._held.enter_context(open_package(file, unquote(fragment)))
             return self._insert_system(component, inner.structure().system)
-        inner._package = Package(self._package.folder, file, inner._where)
+        inner._package = replace(self._package, ssd=file, name=inner._where)
         read = inner._parse_ssd().system
         return self._insert_system(
             component, inner._system(inner._with_id(fragment, component) if fragment else read)

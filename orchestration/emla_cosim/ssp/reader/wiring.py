@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ...base.errors import CommandError
-from ...base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
+from ...base.faults import convert_documents_units
+from ...base.units import IDENTITY, LinearTransformation, SiUnit
 from ...fmu.interface import Interface
 from ..documents.ssd_data import (
     ComponentElement,
@@ -138,7 +139,7 @@ class Wiring:
         connection: SsdConnection | None = None,
     ) -> LinearTransformation:
         try:
-            return find_conversion(source, target)
+            return convert_documents_units(node_name(node), source, target)
         except ValueError as error:
             if connection is not None:
                 raise self.fault(f"the connection {connection} joins {error}.") from error
