@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from .block import Block
-from .errors import BuildError
+from .errors import DisclosureError
 from .instance import BlockError, Instance
 from .variables import Access, Input, Output, Parameter, ScalarVariable, Variable
 
@@ -42,7 +42,7 @@ class Disclosure:
         """Return the block with these values, and with its fixed and hidden parameters marked.
 
         Raises:
-            BuildError: A name or a value is wrong, or no instance of the block could start.
+            DisclosureError: A name or a value is wrong, or no instance of the block could start.
         """
         if not (self.values or self.fixed or self.hidden):
             return block
@@ -84,15 +84,17 @@ def _set_values(block: Block, values: Mapping[str, Any]) -> dict[Parameter, Para
         except KeyError:
             elements = [s.name for s in layout.scalars if s.variable.name == name]
             if elements:
-                raise BuildError(f"{name} is an array; set its elements, such as {elements[0]}.") from None
+                raise DisclosureError(
+                    f"{name} is an array; set its elements, such as {elements[0]}."
+                ) from None
             raise _no_parameter(block, name) from None
         if not isinstance(scalar.variable, Parameter):
-            raise BuildError(f"{name} is {_kind(scalar.variable)}; only parameters get values here.")
+            raise DisclosureError(f"{name} is {_kind(scalar.variable)}; only parameters get values here.")
         own = changed.setdefault(scalar.variable, copy.copy(scalar.variable))
         found = _convert(scalar, value)
         low, high = own.range
         if not low <= found <= high:
-            raise BuildError(f"{name} = {value} is outside its range, {low:.9g} to {high:.9g}.")
+            raise DisclosureError(f"{name} = {value} is outside its range, {low:.9g} to {high:.9g}.")
         own.start = _replace_element(own, scalar, found)
     return changed
 
@@ -120,7 +122,7 @@ def _convert(scalar: ScalarVariable, value: Any) -> Any:
         number = float(text) if variable.fmi_type == "Real" else int(text)
         Variable(number)  # refuses infinity and NaN
     except (KeyError, ValueError, TypeError):
-        raise BuildError(f"{scalar.name} = {value} is not {_wanted(variable)}.") from None
+        raise DisclosureError(f"{scalar.name} = {value} is not {_wanted(variable)}.") from None
     return number
 
 
@@ -144,11 +146,11 @@ def _select(block: Block, patterns: Sequence[str], access: Access) -> list[Param
         if scalar is None:
             raise _no_parameter(block, pattern)
         if isinstance(scalar.variable, Parameter):
-            raise BuildError(
+            raise DisclosureError(
                 f"{pattern} is one element of an array, which can be {access.word} as a whole only; "
                 f"write {scalar.variable.name}."
             )
-        raise BuildError(f"{pattern} is {_kind(scalar.variable)}; only parameters can be {access.word}.")
+        raise DisclosureError(f"{pattern} is {_kind(scalar.variable)}; only parameters can be {access.word}.")
     return found
 
 
@@ -158,18 +160,18 @@ def _kind(variable: Variable) -> str:
     return "an output" if isinstance(variable, Output) else "a state"
 
 
-def _no_parameter(block: Block, name: str) -> BuildError:
+def _no_parameter(block: Block, name: str) -> DisclosureError:
     names = [str(p.name) for p in block.layout().parameters]
     near = difflib.get_close_matches(name, names, 1)
-    hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(names) or 'none'}."
-    return BuildError(f"{type(block).__name__} has no parameter {name}; {hint}")
+    hint = f"did you mean {near[0]}?" if near else f"the block has {', '.join(names) or 'none'}."
+    return DisclosureError(f"there is no parameter {name}; {hint}")
 
 
 def _check_start(block: Block, restricted: Block) -> None:
-    """Raise BuildError if the block with its new values cannot start, but could before."""
+    """Raise DisclosureError if the block with its new values cannot start, but could before."""
     refusal = _refusal(restricted)
     if refusal is not None and _refusal(block) is None:
-        raise BuildError(f"no instance of this FMU could start: {refusal}")
+        raise DisclosureError(f"no instance of this FMU could start: {refusal}")
 
 
 def _refusal(block: Block) -> str | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from .block import Block
 from .disclosure import Disclosure
-from .errors import BuildError
+from .errors import BuildError, DisclosureError
 from .sources import gather_sources, module_of
 from .variables import Parameter
 
@@ -76,7 +76,7 @@ class Recipe:
             raise BuildError(f"the flavour '{flavour}' is not supported; choose from {', '.join(FLAVOURS)}.")
         made = disclosure.restrict(_instance(block))
         if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
-            raise BuildError(
+            raise DisclosureError(
                 f"FMUs of the flavour {flavour} contain equations and values as Python files; "
                 "build a native FMU."
             )
