@@ -43,6 +43,7 @@ from .variables import DiscreteState, Input, Output, Parameter, State
 
 if TYPE_CHECKING:
     from .building import build as build
+    from .disclosure import Disclosure as Disclosure
     from .errors import BuildError as BuildError
     from .loading import load_block as load_block
     from .recipe import Documents as Documents
@@ -88,6 +89,7 @@ __all__ = [
 
 _LATER = {
     "BuildError": "errors",
+    "Disclosure": "disclosure",
     "Documents": "recipe",
     "Producer": "recipe",
     "build": "building",

@@ -8,10 +8,11 @@ from typing import NoReturn
 
 from .archive import check_replaceable
 from .building import build
-from .errors import BuildError, LoadError
+from .disclosure import Disclosure
+from .errors import BuildError, DisclosureError, LoadError
 from .loading import load_block
 from .platforms import TARGETS
-from .recipe import FLAVOURS
+from .recipe import FLAVOURS, Recipe
 
 
 class _Parser(argparse.ArgumentParser):
@@ -25,6 +26,16 @@ def _check_place(path: Path, overwrite: bool) -> None:
         check_replaceable(path, overwrite)
     except BuildError as error:
         raise LoadError(str(error)) from error
+
+
+def _disclosure(options: argparse.Namespace) -> Disclosure:
+    values = dict[str, str]()
+    for text in options.set:
+        name, _, value = text.partition("=")
+        if not (name and value):
+            raise LoadError(f"--set {text} has no name or no value; write --set NAME=VALUE.")
+        values[name.strip()] = value.strip()
+    return Disclosure(not options.no_sources, values, options.fix, options.hide)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,6 +66,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="DIR",
         help="folder to write BLOCK.fmu to (default: the current folder)",
     )
+    command.add_argument(
+        "--no-sources", action="store_true", help="leave out the C sources, and equations in the page"
+    )
+    command.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="start value (repeatable)"
+    )
+    for option, what in (("--fix", "can be seen but not set"), ("--hide", "can neither be seen nor set")):
+        command.add_argument(
+            option,
+            action="append",
+            default=[],
+            metavar="NAME",
+            help=f"parameter, or pattern of parameters, that {what} (repeatable)",
+        )
     command.add_argument("--overwrite", action="store_true", help="replace files that fmublock did not build")
     options = parser.parse_args(arguments)
     try:
@@ -64,6 +89,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = [block.__name__ for block in blocks]
         if twice := {name for name in names if names.count(name) > 1}:
             raise LoadError(f"{', '.join(sorted(twice))} would be written twice to the same file.")
+        disclosure = _disclosure(options)
+        if len(blocks) > 1 and (disclosure.values or disclosure.fixed or disclosure.hidden):
+            raise LoadError("--set, --fix and --hide are for one block.")
+        for block in blocks:
+            Recipe.of(block, options.flavour, disclosure=disclosure)
         paths = [options.output / f"{name}.fmu" for name in names]
         for path in paths:
             _check_place(path, options.overwrite)
@@ -73,12 +103,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 path,
                 flavour=options.flavour,
                 platforms=options.platform,
+                disclosure=disclosure,
                 overwrite=options.overwrite,
             )
             print(f"{path}  {path.stat().st_size / 1024:.0f} KiB")
     except BuildError as error:
         print(f"Error: {error}", file=sys.stderr)
-        return 2 if isinstance(error, LoadError) else 1
+        return 2 if isinstance(error, (LoadError, DisclosureError)) else 1
     return 0
 
 

@@ -121,6 +121,7 @@ class Block:
     Attributes:
         default_experiment: stop time and step size for the model description.
         internal_step: longest internal integration step, in s (a parameter of each block with states).
+        is_restricted: whether `Disclosure` changed its parameters.
 
     Examples:
         >>> from fmublock import Block, Input, Instance, State
@@ -141,6 +142,7 @@ class Block:
 
     default_experiment: ClassVar[DefaultExperiment] = DefaultExperiment()
     origin: ClassVar[Origin] = Origin(__name__, __file__, time.time())
+    is_restricted: ClassVar[bool] = False
 
     internal_step = Parameter(
         5e-5,

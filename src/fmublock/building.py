@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .archive import check_replaceable
 from .block import Block
+from .disclosure import Disclosure
 from .errors import BuildError
 from .export import Draft
 from .native import native_binaries, native_draft
@@ -23,6 +24,7 @@ def build(
     platforms: Sequence[str] = (),
     producer: Producer | None = None,
     documents: Documents | None = None,
+    disclosure: Disclosure | None = None,
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
 ) -> Path:
@@ -39,6 +41,8 @@ def build(
         producer: generation tool, version and license in the model description.
         documents: page and license to include. Default: the docstring of the class and a table of its
             variables.
+        disclosure: what the FMU contains and lets its user set, for FMUs that go to other companies.
+            Default: everything.
         advance: called after each compiled binary.
         overwrite: replace a file that fmublock did not build.
 
@@ -55,7 +59,7 @@ def build(
         >>> fmublock.build(SignalFault, "SignalFault.fmu").name
         'SignalFault.fmu'
     """
-    recipe = Recipe.of(block, flavour, producer, documents)
+    recipe = Recipe.of(block, flavour, producer, documents, disclosure)
     if platforms and flavour != "native":
         raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
@@ -71,8 +75,9 @@ def draft_of(recipe: Recipe) -> Draft:
             parse_unit(scalar.variable.unit or "1")
         except ValueError as error:
             raise BuildError(f"{scalar.name} of {recipe.model} has a wrong unit: {error}.") from error
-    make = native_draft if recipe.flavour == "native" else python_draft
-    return make(recipe.block, recipe.producer, recipe.documents)
+    if recipe.flavour == "native":
+        return native_draft(recipe.block, recipe.producer, recipe.documents, recipe.sources)
+    return python_draft(recipe.block, recipe.producer, recipe.documents)
 
 
 def write_fmu(

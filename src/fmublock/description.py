@@ -8,7 +8,7 @@ from .block import Block
 from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
 from .units import QUANTITIES, parse_unit
-from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
+from .variables import Access, Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
 """Fixed, because an FMU's bytes depend on its content alone; also the time of its zip entries."""
@@ -66,7 +66,9 @@ def model_description(
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
-    scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
+    every = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
+    shown = {r: s for r, s in enumerate(every) if s.access is not Access.HIDDEN}
+    scalars = tuple(shown.values())
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
     if offers.model_exchange:
@@ -96,11 +98,12 @@ def model_description(
     )
     variables = SubElement(root, "ModelVariables")
     states = layout.references(layout.states)
-    for reference, scalar in enumerate(scalars):
+    positions = {reference: str(k) for k, reference in enumerate(shown, 1)}
+    for reference, scalar in shown.items():
         element = _add_variable(variables, reference, scalar)
         if reference >= len(layout.scalars):
-            element.set("derivative", str(states[reference - len(layout.scalars)] + 1))
-    _add_structure(root, block, symbolic, offers)
+            element.set("derivative", positions[states[reference - len(layout.scalars)]])
+    _add_structure(root, block, symbolic, offers, positions)
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
@@ -165,6 +168,8 @@ def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
     match variable:
         case Input():
             return "input", "continuous" if real else "discrete", None
+        case Parameter() if scalar.access is Access.FIXED:
+            return "local", "constant", "exact"
         case Parameter():
             return "parameter", "fixed", "exact"
         case State():
@@ -217,8 +222,16 @@ def _number(fmi_type: str, value: float) -> str:
     return str(int(value))
 
 
-def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers: FmuFeatures) -> None:
+def _add_structure(
+    root: Element,
+    block: Block,
+    symbolic: SymbolicBlock,
+    offers: FmuFeatures,
+    positions: Mapping[int, str],
+) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns.
+
+    Nothing depends on a parameter that is fixed or hidden: it is a constant.
 
     In an FMU without derivatives the states are not knowns: its outputs depend on inputs only.
     """
@@ -230,18 +243,23 @@ def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers:
     outputs = [r for r, s in enumerate(layout.scalars) if isinstance(s.variable, (State, Output))]
     derivatives = [r for r in dependencies if r >= len(layout.scalars)] if offers.derivatives else []
     for kind, unknowns in (("Outputs", outputs), ("Derivatives", derivatives)):
-        _add_unknowns(structure, kind, {r: knowns & set(dependencies.get(r, [r])) for r in unknowns})
+        found = {r: knowns & set(dependencies.get(r, [r])) for r in unknowns}
+        _add_unknowns(structure, kind, found, positions)
     from_parameters = [r for r in states if layout.scalars[r].variable.start_parameter is not None]
     initial = {r: {layout.start_reference(r)} for r in from_parameters}
     for r in (*layout.references(layout.outputs), *derivatives):
         initial[r] = {layout.start_reference(d) for d in dependencies[r]}
-    _add_unknowns(structure, "InitialUnknowns", initial)
+    settable = {r for r, s in enumerate(layout.scalars) if s.access is Access.SETTABLE}
+    known = {r: settable & found for r, found in initial.items()}
+    _add_unknowns(structure, "InitialUnknowns", known, positions)
 
 
-def _add_unknowns(structure: Element, kind: str, unknowns: Mapping[int, Iterable[int]]) -> None:
-    """Add unknowns with their dependencies, as positions in ModelVariables: value references plus one."""
+def _add_unknowns(
+    structure: Element, kind: str, unknowns: Mapping[int, Iterable[int]], positions: Mapping[int, str]
+) -> None:
+    """Add unknowns with their dependencies, as positions in ModelVariables."""
     if unknowns:
         element = SubElement(structure, kind)
         for reference, known in sorted(unknowns.items()):
-            dependencies = " ".join(str(d + 1) for d in sorted(known))
-            SubElement(element, "Unknown", index=str(reference + 1), dependencies=dependencies)
+            dependencies = " ".join(positions[d] for d in sorted(known))
+            SubElement(element, "Unknown", index=positions[reference], dependencies=dependencies)

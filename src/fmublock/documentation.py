@@ -11,7 +11,7 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from .block import Block
 from .cache import tool_environment
-from .variables import Output, Variable
+from .variables import Access, Output, Variable
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -49,19 +49,23 @@ def html_page(markdown: str, title: str) -> str:
     return _PAGE.format(title=escape(title), body=parser.render(markdown))
 
 
-def docstring_page(block: Block) -> str:
-    """Return the default Markdown page of a block: its name and its docstring."""
-    return f"# {type(block).__name__}\n\n{inspect.cleandoc(block.__doc__ or '')}\n"
+def docstring_page(block: Block, is_brief: bool = False) -> str:
+    """Return the default Markdown page of a block: its name and its docstring, or the first line of it."""
+    text = inspect.cleandoc(block.__doc__ or "")
+    shown = text.splitlines()[0] if is_brief and text else text
+    return f"# {type(block).__name__}\n\n{shown}\n"
 
 
 def variable_table(block: Block | type[Block]) -> str:
     """Return the block's variables as Markdown tables: symbol, name, unit, start value, range, meaning."""
     layout = block.layout()
+    by_access = {access: [p for p in layout.parameters if p.access is access] for access in Access}
     lines: list[str] = []
     for heading, variables in (
         ("Inputs", layout.inputs),
         ("Outputs", (*layout.states, *layout.outputs)),
-        ("Parameters", layout.parameters),
+        ("Parameters", by_access[Access.SETTABLE]),
+        ("Constants", by_access[Access.FIXED]),
         ("Discrete states", layout.discrete_states),
     ):
         if variables:
@@ -102,7 +106,8 @@ def _row(variable: Variable) -> str:
 def _start(variable: Variable) -> str:
     """Return the start as text: a value, one for each element, or a parameter."""
     if variable.start_parameter is not None:
-        return f"`{variable.start_parameter.name}`"
+        is_hidden = variable.start_parameter.access is Access.HIDDEN
+        return "" if is_hidden else f"`{variable.start_parameter.name}`"
     if isinstance(variable, Output):
         return ""
     if variable.fmi_type == "Boolean":

@@ -25,6 +25,8 @@ class Draft:
     guid: str
     description: bytes
     files: Mapping[str, bytes]
+    has_sources: bool = True
+    """Whether the FMU contains `sources/`; the files are always in `files`, for the compiler."""
 
     @property
     def key(self) -> str:
@@ -33,7 +35,8 @@ class Draft:
 
     def write(self, path: Path, binaries: Mapping[str, bytes], key: str) -> None:
         """Write the FMU with these further files and its key. Raises OSError."""
-        files = {**self.files, **binaries, "modelDescription.xml": self.description}
+        kept = {p: f for p, f in self.files.items() if self.has_sources or not p.startswith("sources/")}
+        files = {**kept, **binaries, "modelDescription.xml": self.description}
         write_archive(path, files, key_comment(key))
 
 
@@ -44,14 +47,19 @@ def draft(
     documents: Documents,
     content: Mapping[str, bytes],
     offers: FmuFeatures,
+    has_sources: bool = True,
 ) -> Draft:
     """Describe and document a block; `content` are the files that its flavour adds.
+
+    Without sources, the default page has no equations either.
 
     The GUID is the hash of all of this: the same block, documents and tool give the same GUID.
     """
     name = type(block).__name__
     picture = icon(block)
-    page = docstring_page(block) if documents.readme is None else documents.readme
+    page = documents.readme
+    if page is None:
+        page = docstring_page(block, is_brief=not has_sources)
     files = {
         **content,
         "documentation/index.html": html_page(with_variables(page, block), name).encode(),
@@ -63,4 +71,5 @@ def draft(
         files["documentation/licenses/license.txt"] = documents.license.encode()
     anonymous = model_description(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})
-    return Draft(block, guid, model_description(block, symbolic, producer, guid, offers), files)
+    description = model_description(block, symbolic, producer, guid, offers)
+    return Draft(block, guid, description, files, has_sources)

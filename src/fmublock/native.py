@@ -11,12 +11,15 @@ from .description import FmuFeatures, offers_model_exchange
 from .export import Draft, draft
 from .recipe import Documents, Producer
 from .symbolic import evaluate_symbolically
+from .variables import Access
 
 _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 
 
-def native_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
+def native_draft(block: Block, producer: Producer, documents: Documents, has_sources: bool = True) -> Draft:
     """Return the FMU without binaries: description, documents and C sources.
+
+    Without sources these are only for the compiler.
 
     Raises:
         BuildError: The equations fail, or would give different results in C and in Python.
@@ -27,8 +30,12 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
         "sources/model.h": _model_header(block, symbolic.demands).encode(),
         **sources("shim"),
     }
-    offers = FmuFeatures(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
-    anonymous = draft(block, symbolic, producer, documents, content, offers)
+    offers = FmuFeatures(
+        derivatives=True,
+        model_exchange=offers_model_exchange(block),
+        source_files=(_SHIM,) if has_sources else (),
+    )
+    anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
     return replace(anonymous, files={**anonymous.files, **guid_header})
 
@@ -64,10 +71,11 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
     lines += [
         "",
         "/* type: R Real, I Integer or enumeration, B Boolean;",
+        " * access: S settable, F fixed, H hidden;",
         " * start_reference: the parameter that a state starts from, or -1 */",
         "typedef struct {",
         "    const char *name;",
-        "    char type;",
+        "    char type, access;",
         "    double start, minimum, maximum, nominal;",
         "    int start_reference;",
         "} Variable;",
@@ -83,7 +91,9 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         nominal = 1.0 if variable.nominal is None else variable.nominal
         values = ", ".join(c_number(x) for x in (scalar.start, *variable.range, nominal))
         letter = letters[variable.fmi_type]
-        lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
+        access = scalar.access
+        name = "" if access is Access.HIDDEN else scalar.name
+        lines.append(f"    {{\"{name}\", '{letter}', '{access.value}', {values}, {start_reference}}},")
     return "\n".join([*lines, "};", *_limits(block), *_conditions(demands), ""])
 
 

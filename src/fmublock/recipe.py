@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from .block import Block
-from .errors import BuildError
+from .disclosure import Disclosure
+from .errors import BuildError, DisclosureError
 from .sources import gather_sources, module_of
 from .variables import Parameter
 
@@ -58,6 +59,7 @@ class Recipe:
     flavour: str
     producer: Producer = Producer()
     documents: Documents = Documents()
+    sources: bool = True
 
     @classmethod
     def of(
@@ -66,16 +68,28 @@ class Recipe:
         flavour: str,
         producer: Producer | None = None,
         documents: Documents | None = None,
+        disclosure: Disclosure | None = None,
     ) -> "Recipe":
         """Make a recipe from a caller's arguments. Raises BuildError if they are wrong."""
+        disclosure = disclosure or Disclosure()
         if flavour not in FLAVOURS:
             raise BuildError(f"the flavour '{flavour}' is not supported; choose from {', '.join(FLAVOURS)}.")
-        return cls(_instance(block), flavour, producer or Producer(), documents or Documents())
+        made = disclosure.restrict(_instance(block))
+        if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
+            raise DisclosureError(
+                f"FMUs of the flavour {flavour} contain equations and values as Python files; "
+                "build a native FMU."
+            )
+        return cls(made, flavour, producer or Producer(), documents or Documents(), disclosure.has_sources)
 
     @property
     def model(self) -> str:
         """The model's name: that of the block's class."""
         return type(self.block).__name__
+
+    @property
+    def _settings(self) -> tuple[object, ...]:
+        return self.flavour, self.producer, self.documents, self.sources
 
     def key(self) -> str | None:
         """64 hexadecimal digits that change with all that this FMU is made of.
@@ -92,7 +106,7 @@ class Recipe:
             return None
         if sources.foreign:
             return None
-        parts = [module_of(type(self.block)), repr((self.flavour, self.producer, self.documents))]
+        parts = [module_of(type(self.block)), repr(self._settings)]
         parts += [*_declared(self.block), *_own_files()]
         parts += [f"{path}\0{text}" for path, text in sorted(sources.texts.items())]
         parts += [f"{tool} {_version(tool)}" for tool in (*_TOOLS, *_FLAVOUR_TOOLS[self.flavour])]

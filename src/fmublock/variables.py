@@ -4,11 +4,24 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 from itertools import product
 from typing import Any
 
 from .symbols import symbol_of
+
+
+class Access(Enum):
+    """What the user of an FMU can do with a parameter; the values are the letters of the C shim."""
+
+    SETTABLE = "S"
+    FIXED = "F"
+    HIDDEN = "H"
+
+    @property
+    def word(self) -> str:
+        """The participle: fixed, hidden."""
+        return self.name.lower()
 
 
 class Variable:
@@ -196,7 +209,12 @@ class Input(Variable):
 
 
 class Parameter(Variable):
-    """A quantity that is fixed during a run and can be set before initialization ends."""
+    """A quantity that is fixed during a run and can be set before initialization ends.
+
+    `access` says what the user of an FMU can do with it; `Disclosure` restricts it.
+    """
+
+    access = Access.SETTABLE
 
 
 class State(Variable):
@@ -237,6 +255,11 @@ class ScalarVariable:
     index: tuple[int, ...]
     name: str
     start: float
+
+    @property
+    def access(self) -> Access:
+        """What the user of an FMU can do with a parameter; `SETTABLE` for other variables."""
+        return self.variable.access if isinstance(self.variable, Parameter) else Access.SETTABLE
 
 
 def per_second(name: str) -> str:

@@ -3,14 +3,15 @@
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from textwrap import dedent
 
 import pytest
 
 from emla_cosim.base.errors import CommandError, RunError
-from emla_cosim.fmu.models import MODELS, build, fmu_path
-from fmublock import Block, Documents, Input, Output, Producer, load_block, recipe
+from emla_cosim.fmu.models import MODELS, build, check_disclosure, fmu_path
+from fmublock import Block, Disclosure, Documents, Input, Output, Producer, load_block, recipe
 from fmublock import cache as cache_module
 from fmublock.archive import read_built
 from fmublock.recipe import Recipe
@@ -267,3 +268,24 @@ def test_processes_that_want_the_same_fmu_build_it_once(cache: Path) -> None:
     said = [run.communicate()[0] for run in runs]
     assert [run.returncode for run in runs] == [0, 0, 0]
     assert sorted(said) == ["", "", "built\n"]
+
+
+def test_fmus_for_other_companies_stay_out_of_the_folder_of_complete_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`emla run` takes FMUs from there, and would build them again with everything."""
+    monkeypatch.chdir(tmp_path)
+    for folder in (Path("fmus"), tmp_path / "fmus", None):
+        with pytest.raises(CommandError, match="choose another one with --output"):
+            check_disclosure("SignalFault", "native", folder, Disclosure(sources=False))
+    check_disclosure("SignalFault", "native", Path("fmus"), Disclosure())
+    check_disclosure("SignalFault", "native", Path("handout"), Disclosure(sources=False))
+    with pytest.raises(CommandError, match="SignalFault: there is no parameter stiffness"):
+        check_disclosure("SignalFault", "native", Path("handout"), Disclosure(hidden=["stiffness"]))
+    path = build("SignalFault", "native", [], Path("handout"), disclosure=Disclosure(sources=False))
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        page = archive.read("documentation/index.html").decode()
+    assert not [n for n in names if n.startswith("sources/")]
+    assert "documentation/licenses/license.txt" in names
+    assert "<math" not in page.partition("<h2>Variables</h2>")[0]

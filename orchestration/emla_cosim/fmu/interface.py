@@ -76,17 +76,6 @@ class Interface:
         """Return the dependencies of unknowns in initialization mode."""
         return Dependencies(self.description.initialUnknowns)
 
-    @property
-    def tolerance(self) -> float | None:
-        """Return the relative tolerance of the default experiment, None if it has no positive one."""
-        experiment = self.description.defaultExperiment
-        declared = None if experiment is None else experiment.tolerance
-        try:
-            tolerance = float(declared or math.nan)
-        except ValueError:
-            return None
-        return tolerance if 0.0 < tolerance < math.inf else None
-
     def is_settable(self, name: str) -> bool:
         """Return whether a variable accepts a start value."""
         variable = self.variables[name]

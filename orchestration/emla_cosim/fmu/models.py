@@ -16,14 +16,24 @@ import rsba_fmu
 from fmublock import Block
 from fmublock.archive import BuiltFmu, read_built
 from fmublock.cache import cache_folder
-from fmublock.errors import BuildError, LoadError
+from fmublock.disclosure import Disclosure
+from fmublock.errors import BuildError, DisclosureError, LoadError
 from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.ownership import check_replaceable
 
-__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "build", "find_block", "fmu_path"]
+__all__ = [
+    "FLAVOURS",
+    "FMU_FOLDER",
+    "MODELS",
+    "PLATFORMS",
+    "Disclosure",
+    "build",
+    "find_block",
+    "fmu_path",
+]
 
 MODELS: dict[str, type[Block]] = {
     b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
@@ -67,6 +77,7 @@ def build(
     folder: Path | None = None,
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
+    disclosure: Disclosure | None = None,
 ) -> Path:
     """Build the FMU of a model, unless the same one already exists.
 
@@ -80,12 +91,14 @@ def build(
             otherwise the user's cache.
         advance: Called for each compiled binary.
         overwrite: Whether to replace a file that is not an FMU of ours.
+        disclosure: What the FMU contains and lets its user set. Default: everything. With anything
+            else, `folder` is required and is not that of our own FMUs.
 
     Returns:
         The path of the FMU.
 
     Raises:
-        CommandError: If a name is unknown, or the file must not be replaced.
+        CommandError: If a name or a value is wrong, or the file must not be replaced.
         RunError: If building or writing fails.
     """
     if isinstance(model, str):
@@ -93,13 +106,31 @@ def build(
     check_choice("flavour", flavour, FLAVOURS)
     for platform in platforms:
         check_choice("platform", platform, PLATFORMS)
+    if disclosure is not None:
+        check_disclosure(model, flavour, folder, disclosure)
     name = model if isinstance(model, str) else model.__name__
     try:
-        return _build(_recipe(model, flavour), platforms, folder, advance, overwrite)
+        return _build(_recipe(model, flavour, disclosure), platforms, folder, advance, overwrite)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
         raise RunError(f"{name} could not be built: {error}.") from error
+
+
+def check_disclosure(
+    model: str | type[Block], flavour: str, folder: Path | None, disclosure: Disclosure
+) -> None:
+    """Check that a model can be built with this disclosure, in this folder. This builds nothing.
+
+    Raises:
+        CommandError: If it cannot.
+    """
+    _recipe(model, flavour, disclosure)
+    if disclosure != Disclosure() and (folder is None or folder.resolve() == FMU_FOLDER.resolve()):
+        raise CommandError(
+            f"the folder '{FMU_FOLDER}' is for complete FMUs, which `emla run` uses and builds again; "
+            "choose another one with --output."
+        )
 
 
 def check_build_path(
@@ -182,10 +213,17 @@ def _lock_build(path: Path) -> Iterator[None]:
         yield
 
 
-def _recipe(model: str | type[Block], flavour: str) -> Recipe:
-    if not isinstance(model, str):
-        return Recipe.of(model, flavour)
-    return Recipe(MODELS[model](), flavour, producer("MIT"), _documents(model))
+def _recipe(model: str | type[Block], flavour: str, disclosure: Disclosure | None = None) -> Recipe:
+    """Return the recipe of a model. Raise CommandError if the disclosure does not fit it."""
+    try:
+        if not isinstance(model, str):
+            return Recipe.of(model, flavour, disclosure=disclosure)
+        complete = disclosure is None or disclosure.has_sources
+        documents = _documents(model) if complete else Documents(license=license_text())
+        return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure)
+    except DisclosureError as error:
+        name = model if isinstance(model, str) else model.__name__
+        raise CommandError(f"{name}: {error}", model=name) from error
 
 
 def producer(license_name: str | None = None) -> Producer:

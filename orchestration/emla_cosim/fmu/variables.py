@@ -71,7 +71,8 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
             n for n in interface.variables if n.endswith(f".{variable.name}") and interface.is_settable(n)
         ]
         meant = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise CommandError(f"{name} is computed by the FMU and cannot be set{meant}")
+        why = "a constant of the FMU" if variable.variability == "constant" else "computed by the FMU"
+        raise CommandError(f"{name} is {why} and cannot be set{meant}")
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":

@@ -17,6 +17,8 @@ static int is_discrete_state(int reference) {
 
 static fmi2Status check_known(const Instance *instance, fmi2ValueReference reference) {
     if (check_type(instance, reference, 'R') != fmi2OK) return fmi2Error;
+    if (variables[reference].access == 'F')
+        return report(instance, fmi2Error, "%s is fixed in this FMU.", variables[reference].name);
     const int computed = variables[reference].start_reference >= 0 && instance->now.phase == INITIALIZATION;
     if (reference < FIRST_OUTPUT && !is_discrete_state((int)reference) && !computed) return fmi2OK;
     return report(instance, fmi2Error, "%s is not an input, parameter or state to differentiate by.",

@@ -13,6 +13,28 @@ static uint64_t checksum(const State *state) {
     return hash;
 }
 
+/* Remove hidden parameters, and what follows from parameters, from a state that leaves the FMU as bytes. */
+static void conceal(State *state) {
+    int hides = 0;
+    for (int r = N_INPUTS; r < FIRST_STATE; r++)
+        if (variables[r].access == 'H') {
+            state->values[r] = 0.0;
+            hides = 1;
+        }
+    if (hides) memset(state->fixed, 0, sizeof state->fixed);
+}
+
+/* Restore what `conceal` removed. */
+static void reveal(State *state) {
+    int hides = 0;
+    for (int r = N_INPUTS; r < FIRST_STATE; r++)
+        if (variables[r].access == 'H') {
+            state->values[r] = variables[r].start;
+            hides = 1;
+        }
+    if (hides) fix_values(state);
+}
+
 static fmi2Status check_state(const Instance *instance, const State *state) {
     if (state == NULL || memcmp(state->guid, GUID(&instance->now), sizeof state->guid) != 0)
         return report(instance, fmi2Error, "this is not a state of %s %s.", MODEL_IDENTIFIER,
@@ -75,7 +97,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byt
         return report(c, fmi2Error, "a state needs %u bytes, not %u.", (unsigned)sizeof serialized,
                       (unsigned)size);
     memcpy(&serialized.state, FMUstate, sizeof serialized.state);
-    serialized.checksum = checksum(FMUstate);
+    conceal(&serialized.state);
+    serialized.checksum = checksum(&serialized.state);
     memcpy(serializedState, &serialized, sizeof serialized);
     return fmi2OK;
 }
@@ -91,5 +114,6 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
     if (check_state(c, &serialized.state) != fmi2OK) return fmi2Error;
     if (serialized.checksum != checksum(&serialized.state))
         return report(c, fmi2Error, "the serialized state is damaged.");
+    reveal(&serialized.state);
     return copy_state(c, &serialized.state, FMUstate);
 }

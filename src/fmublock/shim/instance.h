@@ -142,6 +142,11 @@ static void report_limits(Instance *instance) {
         const double low = limits[i].low == limits[i].high ? -high : values[limits[i].low];
         if (instance->left[i] || (low <= value && value <= high)) continue;
         instance->left[i] = 1;
+        if (variables[limits[i].low].access == 'H' || variables[limits[i].high].access == 'H') {
+            report(instance, fmi2Warning, "%s = %.9g left its limits at t = %.9g s.",
+                   variables[limits[i].variable].name, value, instance->now.time);
+            continue;
+        }
         const int digits = digits_apart(value, value < low ? low : high);
         report(instance, fmi2Warning, "%s = %.*g left its limits, %.9g to %.9g, at t = %.9g s.",
                variables[limits[i].variable].name, digits, value, low, high, instance->now.time);
@@ -149,7 +154,7 @@ static void report_limits(Instance *instance) {
 }
 
 static fmi2Status check_type(const Instance *instance, fmi2ValueReference reference, char type) {
-    if (reference >= SHOWN(instance))
+    if (reference >= SHOWN(instance) || variables[reference].access == 'H')
         return report(instance, fmi2Error, "there is no variable with value reference %u.", reference);
     const Variable *variable = &variables[reference];
     if (variable->type == type) return fmi2OK;

@@ -99,11 +99,12 @@ def _model_header(capacity: int) -> str:
     counts = ("INPUTS", "PARAMETERS", "STATES", "DISCRETE_STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
     lines += [f"#define N_OUTPUTS {capacity}", *constants(), ""]
-    lines += ["typedef struct {", "    const char *name;", "    char type;"]
+    lines += ["typedef struct {", "    const char *name;", "    char type, access;"]
     lines += ["    double start, minimum, maximum, nominal;", "    int start_reference;", "} Variable;", ""]
     lines += ["static const Variable variables[] = {"]
     lines += [
-        f"    {{\"output {i}\", 'R', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}}," for i in range(1, capacity + 1)
+        f"    {{\"output {i}\", 'R', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
+        for i in range(1, capacity + 1)
     ]
     lines += [
         "};",

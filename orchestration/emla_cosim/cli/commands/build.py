@@ -7,9 +7,22 @@ import typer
 
 from ...base.errors import CommandError, check_choice
 from ...base.option import BUILD
-from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build, check_build_path, find_block
+from ...fmu.models import (
+    FLAVOURS,
+    FMU_FOLDER,
+    MODELS,
+    PLATFORMS,
+    Disclosure,
+    build,
+    check_build_path,
+    check_disclosure,
+    find_block,
+)
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
+from .options import pairs
+
+_SUPPLY = "FMUs for other companies"
 
 OPTIONS = BUILD
 """Options of the command."""
@@ -17,6 +30,7 @@ OPTIONS = BUILD
 EXAMPLES = (
     "emla build EmlaPlant",
     "emla build mine.py:Drive --output mine",
+    "emla build EmlaPlant --hide 'motor.*' --output handout",
 )
 """Examples in the help."""
 
@@ -34,6 +48,40 @@ def command(
             "all."
         ),
     ] = None,
+    no_sources: Annotated[
+        bool,
+        typer.Option(
+            "--no-sources",
+            help="Leave out the C sources, and equations in the documentation.",
+            rich_help_panel=_SUPPLY,
+        ),
+    ] = False,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Start value in the FMU (repeatable).",
+            metavar="NAME=VALUE",
+            rich_help_panel=_SUPPLY,
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Parameter, or pattern, that can be seen but not set (repeatable).",
+            metavar="NAME",
+            rich_help_panel=_SUPPLY,
+        ),
+    ] = None,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
+            "(repeatable).",
+            metavar="NAME",
+            rich_help_panel=_SUPPLY,
+        ),
+    ] = None,
     output: Annotated[Path, typer.Option(help="Output folder.")] = FMU_FOLDER,
     *,
     given: dict[str, Any],
@@ -47,6 +95,11 @@ def command(
         )
     platforms = platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
+    disclosure = Disclosure(not no_sources, pairs("--set", set_ or []), fix or (), hide or ())
+    if len(blocks) > 1 and (set_ or fix or hide):
+        raise CommandError("--set, --fix and --hide are for one model; name it.")
+    for model in blocks.values():
+        check_disclosure(model, flavour, output, disclosure)
     overwrite = given.get("overwrite", False)
     for model in blocks.values():
         check_build_path(model, flavour, output, overwrite)
@@ -54,7 +107,17 @@ def command(
         paths = []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
-            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1), overwrite))
+            paths.append(
+                build(
+                    model,
+                    flavour,
+                    platforms,
+                    output,
+                    lambda: progress.advance(1),
+                    overwrite,
+                    disclosure,
+                )
+            )
             progress.finish()
     for path in paths:
         show_file(path)

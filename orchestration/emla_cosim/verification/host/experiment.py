@@ -26,9 +26,9 @@ class Experiment:
         """The communication step in s."""
         return float(self.times[1] - self.times[0])
 
-    def at(self, k: int) -> dict[str, float]:
-        """Return the inputs by name at communication point `k`."""
-        return {name: float(values[k]) for name, values in self.inputs.items()}
+    def at(self, k: int) -> dict[str, Any]:
+        """Return the inputs by name at communication point `k`, in the types of their columns."""
+        return {name: values[k].item() for name, values in self.inputs.items()}
 
 
 def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:

@@ -35,7 +35,8 @@ def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
 def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) -> dict[str, Vector]:
     """Return the input columns at these times in s. Raise CommandError if a column is not an input.
 
-    Continuous inputs are linear between rows. Others hold the value of the last row.
+    Continuous inputs are linear between rows. Others hold the value of the last row, and have the type of
+    their variable. Of rows at the same time, which are an event, the last one counts.
     """
     found = {}
     for name, values in columns.items():
@@ -78,7 +79,25 @@ def _interval(reference: ReferenceSolution) -> float:
 
 
 def _sampled(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
-    if variable.type == "Real" and variable.variability in (None, "continuous"):
-        return np.interp(times, rows, values)
     ahead = _SLIVER * float(times[1] - times[0])
-    return values[np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)]
+    last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)
+    if variable.type == "Real" and variable.variability in (None, "continuous"):
+        at_event = (np.abs(rows[last] - times) <= ahead) & (rows[np.maximum(last - 1, 0)] == rows[last])
+        return np.where(at_event & (last > 0), values[last], np.interp(times, rows, values))
+    return _typed(variable, rows, values)[last]
+
+
+def _typed(variable: ModelVariable, rows: Vector, values: Vector) -> Vector:
+    """Convert a column to the type of its input. Raise CommandError for a value that it cannot have."""
+    if variable.type == "Real":
+        return values
+    low, high = (0, 1) if variable.type == "Boolean" else (-(2**31), 2**31 - 1)
+    wrong = ~((values >= low) & (values <= high) & (values == np.floor(values)))  # NaN is wrong, too
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        right = "0 or 1" if variable.type == "Boolean" else f"a whole number from {low} to {high}"
+        raise CommandError(
+            f"the input {variable.name} is {values[k]:.9g} at t = {rows[k]:.9g} s; it is of type "
+            f"{variable.type} and must be {right}."
+        )
+    return values.astype(np.bool_ if variable.type == "Boolean" else np.int32)

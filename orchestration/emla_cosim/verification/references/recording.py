@@ -81,12 +81,12 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     found = run_reference(subject, plan)
     rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
     texts = {
-        "ref.csv": _csv(rows),
+        "ref.csv": _csv(subject, rows),
         "ref.opt": _options(start, stop, step, every * step),
         "ref.toml": _about(subject, recording),
     }
     if len(inputs) > 1:
-        texts["in.csv"] = _csv(inputs)
+        texts["in.csv"] = _csv(subject, inputs)
     else:  # the file of an earlier recording would be used as inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     return [
@@ -118,12 +118,17 @@ def _write_text(path: Path, text: str) -> Path:
     return path
 
 
-def _csv(columns: dict[str, Vector]) -> str:
-    """Format columns as CSV, numbers with all digits of a double."""
+def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
+    """Format columns as CSV: Reals with all digits, other types as whole numbers, Booleans as 0 and 1."""
+    variables = [subject.variables.get(name) for name in columns]
+    convert = [float if v is None or v.type == "Real" else int for v in variables]
     text = StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows([repr(float(v)) for v in row] for row in zip(*columns.values(), strict=True))
+    writer.writerows(
+        [repr(to(value)) for to, value in zip(convert, row, strict=True)]
+        for row in zip(*columns.values(), strict=True)
+    )
     return text.getvalue()
 
 
