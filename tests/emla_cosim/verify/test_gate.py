@@ -70,7 +70,7 @@ def test_a_failure_that_is_skipped_does_not_excuse_others(tmp_path: Path) -> Non
     """The one of a part is tried without it; one without which nothing runs is not passed over in silence."""
     schema = with_text("<fmiModelDescription ", '<fmiModelDescription strange="1" ')(tmp_path)
     one = ec.verify(schema, skip=["description.schema"], only=["variables", "run.completes"]).examined[0]
-    assert one.passed
+    assert one.passed, one.of(Verdict.FAILED)
     assert {f.verdict for f in one.findings} == {Verdict.PASSED}
     crash = build_good_fmu(tmp_path, Fault.SEGFAULT)
     report = ec.verify(crash, skip=["run.completes"], only=["run", "state"])
@@ -84,7 +84,8 @@ def test_a_failure_that_is_skipped_does_not_excuse_others(tmp_path: Path) -> Non
 def test_what_else_fails_can_be_chosen(tmp_path: Path, emla: Emla) -> None:
     (tmp_path / "Toy.fmu").write_bytes(good_bytes())
     warns = ("verify", "Toy.fmu", "--only", "steps.split")
-    assert emla(*warns).exit_code == 0
+    found = emla(*warns)
+    assert found.exit_code == 0, found.output
     assert emla(*warns, "--fail-on", "warning").exit_code == 1
     skips = ("verify", "Toy.fmu", "--only", "reference.agrees", "--only", "archive")
     assert emla(*skips, "--fail-on", "warning").exit_code == 0

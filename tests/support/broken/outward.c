@@ -1,4 +1,5 @@
 /* The good FMU, whose step acts on what is outside of it: the time that passes, or its parent process. */
+#define _DEFAULT_SOURCE
 #include "fmi2Functions.h"
 #undef fmi2DoStep
 #define fmi2DoStep good_step
