@@ -95,6 +95,11 @@ DYNAMIC: tuple[Check, ...] = (
 
 CHECKS: tuple[Check, ...] = (*STATIC, *DYNAMIC, references.agrees)
 
+VITAL = frozenset(
+    {"archive.safe", "description.readable", "binaries.loads", "instance.created", "run.completes"}
+)
+"""Checks whose failure leaves nothing to run for those that need them."""
+
 RECORDED = references.recorded
 """Runs instead of `CHECKS` to record references."""
 

@@ -24,6 +24,7 @@ class Check:
         needs: Names of checks that must pass or warn first.
         time_factor: Multiplies the time limit.
         memory_factor: Multiplies the memory limit.
+        advisory: Whether the standard has no sentence that a failure violates: it only warns then.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Check:
     needs: tuple[str, ...] = ()
     time_factor: float = 1.0
     memory_factor: float = 1.0
+    advisory: bool = False
 
     def __reduce__(self) -> Any:
         """Pickle the check by its module and name, for other processes."""
@@ -53,11 +55,12 @@ def check(
     needs: tuple[str, ...] = (),
     time_factor: float = 1.0,
     memory_factor: float = 1.0,
+    advisory: bool = False,
 ) -> Callable[[Examine], Check]:
     """Decorate a function as a check. `Check` describes the arguments."""
 
     def made(examine: Examine) -> Check:
-        return Check(name, title, clause, hint, examine, needs, time_factor, memory_factor)
+        return Check(name, title, clause, hint, examine, needs, time_factor, memory_factor, advisory)
 
     return made
 

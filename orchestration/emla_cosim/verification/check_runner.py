@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from .check import Check
@@ -9,7 +10,7 @@ from .findings import Finding
 from .host.fresh_process import EndedError
 from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
-from .verdict import CheckOutcome, Verdict, failed, skipped
+from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
 
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
@@ -41,12 +42,16 @@ def skip_blocked(check: Check, needed: Finding) -> Finding:
         reason = f"It needs {needed.check}, which failed."
     elif not reason.startswith("It needs "):
         reason = f"It needs {needed.check}, which was skipped: {reason}"
-    return make_finding(check, skipped(reason))
+    not_applicable = needed.verdict == Verdict.SKIPPED and not needed.outcome.blocked
+    return make_finding(check, replace(blocked(reason), blocked=not not_applicable))
 
 
 def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> Finding:
     """Return an outcome together with the title, clause and hint of its check."""
-    return Finding(check.name, check.title, outcome, check.clause, outcome.hint or check.hint, seconds)
+    if check.advisory and outcome.verdict == Verdict.FAILED:
+        outcome = replace(outcome, verdict=Verdict.WARNING, clause=None)
+    clause, hint = outcome.clause or check.clause, outcome.hint or check.hint
+    return Finding(check.name, check.title, outcome, clause, hint, seconds)
 
 
 def _do(check: Check, subject: Any) -> CheckOutcome:
@@ -54,5 +59,7 @@ def _do(check: Check, subject: Any) -> CheckOutcome:
 
     try:
         return check.examine(subject)
-    except (CallError, EndedError) as error:
+    except CallError as error:
         return failed(str(error))
+    except EndedError as error:
+        return failed(str(error), clause=RETURNS)

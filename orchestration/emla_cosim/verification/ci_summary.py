@@ -35,6 +35,10 @@ def format_ci_summary(report: Mapping[str, Any]) -> str:
         lines += [_item(kind, one, finding) for one, finding in found[:_MOST_FINDINGS]]
         if len(found) > _MOST_FINDINGS:
             lines.append(f"- {_SIGNS[kind]} and {len(found) - _MOST_FINDINGS} more")
+    for one in report["examined"]:
+        lines += [
+            f"- {_SIGNS[Verdict.FAILED]} {_text(one['name'])}: {_text(o)}" for o in one.get("objections", ())
+        ]
     return "\n".join([*lines, "", f"{_text(report['made_by'])}, {_text(report['started'])}", ""])
 
 
@@ -44,7 +48,7 @@ def _table(examined: list[dict[str, Any]]) -> Iterator[str]:
     for one in examined[:_MOST_ROWS]:
         verdicts = [finding["verdict"] for finding in one["findings"]]
         counts = " | ".join(str(verdicts.count(v) or "") for v in Verdict)
-        sign = _SIGNS[Verdict(one["verdict"])]
+        sign = _SIGNS[Verdict.FAILED if one.get("objections") else Verdict(one["verdict"])]
         yield f"| {sign} | {_text(one['name'])} | {counts} | {one['seconds']:.1f} |"
     if len(examined) > _MOST_ROWS:
         yield f"| | and {len(examined) - _MOST_ROWS} more | | | | | |"

@@ -7,33 +7,71 @@ from contextlib import suppress
 
 from ..base.errors import CommandError
 from ..base.files import hash_file
-from ..base.patterns import matches_pattern
-from .catalogue import CHECKS, READING, RECORDED
+from .catalogue import CHECKS, READING, RECORDED, VITAL
 from .check import Check
 from .check_runner import run_checks, skip_blocked
 from .findings import Examined, Finding
+from .gate import find_objections, is_selected_by
 from .settings import Settings
 from .subject import Subject
+from .subprocess_run import ERROR_OF_CHECK
+from .unexamined import list_unexamined
 from .verdict import Verdict
 
 _READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
 """Attributes of a subject to read once for all later checks, after a check that passed."""
 
+_UNPACKS = "archive.safe"
+"""The check that unpacks the FMU. It runs again when an examination is resumed."""
 
-def examine_fmu(subject: Subject, progress: Callable[[str], None] = lambda _: None) -> Examined:
-    """Examine an FMU. Call `progress` with the name of each completed check."""
+_FEWEST_STEPS = 5
+"""Fewest steps of a run of a slow FMU."""
+
+
+def examine_fmu(
+    subject: Subject,
+    progress: Callable[[Finding], None] = lambda _: None,
+    done: Sequence[Finding] = (),
+) -> Examined:
+    """Examine an FMU.
+
+    Args:
+        subject: The FMU.
+        progress: Called with the finding of each completed check.
+        done: Findings of an earlier examination, whose process ended; these checks do not run again.
+    """
     began = time.monotonic()
+    earlier = {f.check: f for f in done}
     findings: dict[str, Finding] = {}
     for together in _group_checks(select_needed_checks(subject.settings)):
-        for found in _findings(together, subject, findings):
-            progress(found.check)
+        left = [c for c in together if c.name not in earlier or c.name == _UNPACKS]
+        new = {f.check: f for f in _findings(left, subject, {**earlier, **findings})} if left else {}
+        for check in together:
+            found = earlier.get(check.name) or new[check.name]
+            if check.name not in earlier:
+                progress(found)
             findings[found.check] = found
-            for name in _READ_AFTER.get(found.check, ()) if found.verdict == Verdict.PASSED else ():
-                with suppress(Exception):  # reading may fail here although it worked in the check's process
-                    getattr(subject, name)
+            _take_over(found, subject)
     names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
     shown = tuple(f for f in findings.values() if f.check in names)
-    return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
+    return Examined(
+        subject.path,
+        _facts(subject),
+        shown,
+        time.monotonic() - began,
+        objections=find_objections(shown, subject.settings),
+        not_examined=list_unexamined(subject, findings),
+    )
+
+
+def _take_over(found: Finding, subject: Subject) -> None:
+    """Read what later checks need, and limit their runs, after a check that passed."""
+    if found.verdict == Verdict.PASSED:
+        for name in _READ_AFTER.get(found.check, ()):
+            with suppress(Exception):  # reading may fail here although it worked in the check's process
+                getattr(subject, name)
+        if found.check == "run.completes":
+            subject.most_steps = max(_FEWEST_STEPS, found.outcome.figures["steps"])
 
 
 def select_checks(settings: Settings) -> list[Check]:
@@ -59,7 +97,7 @@ def check_names(patterns: Iterable[str]) -> None:
 
 
 def _is_match(pattern: str, check: Check) -> bool:
-    return check.group == pattern or matches_pattern(check.name, pattern)
+    return is_selected_by(pattern, check.name)
 
 
 def select_needed_checks(settings: Settings) -> list[Check]:
@@ -89,24 +127,42 @@ def _group_checks(checks: Sequence[Check]) -> Iterator[list[Check]]:
 
 def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
     """Run checks. Skip those that need a check which failed or was skipped."""
-    known, ready = dict(before), []
+    known, ready, skip = dict(before), [], subject.settings.skip
     for check in checks:
-        if (missing := _missing(check, known)) is not None:
+        if (missing := _missing(check, known, skip)) is not None:
             known[check.name] = skip_blocked(check, missing)
         else:
             ready.append(check)
     found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
     for check in checks:
         if check.name in found:  # a needed check may be in the same group
-            missing = _missing(check, known)
+            missing = _missing(check, known, skip) or _hindering(check, found[check.name], known)
             known[check.name] = skip_blocked(check, missing) if missing is not None else found[check.name]
         yield known[check.name]
 
 
-def _missing(check: Check, before: Mapping[str, Finding]) -> Finding | None:
-    """Return a needed check that failed or was skipped, among those that have run."""
-    needed = (before[name] for name in check.needs if name in before)
-    return next((f for f in needed if f.verdict in (Verdict.FAILED, Verdict.SKIPPED)), None)
+def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -> Finding | None:
+    """Return a needed check that failed or was skipped, among those that have run.
+
+    A failed check that `skip` leaves out does not excuse those that need it, unless it is vital for them.
+    """
+    needed = [before[name] for name in check.needs if name in before]
+    for one in needed:
+        tried = one.check not in VITAL and any(is_selected_by(p, one.check) for p in skip)
+        failed = one.verdict == Verdict.FAILED and one.outcome.blocks and not tried
+        if failed or one.verdict == Verdict.SKIPPED:
+            return one
+    return None
+
+
+def _hindering(check: Check, found: Finding, before: Mapping[str, Finding]) -> Finding | None:
+    """Return a failed check without which this one, which was tried all the same, went wrong."""
+    if not found.sentence.startswith(ERROR_OF_CHECK):
+        return None
+    needed = list(check.needs)
+    for name in needed:  # grows: also what those need
+        needed += next((c.needs for c in CHECKS if c.name == name), ())
+    return next((before[n] for n in needed if n in before and before[n].verdict == Verdict.FAILED), None)
 
 
 def _facts(subject: Subject) -> dict[str, str]:

@@ -12,20 +12,24 @@ from typing import NamedTuple
 
 from ..sandbox.server import serve
 from .examination import examine_fmu
-from .findings import Examined
+from .findings import Examined, Finding
 from .settings import Settings
 from .subject import Subject
 from .system_examination import examine_system
 
 
 class ExaminerJob(NamedTuple):
-    """A file to examine, an FMU or a system; its name in reports, and its path as the user wrote it."""
+    """A file to examine, an FMU or a system; its name in reports, and its path as the user wrote it.
+
+    `done` has the findings of an examiner that ended before it was done.
+    """
 
     path: Path
     settings: Settings
     name: str
     given: Path
     system: bool = False
+    done: tuple[Finding, ...] = ()
 
 
 def main() -> None:
@@ -37,12 +41,12 @@ def main() -> None:
     serve(_examine)
 
 
-def _examine(job: ExaminerJob, tell: Callable[[str], None]) -> Examined:
+def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
     if job.system:
         return examine_system(job.path, job.settings, tell)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examine_fmu(subject, tell)
+        return examine_fmu(subject, tell, job.done)
 
 
 if __name__ == "__main__":

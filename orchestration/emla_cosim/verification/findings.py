@@ -49,6 +49,8 @@ class Examined:
         findings: one for each check.
         seconds: duration in s.
         name: name that the report uses; empty for the path.
+        objections: why it does not pass, in addition to failed checks.
+        not_examined: what could not be judged, as sentences.
     """
 
     path: Path
@@ -56,6 +58,8 @@ class Examined:
     findings: tuple[Finding, ...]
     seconds: float
     name: str = ""
+    objections: tuple[str, ...] = ()
+    not_examined: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -79,8 +83,8 @@ class Examined:
 
     @property
     def passed(self) -> bool:
-        """Whether no check failed."""
-        return not self.of(Verdict.FAILED)
+        """Whether no check failed, and there is no other objection."""
+        return not self.of(Verdict.FAILED) and not self.objections
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ class Findings:
 
     @property
     def passed(self) -> bool:
-        """Whether no check failed on any FMU."""
+        """Whether all FMUs passed."""
         return all(one.passed for one in self.examined)
 
     @property

@@ -3,13 +3,15 @@
     {
       "format": "emla-verify", "version": 1,           increases if a field changes or is removed
       "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
-      "passed": true,                                  no check of any FMU failed
+      "passed": true,                                  all FMUs passed
       "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
       "examined": [
         {
           "name": "build/Plant.fmu",                   name in reports
           "path": "build/Plant.fmu",                   as the user wrote it
           "passed": true, "verdict": "warning",        the worst verdict
+          "objections": [],                            why it does not pass, besides failed checks
+          "not_examined": ["..."],                     what could not be judged
           "seconds": 1.5,
           "facts": {"FMI": "2.0", ...},                texts by name
           "findings": [
@@ -77,6 +79,8 @@ def _examined(one: Examined) -> dict[str, Any]:
         "path": str(one.path),
         "passed": one.passed,
         "verdict": worst(one.findings).value,
+        "objections": one.objections,
+        "not_examined": one.not_examined,
         "seconds": one.seconds,
         "facts": one.facts,
         "findings": [_finding(finding) for finding in one.findings],

@@ -22,8 +22,8 @@ def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     root = _element(
         "testsuites",
         name="emla verify",
-        tests=sum(report.counts.values()),
-        failures=report.counts[Verdict.FAILED],
+        tests=sum(report.counts.values()) + sum(len(one.objections) for one in report.examined),
+        failures=report.counts[Verdict.FAILED] + sum(len(one.objections) for one in report.examined),
         errors=0,
         time=_time(sum(one.seconds for one in report.examined)),
     )
@@ -39,8 +39,8 @@ def _suite(one: Examined, name: str, report: Findings) -> Any:
     suite = _element(
         "testsuite",
         name=one.label,
-        tests=len(one.findings),
-        failures=len(one.of(Verdict.FAILED)),
+        tests=len(one.findings) + len(one.objections),
+        failures=len(one.of(Verdict.FAILED)) + len(one.objections),
         errors=0,
         skipped=len(one.of(Verdict.SKIPPED)),
         time=_time(one.seconds),
@@ -51,7 +51,17 @@ def _suite(one: Examined, name: str, report: Findings) -> Any:
     properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
     suite.append(properties)
     suite.extend(_case(finding, _class_name(name)) for finding in one.findings)
+    suite.extend(_objection(objection, _class_name(name)) for objection in one.objections)
+    if one.not_examined:
+        suite.append(_element("system-out", "\n".join(["Not examined:", *one.not_examined])))
     return suite
+
+
+def _objection(sentence: str, class_name: str) -> Any:
+    """Return a failed case for an FMU that does not pass although no check failed."""
+    case = _element("testcase", classname=class_name, name="fully verified", time=_time(0.0))
+    case.append(_element("failure", sentence, type="not passed", message=sentence))
+    return case
 
 
 def _class_name(label: str) -> str:

@@ -9,6 +9,9 @@ from typing import Any
 from ..fmu.shared_library import missing_bytes
 from .subject import Subject
 
+_EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
+"""Bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT."""
+
 _SUFFIXES = (".so", ".dll", ".dylib")
 
 
@@ -67,8 +70,14 @@ def list_exports(binary: Any) -> set[str]:
 
     names = {str(f.name) for f in binary.exported_functions} | set(_symbols(binary))
     if isinstance(binary, lief.MachO.Binary):
+        names |= {str(s.name) for s in binary.symbols if _is_defined(s)}  # older linkers write no export trie
         return {name.removeprefix("_") for name in names}
     return names
+
+
+def _is_defined(symbol: Any) -> bool:
+    """Return whether a symbol of a Mach-O library is defined in it and visible outside."""
+    return bool(symbol.raw_type & _EXTERNAL) and symbol.raw_type & (_DEBUG_OR_PRIVATE | _TYPE) == _IN_SECTION
 
 
 def list_needed_libraries(binary: Any) -> list[str]:

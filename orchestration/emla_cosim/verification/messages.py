@@ -1,8 +1,9 @@
 """Format messages, and judge lists of problems."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from .verdict import CheckOutcome, failed, passed, warned
+from .verdict import CheckOutcome, Clause, failed, passed, warned
 
 LONGEST = 400
 """Most characters of a message; names in an FMU can have any length."""
@@ -10,7 +11,17 @@ MOST = 50
 """Most lines of details."""
 
 
-def judge_problems(problems: Sequence[str], fine: str, doubts: Sequence[str] = ()) -> CheckOutcome:
+class Breach(NamedTuple):
+    """A message, and the clause that is violated if it is not the clause of the check."""
+
+    message: str
+    clause: Clause
+
+
+Problem = str | Breach
+
+
+def judge_problems(problems: Sequence[Problem], fine: str, doubts: Sequence[Problem] = ()) -> CheckOutcome:
     """Judge lists of problems: the message is the first one, the details are all of them.
 
     Args:
@@ -20,10 +31,24 @@ def judge_problems(problems: Sequence[str], fine: str, doubts: Sequence[str] = (
     """
     for make, found in ((failed, problems), (warned, doubts)):
         if found:
-            rest = [*problems, *doubts][1:]
-            details = _lines([*problems, *doubts]) if rest else ()
-            return make(f"{shorten_sentence(found[0])}{_and_more(len(rest))}", details=details)
+            every = [*problems, *doubts]
+            clause = found[0].clause if isinstance(found[0], Breach) else None
+            details = _lines([_line(one, clause) for one in every]) if len(every) > 1 else ()
+            first = f"{shorten_sentence(_message(found[0]))}{_and_more(len(every) - 1)}"
+            return make(first, details=details, clause=clause)
     return passed(fine)
+
+
+def _message(problem: Problem) -> str:
+    return problem.message if isinstance(problem, Breach) else problem
+
+
+def _line(problem: Problem, quoted: Clause | None) -> str:
+    """Return the message, with its own clause unless that is the one `quoted` above the details."""
+    line = shorten_sentence(_message(problem))
+    if isinstance(problem, Breach) and problem.clause != quoted:
+        return f"{line} ({problem.clause}: “{problem.clause.sentence}”)"
+    return line
 
 
 def _and_more(count: int) -> str:
@@ -34,7 +59,7 @@ def _and_more(count: int) -> str:
 
 def _lines(found: Sequence[str]) -> tuple[str, ...]:
     rest = (f"There are {len(found) - MOST} more.",) if len(found) > MOST else ()
-    return (*(shorten_sentence(line) for line in found[:MOST]), *rest)
+    return (*found[:MOST], *rest)
 
 
 def shorten_sentence(text: str) -> str:

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, check_choice
 from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import convert_value
@@ -19,15 +19,17 @@ from ..recorders.tubes.tolerance import Tolerance
 from ..sandbox.processes import LOOK
 from ..sandbox.server import Server, ServerEndedError
 from ..ssp.reader.flat_document import read_ssp
-from .catalogue import CHECKS
+from .catalogue import CHECKS, SYSTEM
+from .check import Check
 from .check_runner import make_finding
 from .examination import check_names, select_checks, select_needed_checks
 from .examiner import ExaminerJob
-from .findings import Examined
+from .findings import Examined, Finding
+from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
 from .report import Report
 from .settings import Recording, Settings
-from .verdict import failed
+from .verdict import RETURNS, CheckOutcome, failed
 
 _SYSTEMS = (".ssp", ".ssd")
 _EXAMINER = f"{__package__}.examiner"
@@ -43,6 +45,8 @@ def verify(
     seconds: float = Settings.seconds,
     memory: float = Settings.memory / 2**20,
     record: Recording | None = None,
+    fail_on: Sequence[str] = (),
+    must_run: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Report:
     """Check FMUs and systems of FMUs: do they follow the standard, and do they behave as before?
@@ -58,6 +62,8 @@ def verify(
         seconds: time limit of each check, in s.
         memory: memory limit of each check, in MiB.
         record: record reference files instead of checking.
+        fail_on: what makes an FMU fail in addition to failed checks: `"warning"`, `"skip"`.
+        must_run: names, groups or patterns of checks that must not be skipped.
         progress: receives the number of finished checks.
 
     Returns:
@@ -67,7 +73,7 @@ def verify(
         CommandError: a file does not exist, or an argument is wrong. All other problems are findings.
     """
     named = _name_paths(paths)
-    settings = _settings(reference, only, skip, tolerance, seconds, memory, record)
+    settings = _settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
     progress = progress or Progress()
     with ExitStack() as held:
         jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
@@ -104,10 +110,19 @@ def _settings(
     seconds: float,
     memory: float,
     record: Recording | None,
+    fail_on: Sequence[str],
+    must_run: Sequence[str],
 ) -> Settings:
     only = convert_value([only] if isinstance(only, str) else list(only), Sequence[str], "'only'")
     skip = convert_value([skip] if isinstance(skip, str) else list(skip), Sequence[str], "'skip'")
-    check_names([*only, *skip])
+    must_run = [must_run] if isinstance(must_run, str) else list(must_run)
+    must_run = convert_value(must_run, Sequence[str], "'must_run'")
+    fail_on = convert_value(
+        [fail_on] if isinstance(fail_on, str) else list(fail_on), Sequence[str], "'fail_on'"
+    )
+    check_names([*only, *skip, *must_run])
+    for word in fail_on:
+        check_choice("value of fail-on", word, list(Strictness))
     for name, value in (("seconds", seconds), ("memory", memory)):
         if not 0.0 < convert_value(value, float, f"'{name}'") < 1e9:
             raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
@@ -123,7 +138,11 @@ def _settings(
         seconds=float(seconds),
         memory=round(memory * 2**20),
         recording=record,
+        fail_on=fail_on,
+        must_run=must_run,
     )
+    if left_out := list_unselected(must_run, select_checks(settings)):
+        raise CommandError(f"'{left_out[0]}' must run, but `only` and `skip` leave it out.")
     if not select_checks(settings):
         raise CommandError("`only` and `skip` select no check.")
     return settings
@@ -177,15 +196,24 @@ class _ExaminerPool:
     def _examined(self, job: ExaminerJob) -> Examined:
         if self._ended:
             return _examiner_lost_report(job, "interrupted")
-        server = self._server()
-        try:
-            server.send(job)
-            while isinstance(answer := server.receive(), str):
+        done: list[Finding] = []
+        while True:
+            server = self._server()
+            try:
+                server.send(job._replace(done=tuple(done)))
+                while isinstance(answer := server.receive(), Finding):
+                    done.append(answer)
+                    self._advance()
+                return replace(answer, path=job.given, name=job.name)
+            except ServerEndedError as error:
+                del self._own.server
+                if self._ended:
+                    return _examiner_lost_report(job, str(error))
+                lost = _find_lost_check(job, done)
+                if lost is None:
+                    return _report_without_examiner(job, done)
+                done.append(make_finding(lost, _describe_loss(str(error))))
                 self._advance()
-        except ServerEndedError as error:
-            del self._own.server
-            return _examiner_lost_report(job, str(error))
-        return replace(answer, path=job.given, name=job.name)
 
     def _server(self) -> Server:
         """Return the process of this thread."""
@@ -196,6 +224,24 @@ class _ExaminerPool:
 
 
 def _examiner_lost_report(job: ExaminerJob, how: str) -> Examined:
-    """Return the report for an FMU whose examiner process ended."""
+    """Return the report for an FMU whose examination was interrupted."""
     found = make_finding(CHECKS[0], failed(f"Its examination ended ({how})."))
     return Examined(job.given, {}, (found,), 0.0, job.name)
+
+
+def _find_lost_check(job: ExaminerJob, done: Sequence[Finding]) -> Check | None:
+    """Return the check during which the examiner ended, or None if all were done."""
+    names = {f.check for f in done}
+    checks = SYSTEM[:1] if job.system else select_needed_checks(job.settings)
+    return next((c for c in checks if c.name not in names), None)
+
+
+def _describe_loss(how: str) -> CheckOutcome:
+    sentence = f"It ended the process of emla verify that runs the checks ({how})."
+    return failed(sentence, clause=RETURNS, hint="Look for signals that the FMU sends to other processes.")
+
+
+def _report_without_examiner(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+    """Return the findings of an FMU whose examiner ended after the last check."""
+    objections = find_objections(done, job.settings)
+    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections)

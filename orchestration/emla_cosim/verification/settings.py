@@ -47,6 +47,8 @@ class Settings:
         seconds: Time limit of a check in s.
         memory: Memory limit of a check in bytes.
         recording: Record references instead of running checks.
+        fail_on: What makes an FMU fail in addition to failed checks: `warning`, `skip`.
+        must_run: Names, groups or patterns of checks that must not be skipped.
     """
 
     only: Sequence[str] = ()
@@ -56,3 +58,5 @@ class Settings:
     seconds: float = 10.0
     memory: int = 2 * 2**30
     recording: Recording | None = None
+    fail_on: Sequence[str] = ()
+    must_run: Sequence[str] = ()

@@ -1,5 +1,6 @@
 """The FMU under examination."""
 
+import sys
 import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,10 +30,12 @@ class Subject:
     path: Path
     folder: Path
     settings: Settings = field(default_factory=Settings)
+    most_steps: int = sys.maxsize
+    """Most steps of one run: a slow FMU is run for fewer steps than others."""
 
     def __reduce__(self) -> Any:
         """Pickle without what was read."""
-        return type(self), (self.path, self.folder, self.settings)
+        return type(self), (self.path, self.folder, self.settings, self.most_steps)
 
     @cached_property
     def tree(self) -> Any:

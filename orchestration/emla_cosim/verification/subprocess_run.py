@@ -9,10 +9,15 @@ from typing import Any
 from ..sandbox import black_box
 from ..sandbox.black_box import BlackBoxFile
 from ..sandbox.child import Child, limit_memory, silence
-from .verdict import CheckOutcome, failed
+from .verdict import RETURNS, CheckOutcome, blocked, failed, own_rule
 
 _FIRST = "its first call"
 """The note before the first call."""
+
+_OWN = own_rule("emla verify", "A check stays within its limits of time and memory.")
+
+ERROR_OF_CHECK = "The check itself has an error:"
+"""How the message begins if a check raises an exception."""
 
 _POLL = 0.05
 """Seconds between two looks at the progress."""
@@ -85,20 +90,25 @@ def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOu
             return found, True
     except (EOFError, OSError):
         how = child.wait(_TIMEOUT)
-        return failed(f"It ended the process in {_read(notes, doing)} ({how})."), False
+        said = f"It ended the process in {_read(notes, doing)} ({how})."
+        return failed(said, clause=RETURNS), False
     except Exception:  # pickle may raise anything
         found = None
     return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
 
 
+_SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
+
+
 def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
     """Return the outcome of a check that takes too long and has been in the same call for `still` s."""
+    if doing == _FIRST:
+        said = f"It did not finish within {seconds:g} s, before it called the FMU."
+        return blocked(said, hint=_SLOW, gaps=(said,))
     if still > 0.5 * seconds:
-        return failed(f"It did not return from {doing} within {seconds:g} s.")
-    return failed(
-        f"It did not finish within {seconds:g} s; it was at {doing} and still made progress.",
-        hint="The FMU may only be slow. Increase the time limit (--seconds).",
-    )
+        return failed(f"It did not return from {doing} within {seconds:g} s.", clause=RETURNS)
+    said = f"It did not finish within {seconds:g} s; it was at {doing} and still made progress."
+    return blocked(said, hint=_SLOW, gaps=(said,))
 
 
 def _answer(
@@ -121,9 +131,9 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
     try:
         return do(*arguments)
     except MemoryError:
-        return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.")
+        return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.", clause=_OWN)
     except Exception as error:  # a bug in a check must not lose the rest of the report
-        return failed(f"The check itself has an error: {type(error).__name__}: {error}.")
+        return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 
 def _read(notes: BlackBoxFile, before: str = _FIRST) -> str:

@@ -33,6 +33,19 @@ class Clause:
         return f"{self.document}, {self.section}"
 
 
+def own_rule(check: str, sentence: str) -> Clause:
+    """Return a rule of this program: the standard has no sentence for it, so that its check only warns."""
+    return Clause(check, sentence, document="emla verify")
+
+
+RETURNS = Clause(
+    "2.1.3",
+    "This section defines the “status” flag [...] that is returned by all functions to indicate the success "
+    "of the function call:",
+)
+"""A function that crashes, ends the process or never returns violates this clause."""
+
+
 @dataclass(frozen=True)
 class CheckOutcome:
     """The verdict and message of a check.
@@ -44,6 +57,10 @@ class CheckOutcome:
         comparisons: Signals compared with their references.
         figures: Numbers by name, for programs.
         hint: What to do; replaces the hint of the check.
+        clause: The clause that is violated; replaces the clause of the check.
+        blocked: Whether the check applies, but could not run. Such an FMU does not pass.
+        blocks: Whether checks that need this one cannot run if it fails.
+        gaps: What the check could not judge, as sentences for the section *Not examined*.
     """
 
     verdict: Verdict
@@ -52,6 +69,10 @@ class CheckOutcome:
     comparisons: tuple[Comparison, ...] = ()
     figures: dict[str, Any] = field(default_factory=dict)
     hint: str = ""
+    clause: Clause | None = None
+    blocked: bool = False
+    blocks: bool = True
+    gaps: tuple[str, ...] = ()
 
 
 def passed(sentence: str, **more: Any) -> CheckOutcome:
@@ -70,5 +91,10 @@ def warned(sentence: str, **more: Any) -> CheckOutcome:
 
 
 def skipped(sentence: str, **more: Any) -> CheckOutcome:
-    """Return an outcome: the check cannot run or does not apply. `sentence` is the reason."""
+    """Return an outcome: the check does not apply. `sentence` is the reason."""
     return CheckOutcome(Verdict.SKIPPED, sentence, **more)
+
+
+def blocked(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: the check applies, but cannot run. `sentence` is the reason."""
+    return CheckOutcome(Verdict.SKIPPED, sentence, blocked=True, **more)

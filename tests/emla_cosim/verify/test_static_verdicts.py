@@ -135,14 +135,29 @@ def test_what_the_standard_allows_passes(name: str, tmp_path: Path, monkeypatch:
     assert {f.check: f.sentence for f in wrong} == {}
 
 
-WRONG_UNITS = {
+ODD_UNITS = {
     "mm with factor 1": with_unit("mm", m=1),
     "torque as force": with_unit("N.m", kg=1, m=1, s=-2),
     "kN without factor": with_unit("kN", kg=1, m=1, s=-2),
+    "rpm as rad/s": with_unit("rpm", s=-1, rad=1),
+    "tonne as T": with_unit("T", kg=1, factor=1000),
+}
+"""Units whose names mean something else: the standard leaves names free."""
+
+WRONG_UNITS = {
     "no factor": with_unit("widget", m=1, factor=0),
     "infinite": with_unit("widget", m=1, factor="INF"),
-    "rpm as rad/s": with_unit("rpm", s=-1, rad=1),
 }
+
+
+@pytest.mark.parametrize("name", ODD_UNITS)
+def test_units_that_their_names_contradict_only_warn(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = examined_here(ODD_UNITS[name](tmp_path), NAMES, monkeypatch)
+    assert not report.of(Verdict.FAILED)
+    (found,) = report.of(Verdict.WARNING)
+    assert (found.check, found.clause.document) == ("units.consistent", "emla verify")
 
 
 @pytest.mark.parametrize("name", WRONG_UNITS)

@@ -7,6 +7,7 @@ from pathlib import Path
 import fmpy
 from lxml import etree
 
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import (
     DESCRIPTION,
@@ -190,12 +191,20 @@ STATIC: list[Broken] = [
         "The unit N/m with the exponents of N",
         "units.consistent",
         setting("//Unit[@name='N/m']/BaseUnit", m="1"),
+        verdict=Verdict.WARNING,
     ),
     Broken(
         "wrong-factor",
         "The display unit mm with the factor 1",
         "units.consistent",
         setting("//DisplayUnit[@name='mm']", factor="1"),
+        verdict=Verdict.WARNING,
+    ),
+    Broken(
+        "infinite-factor",
+        "A unit with an infinite factor",
+        "units.consistent",
+        setting("//Unit[@name='N/m']/BaseUnit", factor="INF"),
     ),
     Broken(
         "unit-of-derivative",

@@ -70,6 +70,22 @@ def command(
             rich_help_panel=_WHAT,
         ),
     ] = None,
+    fail_on: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Fail also for `warning` or `skip` (repeatable). Default: failed checks only.",
+            metavar="VERDICT",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    must_run: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Check, group or pattern of checks that must not be skipped (repeatable).",
+            metavar="CHECK",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List all checks and exit.", rich_help_panel=_WHAT)
     ] = False,
@@ -171,6 +187,8 @@ def command(
             seconds=seconds,
             memory=memory,
             record=recording,
+            fail_on=fail_on or [],
+            must_run=must_run or [],
             progress=progress,
         )
     for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
@@ -181,7 +199,16 @@ def command(
     else:
         _show(report)
     if not report.passed:
-        raise CosimError(f"{format_count(len(report.failures), 'check')} failed.")
+        raise CosimError(_describe_verdict(report))
+
+
+def _describe_verdict(report: Report) -> str:
+    """Return why the report is not passed."""
+    failures = len(report.failures)
+    others = sum(bool(one.objections) for one in report.examined)
+    said = [f"{format_count(failures, 'check')} failed"] if failures else []
+    said += [f"{format_count(others, 'FMU')} did not pass for other reasons"] if others else []
+    return f"{'; '.join(said)}."
 
 
 def _check_places(
@@ -219,6 +246,12 @@ def _show(report: Report) -> None:
     for examined in report.examined:
         for verdict in (Verdict.FAILED, Verdict.WARNING):
             _show_findings(examined, verdict)
+        for objection in examined.objections:
+            said = f"{_text(examined.label)}: [{_STYLE[Verdict.FAILED]}]not passed[/] {_text(objection)}"
+            show(said, highlight=False, soft_wrap=True)
+        for gap in examined.not_examined:
+            said = f"{_text(examined.label)}: [dim]not examined[/] {_text(gap)}"
+            show(said, highlight=False, soft_wrap=True)
     table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
     for examined in report.examined:
         counts = (_count(len(examined.of(v)), v) for v in Verdict)

@@ -3,6 +3,7 @@
 import ctypes
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
 import fmpy
 
@@ -13,7 +14,7 @@ from ..libraries import Library, list_exports, list_libraries, list_platforms, p
 from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped, warned
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
 
@@ -23,7 +24,7 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
     "Binaries or sources exist",
     Clause(
         "2.3",
-        "The FMU must be distributed with at least one implementation, in other words, either sources or one "
+        "The FMU must be distributed with at least one implementation, in other words either sources or one "
         "of the binaries for a particular machine.",
     ),
     "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
@@ -64,10 +65,10 @@ def symbols(subject: Subject) -> CheckOutcome:
     found = list_libraries(subject)
     if not found:
         return skipped("There are no binaries.")
-    problems = [p for one in found for p in _lacking(one)]
-    return judge_problems(
-        problems, f"All functions are exported by {join_few_names([str(one) for one in found])}."
-    )
+    problems = [(one, p) for one in found for p in _lacking(one)]
+    fine = f"All functions are exported by {join_few_names([str(one) for one in found])}."
+    outcome = judge_problems([p for _, p in problems], fine)
+    return replace(outcome, blocks=any(one.platform in _HERE for one, _ in problems))
 
 
 def _lacking(library: Library) -> Iterator[str]:
@@ -101,7 +102,7 @@ def loads(subject: Subject) -> CheckOutcome:
     """Check that the system can load the library for this platform."""
     here = [one for one in list_libraries(subject) if one.platform in _HERE]
     if not here:
-        return skipped(f"There is no binary for {fmpy.platform}.")
+        return blocked(f"There is no binary for {fmpy.platform}.")
     for library in here:
         if missing := missing_bytes(library.path):
             return failed(f"{library} is truncated: its last {missing} bytes are missing.")
@@ -115,13 +116,13 @@ def loads(subject: Subject) -> CheckOutcome:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
             sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
             others = _dependencies(subject)
-            return skipped(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
+            return blocked(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
     try:
         _ = subject.description
     except MemoryError:
         raise
     except Exception as error:
-        return skipped(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
+        return blocked(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
     return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")
 
 

@@ -16,7 +16,7 @@ from ..host.fresh_process import EndedError, in_fresh_process, in_separate_proce
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import outputs
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, passed, warned
+from ..verdict import CheckOutcome, own_rule, passed, warned
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 
@@ -68,10 +68,13 @@ _OF = {
 @check(
     "calls.phases",
     "Calls in the wrong phase are refused",
-    Clause("3.2.3", "The behaviour of an FMU is undefined for such a calling sequence."),
+    own_rule(
+        "calls.phases", "A call in the wrong phase is refused. Its behavior is undefined (FMI 2.0.4, 3.2.3)."
+    ),
     "Keep the phase in the instance. Return fmi2Error and log a message for calls that it does not allow.",
     needs=("run.completes",),
     time_factor=2.0,
+    advisory=True,
 )
 def phases(subject: Subject) -> CheckOutcome:
     """Check that the FMU refuses calls that the state machine forbids, and does not crash.
@@ -134,19 +137,23 @@ _STEPS = 3
 @check(
     "calls.nonfinite",
     "NaN and infinity do no harm",
-    Clause("2.1.3", "returned by all functions to indicate the success of the function call"),
+    own_rule(
+        "calls.nonfinite", "NaN and infinity are refused, or have no effect. The standard does not say it."
+    ),
     "Return fmi2Discard or fmi2Error for values that are not finite, and name the variable in the log.",
     needs=("run.completes",),
+    advisory=True,
 )
 def nonfinite(subject: Subject) -> CheckOutcome:
-    """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash."""
+    """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash.
+
+    The standard does not say what happens then, so this check only warns.
+    """
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
-    variables = [v for v in variables if v.variability != "constant" and v.start is not None][
-        :_MOST_VARIABLES
-    ]
+    variables = [v for v in variables if v.variability != "constant" and v.start is not None]
     until = time.monotonic() + 0.5 * subject.settings.seconds
     silent, tried = [], 0
-    for variable in variables:
+    for variable in variables[:_MOST_VARIABLES]:
         if time.monotonic() > until:
             break  # instantiation is slow
         tried += 1
@@ -160,7 +167,9 @@ def nonfinite(subject: Subject) -> CheckOutcome:
             f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}",
             details=tuple(silent),
         )
-    return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.")
+    left = len(variables) - tried
+    gaps = (f"Only {tried} of {len(variables)} inputs and parameters were set to NaN.",) if left else ()
+    return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps)
 
 
 def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:

@@ -48,12 +48,20 @@ def readable(subject: Subject) -> CheckOutcome:
     )
 
 
+_VERSION = Clause(
+    "2.2.1",
+    "Version of “FMI for Model Exchange or Co-Simulation” that was used to generate the XML file. The value "
+    "for this version is “2.0”.",
+)
+
+
 def _other_version(version: str | None) -> CheckOutcome:
     if version is None:
-        return failed(f"{DESCRIPTION} has no fmiVersion.")
+        return failed(f"{DESCRIPTION} has no fmiVersion.", clause=_VERSION)
     return failed(
         shorten_sentence(f"It is an FMI {version} FMU; only FMI 2.0 is supported."),
         hint="Use a tool for its FMI version, or export the model for FMI 2.0.",
+        clause=_VERSION,
     )
 
 

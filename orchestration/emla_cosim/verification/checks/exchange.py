@@ -19,8 +19,8 @@ from ._sameness import compare_runs, differing
     "The order of values does not matter",
     Clause(
         "2.1.7",
-        "Set parameters, inputs, start values and re-initialize caching of variables that depend on these "
-        "variables",
+        "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
+        "these variables",
     ),
     "Use the values set before the step begins. Calls that get a value must not change the state.",
     needs=("run.deterministic",),

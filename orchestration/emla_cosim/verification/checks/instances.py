@@ -16,7 +16,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
 from ..host.log import LOG
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, failed, own_rule, passed, skipped, warned
 from ._sameness import compare_runs
 
 _SEVERAL = Clause(
@@ -92,7 +92,8 @@ def cycles(subject: Subject) -> CheckOutcome:
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     if not Path("/proc/self/statm").exists():
-        return skipped("This system does not report how much memory a process uses.")
+        said = "This system does not report how much memory a process uses."
+        return skipped(said, gaps=(f"Memory that instances keep: {said}",))
     instance, course = HostedInstance(subject), make_experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
@@ -217,10 +218,11 @@ _THREADS = 3
 @check(
     "instance.threads",
     "Instances can run in threads",
-    Clause("2.1", "FMI functions of one instance do not need to be thread-safe."),
+    own_rule("instance.threads", "Instances can run in one thread each. The standard does not require it."),
     "Keep buffers in the instance. Many hosts run each instance in its own thread.",
     needs=("instance.independent",),
     time_factor=9.0,
+    advisory=True,
 )
 def threads(subject: Subject) -> CheckOutcome:
     """Check that instances in threads give the same as each alone. The standard does not require it."""
@@ -232,11 +234,7 @@ def threads(subject: Subject) -> CheckOutcome:
         return warned(f"With {_THREADS} instances, each in its own thread: {error}")
     outcomes = [compare_runs(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
     worse = _worst(outcomes)
-    return (
-        replace(worse, verdict=Verdict.WARNING)
-        if worse
-        else passed(f"{_THREADS} instances, each in its own thread, gave the same as each alone.")
-    )
+    return worse or passed(f"{_THREADS} instances, each in its own thread, gave the same as each alone.")
 
 
 def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:

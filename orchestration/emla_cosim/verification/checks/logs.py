@@ -16,7 +16,7 @@ from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed, warned
+from ..verdict import CheckOutcome, Clause, failed, own_rule, passed, warned
 
 _MOST_CATEGORIES = 6
 _ALL = "logAll"
@@ -25,16 +25,34 @@ _ALL = "logAll"
 _STEPS = 10
 
 
+_DISABLED = Clause("2.1.5", "If loggingOn = fmi2False, debug logging is disabled.")
+_ENABLED = Clause(
+    "2.1.5",
+    "If loggingOn = fmi2True, debug logging is enabled for the log categories specified in categories, "
+    "otherwise it is disabled.",
+)
+_ALLOWED = Clause(
+    "2.1.5",
+    "The allowed values for “category” are defined in the modelDescription.xml file via the element "
+    "“<fmiModelDescription><LogCategories>”",
+)
+_SILENT = own_rule("log.categories", "An FMU does not print. The standard does not say it.")
+
+
 @check(
     "log.categories",
     "Debug messages follow the logging settings",
-    Clause("2.1.5", "If loggingOn=fmi2True, debug logging is enabled, otherwise it is switched off."),
+    _DISABLED,
     "Check loggingOn and the categories before you call the logger with fmi2OK. Do not print.",
     needs=("run.completes",),
     time_factor=2.0,
 )
 def categories(subject: Subject) -> CheckOutcome:
-    """Check that debug messages are only in enabled categories, and that nothing is printed."""
+    """Check that debug messages are only in enabled categories, and that nothing is printed.
+
+    Which categories `loggingOn` of fmi2Instantiate enables is left open by the standard. Therefore messages
+    count only once categories have been chosen with fmi2SetDebugLogging.
+    """
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
     alone = [c for c in declared if c != _ALL][:_MOST_CATEGORIES]
     asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
@@ -46,12 +64,13 @@ def categories(subject: Subject) -> CheckOutcome:
         for line in lines:
             if line.status == OK and line.category != category:
                 where = f"With only {category} enabled it logs in {_category(line)}"
-                return failed(f"{where}: {format_message(line.text)}")
+                return failed(f"{where}: {format_message(line.text)}", clause=_ENABLED)
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
-        return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
+        said = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
+        return warned(said, clause=_ALLOWED)
     if printed:
-        return warned(f"It writes to standard output: {format_message(printed)}")
+        return warned(f"It writes to standard output: {format_message(printed)}", clause=_SILENT)
     return passed(f"{len(everything)} messages in {len(declared)} categories follow the logging settings.")
 
 
@@ -75,6 +94,8 @@ def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
     instance, course = HostedInstance(subject, logging=logging), make_experiment(subject, _STEPS)
     with instance.calling():
         instance.fmu.setDebugLogging(logging, names)
+    if logging:
+        LOG.lines.clear()
     run_instance(instance, course)
     instance.close()
     return list(LOG.lines)

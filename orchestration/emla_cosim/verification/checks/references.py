@@ -9,7 +9,7 @@ from ..references.playback import run_reference
 from ..references.recording import record_reference as write_references
 from ..references.reference_files import ReferenceSolution, read_reference, reference_folder
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped
 
 _RULES = Clause(
     "3",
@@ -33,7 +33,7 @@ def agrees(subject: Subject) -> CheckOutcome:
     if folder is None:
         given = subject.settings.reference
         if given is not None:
-            return warned(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
+            return blocked(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
         return skipped(f"There is no {name}_ref.csv next to the FMU.")
     try:
         reference = read_reference(folder, name)

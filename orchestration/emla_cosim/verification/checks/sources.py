@@ -11,7 +11,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..check import check
-from ..messages import judge_problems, shorten_sentence
+from ..messages import Breach, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
@@ -20,6 +20,13 @@ _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
 _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot find)[^\n]*", re.IGNORECASE)
 _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
+
+
+_LISTED = Clause(
+    "fmi2ModelDescription.xsd",
+    'List of source file names that are present in the "sources" directory of the FMU and need to be '
+    "compiled in order to generate the binary of the FMU",
+)
 
 
 @check(
@@ -42,7 +49,9 @@ def compile_(subject: Subject) -> CheckOutcome:
             return warned("The FMU has sources, but SourceFiles does not list which to compile.")
         return skipped("The FMU has no sources.")
     if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
-        return judge_problems([f"The source file {name} is not in `sources`." for name in missing], "")
+        return judge_problems(
+            [Breach(f"The source file {m} is not in `sources`.", _LISTED) for m in missing], ""
+        )
     if (folder / _BUILD_DESCRIPTION).is_file():
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
     for names in {tuple(names) for names in lists.values() if names}:

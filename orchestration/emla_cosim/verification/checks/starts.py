@@ -5,19 +5,41 @@ from collections.abc import Iterator, Mapping
 
 from ..check import check
 from ..declarations import DeclaredVariable
-from ..messages import judge_problems
+from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause
 
 _NUMERIC = ("Real", "Integer", "Enumeration")
 
+_REQUIRED = Clause(
+    "2.2.7", 'If initial = "exact" or "approx" or causality = "input", a start value must be provided.'
+)
+_ALWAYS_REQUIRED = Clause(
+    "2.2.7",
+    'Variables with causality = "parameter" or "input", as well as variables with variability = "constant", '
+    'must have a "start" value.',
+)
+_FORBIDDEN = Clause(
+    "2.2.7",
+    'If initial = calculated, or causality = "independent", it is not allowed to provide a start value.',
+)
+_ORDERED = Clause("fmi2ScalarVariable.xsd", "max >= start >= min required")
+_FINITE = Clause(
+    "2.2",
+    "The special values NAN, INF, +INF, and -INF for variables values are not allowed in the FMI xml files.",
+)
+_NOMINAL = Clause("fmi2AttributeGroups.xsd", "nominal > 0.0 required")
+_ITEM = Clause(
+    "2.2.7",
+    "For Enumeration it is required, because the Enumeration items are defined in TypeDefinitions / "
+    "SimpleType.",
+)
+
 
 @check(
     "variables.start",
     "Variables have the required start values",
-    Clause(
-        "2.2.7", 'If initial = "exact" or "approx", or causality = "input", a start value must be provided.'
-    ),
+    _REQUIRED,
     "Add or remove the start value as `initial` requires. Its defaults are in the table of section 2.2.7.",
     needs=("description.schema",),
 )
@@ -30,22 +52,22 @@ def presence(subject: Subject) -> CheckOutcome:
     )
 
 
-def _misplaced(variable: DeclaredVariable) -> Iterator[str]:
+def _misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
     needed = variable.causality in ("input", "parameter") or variable.variability == "constant"
     if variable.causality == "independent":
         if variable.start is not None:
-            yield f"{variable} is independent, but has a start value."
+            yield Breach(f"{variable} is independent, but has a start value.", _FORBIDDEN)
     elif needed or variable.initial in ("exact", "approx"):
         if variable.start is None:
-            yield f"{variable} has no start value."
+            yield Breach(f"{variable} has no start value.", _ALWAYS_REQUIRED if needed else _REQUIRED)
     elif variable.start is not None:
-        yield f"{variable} is calculated, but has a start value."
+        yield Breach(f"{variable} is calculated, but has a start value.", _FORBIDDEN)
 
 
 @check(
     "variables.range",
     "Start values are within their ranges",
-    Clause("fmi2ScalarVariable.xsd", "max >= start >= min required"),
+    _ORDERED,
     "Correct the start value, or min and max. nominal must be positive.",
     needs=("description.types",),
 )
@@ -61,23 +83,24 @@ def ranges(subject: Subject) -> CheckOutcome:
     )
 
 
-def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[str]:
+def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[Problem]:
     given = variable.attributes
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
     if not math.isfinite(values.get("start", 0.0)):
-        yield f"The start value of {variable} is {given['start']}, which FMI does not allow."
+        yield Breach(f"The start value of {variable} is {given['start']}, not a finite number.", _FINITE)
         return
     low, high = values.get("min", -math.inf), values.get("max", math.inf)
     start = values.get("start", low)
     if low > high:
-        yield f"{variable} has the min {low:g}, which is above its max {high:g}."
+        yield Breach(f"{variable} has the min {low:g}, which is above its max {high:g}.", _ORDERED)
     elif not low <= start <= high:
         end = f"below its min {low:g}" if start < low else f"above its max {high:g}"
-        yield f"The start value {start:g} of {variable} is {end}."
+        yield Breach(f"The start value {start:g} of {variable} is {end}.", _ORDERED)
     elif variable.type == "Enumeration" and "start" in values and start not in items[given["declaredType"]]:
-        yield f"The start value {start:g} of {variable} is not an item of {given['declaredType']}."
+        what = f"The start value {start:g} of {variable} is not an item of {given['declaredType']}."
+        yield Breach(what, _ITEM)
     if values.get("nominal", 1.0) <= 0.0:
-        yield f"{variable} has the nominal {values['nominal']:g}; it must be positive."
+        yield Breach(f"{variable} has the nominal {values['nominal']:g}; it must be positive.", _NOMINAL)
 
 
 def _endless(variable: DeclaredVariable) -> Iterator[str]:

@@ -4,23 +4,67 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ..check import check
 from ..declarations import Declarations, DeclaredUnknown, DeclaredVariable, find_repeated
-from ..messages import join_few_names, judge_problems
+from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
 
+_OUTPUTS = Clause(
+    "2.2.8",
+    "Ordered list of all outputs, in other words a list of ScalarVariable indices where every corresponding "
+    'ScalarVariable must have causality = "output" (and every variable with causality="output" must be '
+    "listed here).",
+)
+_DERIVATIVES = Clause(
+    "2.2.8",
+    "Ordered list of all state derivatives, in other words, a list of ScalarVariable indices where every "
+    "corresponding ScalarVariable must be a state derivative.",
+)
+_DERIVATIVE = Clause(
+    "2.2.7",
+    'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
+)
+_DEFINED_STATES = Clause(
+    "2.2.7",
+    "All ScalarVariables listed in this element must have attribute derivative (in order that the "
+    "continuous-time states are uniquely defined).",
+)
+_STATES = Clause(
+    "2.2.7", '"local": Local variable that is calculated from other variables or is a continuous-time state'
+)
+_INITIAL = Clause(
+    "2.2.8",
+    'This list consists of all variables with (1) causality = "output" and (initial="approx" or '
+    '"calculated"), and (2) causality = "calculatedParameter" and (3) all continuous-time states and all '
+    'state derivatives [...] with initial="approx" or "calculated"',
+)
+_NO_DUPLICATES = Clause("2.2.8", "The resulting list is not allowed to have duplicates")
+_ORDER = Clause(
+    "2.2.8",
+    "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
+    "for two variables A and B the ScalarVariable index of A is less than the index of B, then A must "
+    "appear before B in InitialUnknowns).",
+)
+_INDICES = Clause(
+    "2.2.8", "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices."
+)
+_ASCENDING = Clause(
+    "2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."
+)
+_KINDS = Clause(
+    "2.2.8",
+    'If "dependenciesKind" is present, "dependencies" must be present and must have the same number of list '
+    "elements.",
+)
+_REAL_KINDS = Clause("2.2.8", "Only for Real unknowns")
+
 
 @check(
     "structure.outputs",
     "All outputs are listed",
-    Clause(
-        "2.2.8",
-        "Ordered list of all outputs, in other words, a list of ScalarVariable indices where every "
-        'corresponding ScalarVariable must have causality = "output" (and every variable with '
-        'causality="output" must be listed here).',
-    ),
+    _OUTPUTS,
     "ModelStructure/Outputs needs one Unknown for each output. index counts ScalarVariables from 1.",
     needs=("description.schema",),
 )
@@ -29,8 +73,8 @@ def outputs(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     wanted = {v.index for v in declared.variables if v.causality == "output"}
     problems = [
-        *_listing("Outputs", declared.outputs, declared),
-        *_compared("Outputs", wanted, declared.outputs, declared),
+        *_listing("Outputs", declared.outputs, declared, _OUTPUTS),
+        *_compared("Outputs", wanted, declared.outputs, declared, _OUTPUTS),
     ]
     return judge_problems(problems, f"{len(wanted)} outputs are listed.")
 
@@ -38,11 +82,7 @@ def outputs(subject: Subject) -> CheckOutcome:
 @check(
     "structure.derivatives",
     "State derivatives refer to continuous states",
-    Clause(
-        "2.2.7",
-        "All ScalarVariables listed in this element must have attribute derivative (in order that the "
-        "continuous-time states are uniquely defined).",
-    ),
+    _DEFINED_STATES,
     "Set the attribute `derivative` of the variable to the index of its state, counted from 1.",
     needs=("description.schema",),
 )
@@ -50,56 +90,55 @@ def derivatives(subject: Subject) -> CheckOutcome:
     """Check that each of ModelStructure/Derivatives is the derivative of a different continuous state."""
     declared = subject.declared
     problems = [
-        *_listing("Derivatives", declared.derivatives, declared),
+        *_listing("Derivatives", declared.derivatives, declared, _DERIVATIVES),
         *_no_derivatives(declared),
         *(p for v in declared.variables for p in _misdirected(v, declared)),
     ]
     return judge_problems(problems, f"{len(declared.derivatives)} state derivatives are listed.")
 
 
-def _no_derivatives(declared: Declarations) -> Iterator[str]:
+def _no_derivatives(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with the states of the listed derivatives."""
     listed_ones = [v for u in declared.derivatives if (v := declared.variable(u.index)) is not None]
     for variable in listed_ones:
         if "derivative" not in variable.own:
-            yield f"{variable} is listed in Derivatives, but has no attribute `derivative`."
+            what = f"{variable} is listed in Derivatives, but has no attribute `derivative`."
+            yield Breach(what, _DEFINED_STATES)
         elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
             yield from _no_state(state)
     states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
     for index in find_repeated(states):
-        yield f"More than one of Derivatives is the derivative of {declared.variable(int(index)) or index}."
+        what = f"More than one of Derivatives is the derivative of {declared.variable(int(index)) or index}."
+        yield Breach(what, _DEFINED_STATES)
 
 
-def _no_state(state: DeclaredVariable) -> Iterator[str]:
+def _no_state(state: DeclaredVariable) -> Iterator[Problem]:
     if state.causality not in ("local", "output") or state.variability != "continuous":
-        yield (
+        what = (
             f"The state {state} is {state.variability} and {state.causality}; "
             "it must be continuous, and local or an output."
         )
+        yield Breach(what, _STATES)
 
 
-def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator[str]:
+def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
     if "derivative" not in variable.own:
         return
     index = int(variable.own["derivative"])
     of = declared.variable(index)
     if of is None:
-        yield f"{variable} is the derivative of variable {index}; there are only {len(declared.variables)}."
+        what = f"{variable} is the derivative of variable {index}; there are only {len(declared.variables)}."
+        yield Breach(what, _DERIVATIVE)
     elif of.index == variable.index:
-        yield f"{variable} is its own derivative."
+        yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
     elif of.type != "Real":
-        yield f"{variable} is the derivative of {of}, which is of type {of.type}."
+        yield Breach(f"{variable} is the derivative of {of}, which is of type {of.type}.", _DERIVATIVE)
 
 
 @check(
     "structure.initial_unknowns",
     "All initial unknowns are listed, in order",
-    Clause(
-        "2.2.8",
-        "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
-        "for two variables A and B the ScalarVariable index of A is less than the index of B, then A must "
-        "appear before B in InitialUnknowns).",
-    ),
+    _INITIAL,
     "List outputs, states and derivatives that are `calculated` or `approx`, and calculated parameters.",
     needs=("structure.derivatives",),
 )
@@ -109,16 +148,17 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     found = [u.index for u in declared.initial_unknowns]
     doubtful = {v.index for v in declared.variables if not v.possible}
     wanted = _initially_unknown(declared) - doubtful
-    problems = [
-        *_listing("InitialUnknowns", declared.initial_unknowns, declared),
-        *_compared("InitialUnknowns", wanted, declared.initial_unknowns, declared, doubtful),
+    problems: list[Problem] = [
+        *_listing("InitialUnknowns", declared.initial_unknowns, declared, _INITIAL),
+        *_compared("InitialUnknowns", wanted, declared.initial_unknowns, declared, _INITIAL, doubtful),
     ]
     if not problems and found != sorted(found):
         k = next(k for k in range(1, len(found)) if found[k] < found[k - 1])
-        problems.append(
+        what = (
             f"InitialUnknowns has {declared.variable(found[k])} after {declared.variable(found[k - 1])}, "
             "which has a greater index."
         )
+        problems.append(Breach(what, _ORDER))
     return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
 
 
@@ -135,7 +175,7 @@ def _initially_unknown(declared: Declarations) -> set[int]:
 @check(
     "structure.dependencies",
     "Dependencies are on variables that are known",
-    Clause("2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."),
+    _ASCENDING,
     "`dependencies` lists indices of inputs, states and the independent variable; in InitialUnknowns also "
     "of `exact` variables. `dependenciesKind` has one word for each.",
     needs=("structure.derivatives",),
@@ -150,7 +190,8 @@ def dependencies(subject: Subject) -> CheckOutcome:
         ("Derivatives", declared.derivatives, known),
         ("InitialUnknowns", declared.initial_unknowns, exact),
     ]
-    problems, doubts = [], []
+    problems: list[Problem] = []
+    doubts: list[Problem] = []
     for name, unknowns, knowns in lists:
         for unknown in unknowns:
             who = f"{declared.variable(unknown.index) or unknown.index} in {name}"
@@ -164,43 +205,50 @@ def _free(declared: Declarations) -> set[int]:
     return {v.index for v in declared.variables if v.causality in ("input", "independent")}
 
 
-def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> Iterator[str]:
+def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> Iterator[Problem]:
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
-        yield f"{who} depends on variable {beyond[0]}; there are only {len(declared.variables)}."
+        what = f"{who} depends on variable {beyond[0]}; there are only {len(declared.variables)}."
+        yield Breach(what, _INDICES)
     elif indices is not None and list(indices) != sorted(set(indices)):
-        yield f"The dependencies of {who} are not in ascending order."
+        yield Breach(f"The dependencies of {who} are not in ascending order.", _ASCENDING)
     if kinds is None:
         return
     if len(indices or ()) != len(kinds) or indices is None:
-        yield f"{who} has {len(kinds)} kinds for {len(indices or ())} dependencies."
+        yield Breach(f"{who} has {len(kinds)} kinds for {len(indices or ())} dependencies.", _KINDS)
     variable = declared.variable(unknown.index)
     linear = [kind for kind in kinds if kind in _LINEAR]
     if variable is not None and variable.type != "Real" and linear:
-        yield f"{who} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
+        what = f"{who} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
+        yield Breach(what, _REAL_KINDS)
 
 
 def _unknown_knowns(
     who: str, unknown: DeclaredUnknown, knowns: set[int], declared: Declarations
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     others = [
         v for i in unknown.dependencies or () if i not in knowns and (v := declared.variable(i)) is not None
     ]
     if others:
-        yield (
+        what = (
             f"{who} depends on {join_few_names([v.name for v in others])}, which is not known when it is "
             "computed."
         )
+        yield Breach(what, _INDICES)
 
 
-def _listing(name: str, unknowns: Sequence[DeclaredUnknown], declared: Declarations) -> Iterator[str]:
+def _listing(
+    name: str, unknowns: Sequence[DeclaredUnknown], declared: Declarations, clause: Clause
+) -> Iterator[Problem]:
     """Yield problems with the indices of a list: unknown or repeated ones."""
     for unknown in unknowns:
         if declared.variable(unknown.index) is None:
-            yield f"{name} lists variable {unknown.index}; there are only {len(declared.variables)}."
+            what = f"{name} lists variable {unknown.index}; there are only {len(declared.variables)}."
+            yield Breach(what, clause)
     for twice in find_repeated(str(u.index) for u in unknowns):
-        yield f"{name} lists {declared.variable(int(twice)) or twice} more than once."
+        what = f"{name} lists {declared.variable(int(twice)) or twice} more than once."
+        yield Breach(what, _NO_DUPLICATES if clause is _INITIAL else clause)
 
 
 def _compared(
@@ -208,14 +256,16 @@ def _compared(
     wanted: set[int],
     unknowns: Sequence[DeclaredUnknown],
     declared: Declarations,
+    clause: Clause,
     doubtful: Iterable[int] = (),
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     """Yield wanted indices that are missing, and listed ones that are neither wanted nor doubtful."""
     found = {u.index for u in unknowns}
     if missing := sorted(wanted - found):
-        yield f"{name} lacks {join_few_names(_names(missing, declared))}."
+        yield Breach(f"{name} lacks {join_few_names(_names(missing, declared))}.", clause)
     if surplus := [i for i in sorted(found.difference(wanted, doubtful)) if declared.variable(i) is not None]:
-        yield f"{name} lists {join_few_names(_names(surplus, declared))}, which does not belong there."
+        what = f"{name} lists {join_few_names(_names(surplus, declared))}, which does not belong there."
+        yield Breach(what, clause)
 
 
 def _names(indices: Iterable[int], declared: Declarations) -> list[str]:

@@ -6,23 +6,58 @@ from collections.abc import Iterator, Mapping
 from ...base.units import BASE_UNITS, counts_turns, find_unit
 from ..check import check
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
-from ..messages import join_few_names, judge_problems
+from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, own_rule
 
 _CLOSE = 1e-4
 """Relative tolerance of equal factors: some are written with few digits."""
 _TURN = 2.0 * math.pi
 _RAD = BASE_UNITS.index("rad")
 
+_UNIQUE = Clause(
+    "2.2.2", "which must be unique with respect to all other defined elements of the UnitDefinitions list."
+)
+_UNIQUE_DISPLAY = Clause(
+    "2.2.2",
+    "The attribute name must be unique with respect to all other names of the DisplayUnit definitions of the "
+    "same Unit",
+)
+_DEFINED = Clause(
+    "2.2.3",
+    "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations. "
+    '[For example, "N.m": in this case a Unit.name = "N.m" must be present under UnitDefinitions.',
+)
+_CONVERTIBLE = own_rule(
+    "units.defined",
+    "A unit has a BaseUnit, so that masters can convert it. The standard does not require it.",
+)
+_DIMENSIONLESS = ("", "1", "-")
+_IGNORED = Clause(
+    "2.2.3",
+    "If the corresponding “displayUnit” is not defined under <UnitDefinitions> <Unit> <DisplayUnit>, then "
+    "displayUnit is ignored.",
+)
+_NO_UNIT = Clause(
+    "2.2.3",
+    "It is an error if displayUnit is defined in element Real, but unit is not, or unit is not defined under "
+    "<UnitDefinitions><Unit>.",
+)
+_CONVERTED = Clause(
+    "2.2.2",
+    "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
+    "utilizing the conversion factor and offset attributes:",
+)
+_BY_NAME = own_rule(
+    "units.consistent",
+    "A unit with a well-known name has its exponents and factor. The standard leaves the names free.",
+)
+
 
 @check(
     "units.defined",
     "Units are defined",
-    Clause(
-        "2.2.3",
-        "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations.",
-    ),
+    _DEFINED,
     "Add a `Unit` with exponents to `UnitDefinitions` for every unit of a variable or type.",
     needs=("description.schema",),
 )
@@ -33,51 +68,52 @@ def defined(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
 
 
-def _repeated(declared: Declarations) -> Iterator[str]:
+def _repeated(declared: Declarations) -> Iterator[Problem]:
     for name in find_repeated(u.name for u in declared.units):
-        yield f"The unit {name} is defined more than once."
+        yield Breach(f"The unit {name} is defined more than once.", _UNIQUE)
     for unit in declared.units:
         for name in find_repeated(d["name"] for d in unit.display):
-            yield f"The unit {unit.name} has more than one display unit {name}."
+            yield Breach(f"The unit {unit.name} has more than one display unit {name}.", _UNIQUE_DISPLAY)
 
 
-def _undefined(declared: Declarations) -> Iterator[str]:
+def _undefined(declared: Declarations) -> Iterator[Problem]:
     used = [(v.name, v.own.get("unit")) for v in declared.variables]
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:
         if unit is not None and unit not in declared.units_by_name:
-            yield f"The unit {unit!r} of {who} is not defined."
+            yield Breach(f"The unit {unit!r} of {who} is not defined.", _DEFINED)
     for variable in declared.variables:
         if variable.attributes.get("displayUnit") is not None and variable.unit is None:
-            yield f"{variable} has a display unit, but no unit."
+            yield Breach(f"{variable} has a display unit, but no unit.", _NO_UNIT)
 
 
-def _bare(declared: Declarations) -> Iterator[str]:
-    bare = [u.name for u in declared.units if u.base is None]
+def _bare(declared: Declarations) -> Iterator[Problem]:
+    bare = [u.name for u in declared.units if u.base is None and u.name not in _DIMENSIONLESS]
     if bare:
-        yield f"The unit {join_few_names(bare)} has no BaseUnit."
+        yield Breach(f"The unit {join_few_names(bare)} has no BaseUnit.", _CONVERTIBLE)
     for variable in declared.variables:
         shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
         if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
-            yield f"The display unit {shown!r} of {variable} is not defined and is ignored."
+            what = f"The display unit {shown!r} of {variable} is not defined and is ignored."
+            yield Breach(what, _IGNORED)
 
 
 @check(
     "units.consistent",
     "Units match their names",
-    Clause(
-        "2.2.2",
-        "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
-        "utilizing the conversion factor and offset attributes:",
-    ),
+    _CONVERTED,
     "Correct the exponents and the factor, or the name. Masters convert connected values with them.",
     needs=("units.defined",),
 )
 def consistent(subject: Subject) -> CheckOutcome:
-    """Check exponents and factors of units with well-known names, and of their display units."""
+    """Check exponents and factors of units with well-known names, and of their display units.
+
+    The standard leaves names of units free, so a name that means something else only warns.
+    """
     units = subject.declared.units
-    problems = [p for unit in units for p in (*_finite(unit), *_wrong(unit), *_wrong_display(unit))]
-    doubts = [d for unit in units for d in _offset(unit)]
+    problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
+    found = (p for unit in units for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit)))
+    doubts = [Breach(p, _BY_NAME) for p in found]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts

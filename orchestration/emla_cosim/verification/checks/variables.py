@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
-from ..messages import judge_problems
+from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause
 
@@ -15,6 +15,40 @@ _QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'
 _PART = rf"(?:[{_NONDIGIT}][{_NONDIGIT}0-9]*|{_QUOTED})(?:\[[0-9]+(?:,[0-9]+)*\])?"
 _IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
 _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
+
+_GRAMMAR = Clause("2.2.9", 'name = identifier | "der(" identifier ["," unsignedInteger ] ")"')
+_CONTINUOUS = Clause("2.2.7", "Only a variable of type = “Real” can be “continuous”.")
+_ONE_INDEPENDENT = Clause("2.2.7", 'At most one ScalarVariable of an FMU can be defined as "independent".')
+_INITIAL = Clause(
+    "2.2.7", "If initial is not present, it is defined by the table below based on causality and variability."
+)
+_MODEL_EXCHANGE = Clause(
+    "2.2.7", "Only for ModelExchange (if only CoSimulation FMU, this attribute must not be present."
+)
+_ONE_START = Clause(
+    "2.2.7",
+    'At most one variable of the same alias set of variables with variability ≠ "constant" can have a start '
+    "attribute.",
+)
+_SETTABLE = Clause(
+    "2.2.7",
+    "Variables a and b that can both be set with fmi2SetXXX, or variable a that can be set with fmiSetXXX "
+    'and variable b that is defined with causality = "independent", cannot be alias variables',
+)
+_CONSTANT = Clause(
+    "2.2.7",
+    'A variable with variability = "constant" can only be aliased to another variable with variability = '
+    '"constant".',
+)
+_SAME_CONSTANT = Clause(
+    "2.2.7",
+    "It is then required that the start values of all aliased (constant) variables are identical.",
+)
+_SAME_UNIT = Clause(
+    "2.2.7",
+    "All variables of the same alias set must all have either no <Unit> element defined, or all of them must "
+    "have the same <Unit name> and the same <Unit><BaseUnit> definitions.",
+)
 
 
 @check(
@@ -27,11 +61,15 @@ _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 def names(subject: Subject) -> CheckOutcome:
     """Check that names are unique, and structured if the FMU declares it."""
     found = [v.name for v in subject.declared.variables]
-    problems = [f"More than one variable has the name {name}." for name in find_repeated(found)]
+    problems: list[Problem] = [
+        f"More than one variable has the name {name}." for name in find_repeated(found)
+    ]
     problems += [f"Variable {i} has no name." for i, name in enumerate(found, start=1) if not name]
     if subject.tree.get("variableNamingConvention") == "structured":
         problems += [
-            f"{name} is not a structured name." for name in found if name and not _STRUCTURED.fullmatch(name)
+            Breach(f"{name} is not a structured name.", _GRAMMAR)
+            for name in found
+            if name and not _STRUCTURED.fullmatch(name)
         ]
     return judge_problems(problems, f"{len(found)} variables have unique names.")
 
@@ -46,30 +84,31 @@ def names(subject: Subject) -> CheckOutcome:
 def attributes(subject: Subject) -> CheckOutcome:
     """Check that causality, variability, initial and type of every variable are compatible."""
     declared = subject.declared
-    problems = [p for v in declared.variables for p in _impossible(v)]
+    problems: list[Problem] = [p for v in declared.variables for p in _impossible(v)]
     independent = [v.name for v in declared.variables if v.causality == "independent"]
     if len(independent) > 1:
-        problems.append(f"Both {independent[0]} and {independent[1]} are independent.")
+        both = f"Both {independent[0]} and {independent[1]} are independent."
+        problems.append(Breach(both, _ONE_INDEPENDENT))
     if "ModelExchange" not in subject.kinds:
         problems += [p for v in declared.variables for p in _exchanged(v)]
     return judge_problems(problems, f"{len(declared.variables)} variables have compatible attributes.")
 
 
-def _impossible(variable: DeclaredVariable) -> Iterator[str]:
+def _impossible(variable: DeclaredVariable) -> Iterator[Problem]:
     what = f"{variable} is {variable.variability} and {_article(variable.causality)}"
     if variable.initials is None:
         yield f"{what}, which the standard does not allow."
     elif not variable.possible:
-        yield f"{what}; its initial cannot be {variable.given_initial}."
+        yield Breach(f"{what}; its initial cannot be {variable.given_initial}.", _INITIAL)
     if variable.variability == "continuous" and variable.type != "Real":
-        yield f"{variable} is continuous, but of type {variable.type}; only a Real can be."
+        what = f"{variable} is continuous, but of type {variable.type}; only a Real can be."
+        yield Breach(what, _CONTINUOUS)
 
 
-def _exchanged(variable: DeclaredVariable) -> Iterator[str]:
-    if "reinit" in variable.own:
-        yield f"{variable} has reinit, which is for Model Exchange only."
-    if variable.multiple_sets:
-        yield f"{variable} has canHandleMultipleSetPerTimeInstant, which is for Model Exchange only."
+def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:
+    has = {"reinit": "reinit" in variable.own, "canHandleMultipleSetPerTimeInstant": variable.multiple_sets}
+    for attribute in (name for name, present in has.items() if present):
+        yield Breach(f"{variable} has {attribute}, which is for Model Exchange only.", _MODEL_EXCHANGE)
 
 
 def _article(causality: str) -> str:
@@ -81,11 +120,7 @@ def _article(causality: str) -> str:
 @check(
     "variables.aliases",
     "Variables with the same value reference are compatible",
-    Clause(
-        "2.2.7",
-        "At most one variable of the same alias set of variables with variability ≠ constant can have a "
-        "start attribute.",
-    ),
+    _ONE_START,
     "Use different value references, or the same unit and only one start value.",
     needs=("description.schema",),
 )
@@ -104,7 +139,7 @@ def _alias_sets(declared: Declarations) -> list[list[DeclaredVariable]]:
     return [several for several in found.values() if len(several) > 1]
 
 
-def _apart(several: Sequence[DeclaredVariable]) -> Iterator[str]:
+def _apart(several: Sequence[DeclaredVariable]) -> Iterator[Problem]:
     both = (
         f"{several[0]} and {several[1]}"
         if len(several) == 2
@@ -113,12 +148,13 @@ def _apart(several: Sequence[DeclaredVariable]) -> Iterator[str]:
     constant = [v for v in several if v.variability == "constant"]
     started = [v.name for v in several if v.start is not None and v.variability != "constant"]
     if len(started) > 1:
-        yield f"{started[0]} and {started[1]} have the same value reference, but both have a start value."
+        two = f"{started[0]} and {started[1]}"
+        yield Breach(f"{two} have the same value reference, but both have a start value.", _ONE_START)
     if constant and len(constant) < len(several):
-        yield f"{both} have the same value reference, but only some of them are constant."
+        yield Breach(f"{both} have the same value reference, but only some of them are constant.", _CONSTANT)
     elif len({v.start for v in constant}) > 1:
-        yield f"{both} have the same value reference, but different constant values."
+        yield Breach(f"{both} have the same value reference, but different constant values.", _SAME_CONSTANT)
     if started and any(v.causality == "independent" for v in several):
-        yield f"{started[0]} has the value reference of the independent variable."
+        yield Breach(f"{started[0]} has the value reference of the independent variable.", _SETTABLE)
     if len({v.unit for v in several}) > 1:
-        yield f"{both} have the same value reference, but different units."
+        yield Breach(f"{both} have the same value reference, but different units.", _SAME_UNIT)

@@ -34,7 +34,7 @@ class Experiment:
 def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
     """Return the first steps of the FMU's default experiment, at most `steps`."""
     start, step, count = span(subject)
-    times = start + step * np.arange(min(steps, count) + 1, dtype=np.float64)
+    times = start + step * np.arange(min(steps, count, subject.most_steps) + 1, dtype=np.float64)
     inputs = subject.of_causality("input")
     return Experiment(times, {v.name: _vary_input(v, i, times) for i, v in enumerate(inputs)})
 

@@ -1,0 +1,57 @@
+"""List what an examination could not judge: the section *Not examined* of a report."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import fmpy
+
+from .findings import Finding
+from .libraries import list_platforms
+from .messages import join_few_names
+from .subject import Subject
+from .verdict import Verdict
+
+_VALUES = (
+    "Whether the values of outputs are right, and follow the inputs as intended: there is no reference to "
+    "compare with (--reference)."
+)
+
+
+def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[str, ...]:
+    """Return what was not judged, as sentences.
+
+    Args:
+        subject: The FMU.
+        findings: All findings by check, also those that the report leaves out.
+    """
+    found = list(findings.values())
+    return (*_values(findings), *_not_run(found), *_gaps(found), *_other_platforms(subject))
+
+
+def _values(findings: Mapping[str, Finding]) -> Iterator[str]:
+    """Yield that nothing was compared with a reference, if the FMU runs."""
+    ran, compared = findings.get("run.completes"), findings.get("reference.agrees")
+    judged = compared is not None and compared.verdict in (Verdict.PASSED, Verdict.FAILED)
+    if ran is not None and ran.verdict in (Verdict.PASSED, Verdict.WARNING) and not judged:
+        yield _VALUES
+
+
+def _not_run(found: Sequence[Finding]) -> Iterator[str]:
+    """Yield the checks that apply, but could not run, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for f in found:
+        if f.outcome.blocked and not f.outcome.gaps:
+            reasons.setdefault(f.sentence, []).append(f.check)
+    for reason, names in reasons.items():
+        yield f"{join_few_names(names)}: {reason}"
+
+
+def _gaps(found: Sequence[Finding]) -> Iterator[str]:
+    for f in found:
+        yield from (f"{f.check}: {gap}" for gap in f.outcome.gaps)
+
+
+def _other_platforms(subject: Subject) -> Iterator[str]:
+    """Yield the platforms whose binaries were only read."""
+    others = [p.name for p in list_platforms(subject) if p.name not in (fmpy.platform, fmpy.platform_tuple)]
+    if others:
+        yield f"Binaries for {join_few_names(others)} were read, but not run on this {fmpy.platform} machine."
