@@ -48,6 +48,12 @@ class Child:
         code = self._process.exitcode
         return describe_exit(code) if code is not None else "its end of the pipe closed"
 
+    def signal_at_end(self, patience: float) -> str:
+        """Return the signal that ended the process, or an empty text; wait for the end `patience` seconds."""
+        self._process.join(patience)
+        code = self._process.exitcode
+        return describe_exit(code) if code is not None and code < 0 else ""
+
     def close(self) -> None:
         """End the process and all that it started; requires `apart`."""
         self._process.join(0.2)

@@ -37,7 +37,6 @@ typedef struct {
 } Instance;
 
 static Now kept; /* what faults let instances share */
-static int any_was_made;
 
 static fmi2Status refuse(const Instance *i, const char *text) {
     i->logger(i->environment, i->instance, fmi2Error, "logStatusError", text);
@@ -97,9 +96,7 @@ static void start(Instance *i) {
     if (i->fault == RESET_KEEPS_PARAMETER && before.r[K] != 0.0) n->r[K] = before.r[K];
     if (i->fault == RESET_KEEPS_STRING && before.name[0]) strcpy(n->name, before.name);
     if (i->fault == RESET_KEEPS_INPUT && before.name[0]) n->i[N] = before.i[N];
-    if (i->fault == SHARED_PARAMETER && any_was_made) n->r[K] = kept.r[K];
     kept.r[K] = n->r[K];
-    any_was_made = 1;
 }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }

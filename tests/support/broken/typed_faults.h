@@ -45,7 +45,6 @@ enum {
     CHILD_LEFT,
     ORPHAN_LEFT,
     UNLOAD_ABORTS,
-    EXIT_ABORTS,
     SIGNAL_TO_ITSELF,
     SIGNAL_TO_THE_GROUP,
     SIGNAL_TO_THE_PARENT,
@@ -81,10 +80,6 @@ static void *wait_for_ever(void *nothing) {
     return nothing;
 }
 
-static void abort_at_exit(void) {
-    if (loaded_fault == EXIT_ABORTS) abort();
-}
-
 static void ignore(int number) { (void)number; }
 
 __attribute__((destructor)) static void unload(void) {
@@ -109,7 +104,6 @@ static void misbehave_at_instantiation(int fault) {
                 _exit(0);
             }
             break;
-        case EXIT_ABORTS: atexit(abort_at_exit); break;
         default: break;
     }
 }

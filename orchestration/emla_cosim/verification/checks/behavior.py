@@ -63,8 +63,8 @@ def integrate(subject: Subject) -> CheckOutcome:
                 still.add(state.name)
             elif (apart := _apart(x, slopes, step)) > _FAR:
                 with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
-                wrong.setdefault(state.name, f"{state.name} does not follow {derivative.name}{with_what}")
-                wrong[state.name] += "" if "(" in wrong[state.name] else f" ({apart:.0%} apart)."
+                line = f"{state.name} does not follow {derivative.name}{with_what} ({apart:.0%} apart)."
+                wrong.setdefault(state.name, line)
     if still:
         which = join_few_names(sorted(still))
         return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
@@ -118,7 +118,8 @@ def _apart(x: Vector, slopes: Vector, step: float) -> float:
 )
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that each input that outputs or derivatives are declared to depend on changes something."""
-    found = [v for v in settable(subject, "input") if other_of(v) is not None][:_MOST_INPUTS]
+    found = [v for v in settable(subject, "input") if v.type != "String" and other_of(v) is not None]
+    found = found[:_MOST_INPUTS]
     names = _results(subject)
     if not found or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
@@ -182,12 +183,13 @@ def _observe(subject: Subject, changes: Values, names: Sequence[str]) -> list[li
 
 
 def _results(subject: Subject) -> list[str]:
-    """Return the names of outputs and derivatives."""
+    """Return the names of outputs and derivatives that are numbers."""
     description = subject.description
     found = [v.name for v in description.modelVariables if v.causality == "output"]
     states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
     found += [u.variable.name for u in description.derivatives if u.variable is not None]
-    return list(dict.fromkeys([*found, *states]))[:_MOST_PAIRS]
+    names = dict.fromkeys([*found, *states])
+    return [name for name in names if subject.variables[name].type != "String"][:_MOST_PAIRS]
 
 
 def _listed(subject: Subject) -> set[str]:

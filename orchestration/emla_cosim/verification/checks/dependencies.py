@@ -131,20 +131,23 @@ def _jumps(
 ) -> Pairs:
     """Return excluded pairs: another value of the known changes the unknown, and the old one restores it."""
     declared = [d for d in declared if d.on is not None]
-    names, found = [d.unknown for d in declared], {}
-    before = instance.get(names)
-    for known in knowns:
-        start, other = start_of(known), other_of(known)
-        if other is None or all(not d.excludes(known.name) for d in declared):
-            continue
-        try:
-            instance.set({known.name: other})
-            there = instance.get(names)
-            instance.set({known.name: start})
-            back = instance.get(names)
-        except CallError:  # outside of the values that the FMU accepts
-            return found
-        for d, one, two, three in zip(declared, before, there, back, strict=True):
-            if d.excludes(known.name) and same(one, three) and not same(one, two):
-                found[d.unknown, known.name] = where
+    knowns = [v for v in knowns if other_of(v) is not None]
+    excluded = [v for v in knowns if any(d.excludes(v.name) for d in declared)]
+    names = [d.unknown for d in declared]
+    found: Pairs = {}
+    start = {v.name: start_of(v) for v in knowns}
+    moved = {**start, **{v.name: other_of(v) for v in knowns if v.causality == "input"}}
+    with suppress(CallError):  # outside of the values that the FMU accepts
+        for base in (start, moved) if excluded else ():
+            instance.set({name: base[name] for name in base if base[name] != start[name]})
+            before = instance.get(names)
+            for known in excluded:
+                old = base[known.name]
+                instance.set({known.name: other_of(known) if old == start[known.name] else start[known.name]})
+                there = instance.get(names)
+                instance.set({known.name: old})
+                back = instance.get(names)
+                for d, one, two, three in zip(declared, before, there, back, strict=True):
+                    if d.excludes(known.name) and same(one, three) and not same(one, two):
+                        found.setdefault((d.unknown, known.name), where)
     return found

@@ -113,9 +113,7 @@ def settings(subject: Subject) -> CheckOutcome:
         for name in before
         if found.get(name, before[name]) != before[name]
     }
-    problems = [
-        f"It changes {name} of the process from {before[name]} to {value}." for name, value in changed.items()
-    ]
+    problems = [f"It changes {name} from {before[name]} to {value}." for name, value in changed.items()]
     return judge_problems((), f"{len(before)} settings of the process are unchanged.", problems)
 
 

@@ -75,6 +75,6 @@ def _floating_point() -> dict[str, str]:
                 library.fegetenv(state)
                 control = int.from_bytes(bytes(state[28:32]), "little")
                 found["the handling of tiny floating-point numbers"] = hex(control & 0x8040)
-                found["the floating-point exceptions that end the process"] = hex(control & 0x1F80)
+                found["the mask of floating-point exceptions"] = hex(control & 0x1F80)
             return found
     return {}
