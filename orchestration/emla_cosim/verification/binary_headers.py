@@ -31,18 +31,20 @@ def read_targets(path: Path) -> set[tuple[str, str]]:
     try:
         if head.startswith(b"\x7fELF"):
             order = "<" if head[5] == 1 else ">"
-            return {("linux", _ELF.get(*struct.unpack_from(f"{order}H", head, 18), ""))}
+            return {("linux", _ELF.get(struct.unpack_from(f"{order}H", head, 18)[0], ""))}
         if head.startswith(b"MZ"):
             (place,) = struct.unpack_from("<I", head, 60)
             if head[place : place + 4] == b"PE\0\0":
-                return {("windows", _PE.get(*struct.unpack_from("<H", head, place + 4), ""))}
+                return {("windows", _PE.get(struct.unpack_from("<H", head, place + 4)[0], ""))}
         if head[:4] in _MACH_MAGIC:
-            return {("darwin", _MACH.get(*struct.unpack_from("<I", head, 4), ""))}
+            return {("darwin", _MACH.get(struct.unpack_from("<I", head, 4)[0], ""))}
         if head[:4] in _FAT:
             (count,) = struct.unpack_from(">I", head, 4)
             width = 20 if head[:4] == _FAT[0] else 32
             parts = range(count) if count <= _MOST_PARTS else ()
-            return {("darwin", _MACH.get(*struct.unpack_from(">I", head, 8 + width * k), "")) for k in parts}
+            return {
+                ("darwin", _MACH.get(struct.unpack_from(">I", head, 8 + width * k)[0], "")) for k in parts
+            }
     except struct.error:
         pass  # truncated
     return set()

@@ -2,6 +2,7 @@
 
 import time as clock
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -124,39 +125,54 @@ def inputs(subject: Subject) -> CheckOutcome:
     if not found or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
     listed = _listed(subject)
-    bases: list[Values] = [{}, {v.name: other_of(v) for v in found}]
-    try:
-        plain = [in_separate_process(_observe, subject, base, names) for base in bases]
-    except CallError:
-        bases, plain = bases[:1], [in_separate_process(_observe, subject, {}, names)]
+    bases = _bases(subject, found, names)
     without, tried = [], 0
     for variable in _in_time(subject, found):
         tried += 1
         if not any(
             _differs(subject, {**base, variable.name: value}, names, wanted)
-            for base, wanted in zip(bases, plain, strict=True)
+            for base, wanted in bases
             for value in _tried(variable, base)
         ):
             without.append(variable.name)
-    wrong = [name for name in without if name in listed]
-    if wrong:
+    if wrong := [name for name in without if name in listed]:
         return warned(
             f"{join_few_names(wrong)} changed nothing in {_STEPS} steps, but is listed as a dependency."
         )
-    if without and len(without) == tried == len(found):
-        return warned(f"None of its inputs changed anything in {_STEPS} steps.")
+    if len(without) == tried:
+        return skipped(f"No input changed anything in {_STEPS} steps: only a reference shows if one should.")
     return passed(f"{tried - len(without)} of {tried} inputs changed a result.")
+
+
+def _bases(
+    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
+) -> Iterable[tuple[Values, Any]]:
+    """Return values of all inputs, with the run that they give: start values, others, and far ones."""
+    far: list[Values] = [{}, {}]
+    for variable in variables:
+        ends = _far(variable) or [other_of(variable)] * 2
+        for base, value in zip(far, ends, strict=True):
+            base[variable.name] = value
+    found = []
+    for base in ({}, {v.name: other_of(v) for v in variables}, *far):
+        with suppress(CallError):  # the model does not bear these values together
+            found.append((base, in_separate_process(_observe, subject, base, names)))
+    return found
+
+
+def _far(variable: ModelVariable) -> list[float]:
+    """Return values of a Real far above and below the others."""
+    if variable.type != "Real":
+        return []
+    low, high = limits_of(variable)
+    far = 10.0 * max(abs(other_of(variable)), 1.0)
+    return [min(max(v, low), high) for v in (far, -far)]
 
 
 def _tried(variable: ModelVariable, base: Values) -> list[Any]:
     """Return values to try in place of that of a base: another one, and far ones."""
     start, other = start_of(variable), other_of(variable)
-    values = [other if variable.name not in base else start]
-    if variable.type == "Real":
-        low, high = limits_of(variable)
-        far = 10.0 * max(abs(other), 1.0)
-        values += [min(max(v, low), high) for v in (far, -far)]
-    return values
+    return [start if base.get(variable.name) == other else other, *_far(variable)]
 
 
 def _differs(subject: Subject, changes: Values, names: Sequence[str], wanted: Any) -> bool:

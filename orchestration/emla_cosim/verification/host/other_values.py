@@ -58,7 +58,7 @@ def other_of(variable: ModelVariable) -> Any:
 def items_of(variable: ModelVariable) -> list[int]:
     """Return the values of the items of an Enumeration."""
     declared = variable.declaredType
-    return [int(item.value) for item in declared.items or ()] if declared is not None else []
+    return [int(item.value or 0) for item in declared.items or ()] if declared is not None else []
 
 
 def limits_of(variable: ModelVariable) -> tuple[float, float]:
@@ -97,7 +97,7 @@ def same(found: Any, wanted: Any) -> bool:
     if isinstance(found, str) and isinstance(wanted, str):
         return " ".join(found.split()) == " ".join(wanted.split())
     if isinstance(found, float) or isinstance(wanted, float):
-        return found == wanted or math.isclose(found, wanted, rel_tol=_CLOSE, abs_tol=1e-300)
+        return found == wanted or math.isclose(float(found), float(wanted), rel_tol=_CLOSE, abs_tol=1e-300)
     return found == wanted
 
 
