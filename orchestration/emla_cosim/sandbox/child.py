@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .processes import describe_exit, watch_parent
+from .shield import end_with_parent, shield
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
 
@@ -26,7 +27,7 @@ class Child:
         do: The function. Its first argument is a function that sends an object.
         *arguments: The other arguments.
         apart: Whether the child gets a process group of its own, so that `close` also ends the processes it
-            started.
+            started, and a parent of its own, so that a signal to its parent reaches no other process.
     """
 
     answers: Connection
@@ -47,6 +48,12 @@ class Child:
         code = self._process.exitcode
         return describe_exit(code) if code is not None else "its end of the pipe closed"
 
+    def signal_at_end(self, patience: float) -> str:
+        """Return the signal that ended the process, or an empty text; wait for the end `patience` seconds."""
+        self._process.join(patience)
+        code = self._process.exitcode
+        return describe_exit(code) if code is not None and code < 0 else ""
+
     def close(self) -> None:
         """End the process and all that it started; requires `apart`."""
         self._process.join(0.2)
@@ -63,12 +70,22 @@ class Child:
 def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connection, apart: bool) -> None:
     if apart and hasattr(os, "setsid"):
         os.setsid()
-    parent = multiprocessing.parent_process()
-    if parent is not None and parent.pid is not None:
-        watch_parent(parent.pid, _end_all)
+        _restore_signals()
+        shield(answers.close)
+    end_with_parent()
+    parent = os.getppid() if hasattr(os, "fork") else getattr(multiprocessing.parent_process(), "pid", None)
+    if parent is not None:
+        watch_parent(parent, _end_all)
     do(answers.send, *arguments)
     answers.close()
     os._exit(0)  # exit handlers of FMU libraries must not run
+
+
+def _restore_signals() -> None:
+    """Let signals end this process, whatever the process that started it does with them."""
+    for name in ("SIGTERM", "SIGHUP"):
+        if number := getattr(signal, name, None):
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _end_all() -> None:

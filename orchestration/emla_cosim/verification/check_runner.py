@@ -1,8 +1,10 @@
 """Run checks of one subject in a subprocess."""
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from .check import Check
@@ -57,9 +59,20 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> F
 def _do(check: Check, subject: Any) -> CheckOutcome:
     from .host.hosted_instance import CallError  # loads fmpy.fmi2
 
+    _leave_working_folder(subject)
     try:
         return check.examine(subject)
     except CallError as error:
         return failed(str(error))
     except EndedError as error:
         return failed(str(error), clause=RETURNS)
+
+
+def _leave_working_folder(subject: Any) -> None:
+    """Work in a temporary folder, so that an FMU that writes files there does not write into the user's."""
+    settings = getattr(subject, "settings", None)
+    folder: Path | None = getattr(subject, "folder", None)
+    if folder is not None and folder.parent.is_dir() and getattr(settings, "recording", None) is None:
+        working = folder.parent / "working"
+        working.mkdir(exist_ok=True)
+        os.chdir(working)

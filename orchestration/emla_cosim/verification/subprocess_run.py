@@ -23,6 +23,9 @@ _POLL = 0.05
 """Seconds between two looks at the progress."""
 
 _TIMEOUT = 5.0
+"""Seconds that a process may take to end after its last sign of life."""
+
+_TIMEOUT_AT_END = 1.0
 """Seconds that a process may take to end after its answer."""
 
 
@@ -69,6 +72,8 @@ def run_each_in_subprocess(
             while left and whole:
                 outcome, whole = _outcome(child, notes, seconds)
                 del left[0]
+                if whole and not left and (how := child.signal_at_end(_TIMEOUT_AT_END)):
+                    outcome = failed(f"It ended the process in {_read(notes)} ({how}).")
                 yield outcome
 
 

@@ -23,6 +23,7 @@ from tests.support.broken.editing import (
 )
 
 LIBRARY = f"binaries/{fmpy.platform}/Toy{fmpy.sharedLibraryExtension}"
+_ELSEWHERE = f"binaries/{'linux64' if fmpy.platform == 'win64' else 'win64'}/Toy{Path(LIBRARY).suffix}"
 _LINK = 0o120777 << 16
 
 
@@ -313,6 +314,12 @@ STATIC: list[Broken] = [
         "A function that the library does not export",
         "binaries.symbols",
         _with_library(lambda content: content.replace(b"fmi2GetStringStatus\0", b"fmi2GetStringStatuz\0")),
+    ),
+    Broken(
+        "other-platform",
+        "A library for this platform in the folder of another one",
+        "binaries.platform",
+        with_files(lambda files: files.update({_ELSEWHERE: files[LIBRARY]})),
     ),
     Broken(
         "no-library",

@@ -9,9 +9,10 @@ from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
+from tests.support.broken.typed import TYPED
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *NUMERIC]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *NUMERIC]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

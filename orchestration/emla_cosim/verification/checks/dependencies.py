@@ -1,12 +1,17 @@
 """Compare the declared dependencies of the model structure with observed ones."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
+from fmpy.model_description import ModelVariable
 
 from ..check import check
+from ..host.declared_dependencies import ALL_TYPES, Dependency, at_events, at_initialization
+from ..host.experiment import span
 from ..host.fresh_process import EndedError, in_fresh_process
-from ..host.hosted_instance import CallError
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.other_values import other_of, same, settable, start_of
 from ..host.points import Point, in_event_mode, in_initialization
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, passed, skipped
@@ -31,10 +36,11 @@ Pairs = dict[tuple[str, str], str]
     time_factor=3.0,
 )
 def observed(subject: Subject) -> CheckOutcome:
-    """Check that no output changes with an input that its dependencies exclude."""
+    """Check that no output changes with an input or parameter that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
     excluded, seen, declared = _together(found, _of_model(subject))
+    excluded = {**_excluded_of_all_types(subject), **excluded}
     if excluded:
         lines = tuple(
             f"{unknown} changes with {known} {where}, which its dependencies exclude."
@@ -92,3 +98,56 @@ def _changes(point: Point) -> Iterator[tuple[str, str]]:
             continue
         changed = np.abs(there - here) > _SEEN * np.maximum(np.abs(here), np.abs(there))
         yield from ((name, known) for name, moved in zip(point.unknowns, changed, strict=True) if moved)
+
+
+def _excluded_of_all_types(subject: Subject) -> Pairs:
+    """Observe variables of all types. Return nothing for modes that the FMU does not reach."""
+    found: Pairs = {}
+    for kind, do in (("CoSimulation", _in_initialization), ("ModelExchange", _at_first_event)):
+        if kind in subject.kinds:
+            with suppress(CallError, EndedError):
+                found.update(in_fresh_process(do, subject))
+    return found
+
+
+def _in_initialization(subject: Subject) -> Pairs:
+    """Return undeclared dependencies of outputs on inputs and parameters in initialization mode."""
+    instance = HostedInstance(subject)
+    instance.enter_initialization(span(subject)[0])
+    knowns = settable(subject, "input", "parameter")
+    return _jumps(instance, at_initialization(subject, ALL_TYPES), knowns, "in initialization mode")
+
+
+def _at_first_event(subject: Subject) -> Pairs:
+    """Return undeclared dependencies of outputs and derivatives on inputs of the model."""
+    instance = HostedInstance(subject, kind="ModelExchange")
+    instance.initialize(None, span(subject)[0])
+    declared = at_events(subject, ALL_TYPES)
+    return _jumps(instance, declared, settable(subject, "input"), "of the model after initialization")
+
+
+def _jumps(
+    instance: HostedInstance, declared: Sequence[Dependency], knowns: Sequence[ModelVariable], where: str
+) -> Pairs:
+    """Return excluded pairs: another value of the known changes the unknown, and the old one restores it."""
+    declared = [d for d in declared if d.on is not None]
+    knowns = [v for v in knowns if other_of(v) is not None]
+    excluded = [v for v in knowns if any(d.excludes(v.name) for d in declared)]
+    names = [d.unknown for d in declared]
+    found: Pairs = {}
+    start = {v.name: start_of(v) for v in knowns}
+    moved = {**start, **{v.name: other_of(v) for v in knowns if v.causality == "input"}}
+    with suppress(CallError):  # outside of the values that the FMU accepts
+        for base in (start, moved) if excluded else ():
+            instance.set({name: base[name] for name in base if base[name] != start[name]})
+            before = instance.get(names)
+            for known in excluded:
+                old = base[known.name]
+                instance.set({known.name: other_of(known) if old == start[known.name] else start[known.name]})
+                there = instance.get(names)
+                instance.set({known.name: old})
+                back = instance.get(names)
+                for d, one, two, three in zip(declared, before, there, back, strict=True):
+                    if d.excludes(known.name) and same(one, three) and not same(one, two):
+                        found.setdefault((d.unknown, known.name), where)
+    return found

@@ -72,6 +72,30 @@ def _again(instance: HostedInstance, course: Experiment, first: int, last: int) 
     return outcomes
 
 
+@check(
+    "state.freed",
+    "Freeing a state clears its pointer",
+    Clause("2.1.8", "The function returns a null pointer in argument FMUstate."),
+    "Set *FMUstate to NULL in fmi2FreeFMUstate. Ignore a pointer that is NULL already.",
+    needs=("run.completes",),
+)
+def freed(subject: Subject) -> CheckOutcome:
+    """Check that fmi2FreeFMUstate sets the pointer to NULL, and ignores one that is NULL."""
+    if not subject.has_capability("canGetAndSetFMUstate"):
+        return skipped("canGetAndSetFMUstate is not set.")
+    instance, course = HostedInstance(subject), make_experiment(subject, 1)
+    instance.initialize(course.at(0), float(course.times[0]))
+    with instance.calling():
+        state = instance.fmu.getFMUstate()
+        instance.fmu.freeFMUstate(state)
+    if state.value is not None:
+        return failed("fmi2FreeFMUstate leaves the pointer to the state that it freed.")
+    instance.circumstance = " of a NULL pointer"
+    with instance.calling():
+        instance.fmu.freeFMUstate(state)
+    return passed("fmi2FreeFMUstate clears the pointer, and ignores one that is NULL.")
+
+
 _LARGEST = 2**28
 """Largest plausible size of a state in bytes."""
 

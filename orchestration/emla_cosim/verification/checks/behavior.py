@@ -1,0 +1,270 @@
+"""Check that steps compute something, and that inputs count."""
+
+import time as clock
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from ...base.arrays import Vector
+from ..check import check
+from ..host.experiment import make_experiment, span
+from ..host.fresh_process import in_fresh_process, in_separate_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.other_values import Values, limits_of, other_of, settable, start_of
+from ..messages import join_few_names, judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+
+_STEPS = 20
+_MOST_PAIRS = 100
+_MOST_INPUTS = 10
+_FAR = 0.3
+"""Distance of the slopes of a state from its derivative, relative to both, that is too far."""
+
+_MARGIN = 0.05
+"""Allowed distance from the derivatives at both ends of a step, relative to the largest."""
+
+
+@check(
+    "steps.integrate",
+    "Steps integrate the declared derivatives",
+    Clause("4.2.2", "The slave must integrate until time instant"),
+    "Let fmi2DoStep integrate the equations that fmi2GetReal evaluates, with the inputs that were set.",
+    needs=("run.finite",),
+    time_factor=2.0,
+)
+def integrate(subject: Subject) -> CheckOutcome:
+    """Compare slopes of states with their derivatives in runs with constant inputs, one moved in each."""
+    if subject.kinds[0] != "CoSimulation":
+        return skipped("The FMU is for Model Exchange: the host integrates it.")
+    pairs = [(v.derivative, v) for v in subject.description.modelVariables if v.derivative is not None]
+    pairs = [(x, d) for x, d in pairs if x.type == "Real"][:_MOST_PAIRS]
+    times = [v for v in subject.description.modelVariables if v.causality == "independent"]
+    if not pairs and not times:
+        return skipped(
+            "No variable is declared as time or a derivative: only a reference shows what steps do."
+        )
+    inputs = [v for v in settable(subject, "input") if v.type == "Real"][:_MOST_INPUTS]
+    runs = [{}, *({v.name: value} for v in inputs if (value := other_of(v)) is not None)]
+    names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
+    still, wrong = set(), {}
+    for changes in _in_time(subject, runs):
+        step, rows = in_separate_process(_held, subject, changes, names)
+        if len(rows) < 3:
+            continue
+        for k, time in enumerate(times, start=2 * len(pairs)):
+            if np.all(rows[:, k] == rows[0, k]):
+                still.add(time.name)
+        for k, (state, derivative) in enumerate(pairs):
+            x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
+            if np.all(x == x[0]) and np.all(slopes != 0.0):
+                still.add(state.name)
+            elif (apart := _apart(x, slopes, step)) > _FAR:
+                with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
+                line = f"{state.name} does not follow {derivative.name}{with_what} ({apart:.0%} apart)."
+                wrong.setdefault(state.name, line)
+    if still:
+        which = join_few_names(sorted(still))
+        return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(wrong.values()))
+
+
+def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
+    """Yield items until half of the time is used."""
+    until = clock.monotonic() + 0.5 * subject.settings.seconds
+    for item in items:
+        if clock.monotonic() > until:
+            return
+        yield item
+
+
+def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[float, Vector]:
+    """Return the step size in s, and values after each step of a run with constant inputs."""
+    instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
+    instance.initialize(changes, float(course.times[0]))
+    rows = []
+    for time in course.times[:-1]:
+        instance.set(changes)
+        instance.step(float(time), course.step)
+        if instance.terminated:
+            break
+        rows.append([float(value) for value in instance.get(names)])
+    instance.free()
+    return course.step, np.array(rows, dtype=float).reshape(len(rows), len(names))
+
+
+def _apart(x: Vector, slopes: Vector, step: float) -> float:
+    """Return how far slopes of a state are outside of its derivatives at both ends, relative to all."""
+    moved, before, after = np.diff(x) / step, slopes[:-1], slopes[1:]
+    low, high = np.minimum(before, after), np.maximum(before, after)
+    margin = (high - low) + _MARGIN * np.abs(slopes).max() + 1e-12
+    outside = np.maximum(np.maximum(low - margin - moved, moved - high - margin), 0.0)
+    total = np.maximum(np.abs(moved), np.maximum(np.abs(before), np.abs(after))).sum()
+    return float(outside.sum() / total) if total > 0.0 and np.isfinite(total) else 0.0
+
+
+@check(
+    "exchange.inputs",
+    "Inputs have an effect",
+    Clause(
+        "2.2.8",
+        "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
+    ),
+    "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
+    needs=("run.deterministic",),
+    time_factor=2.0,
+)
+def inputs(subject: Subject) -> CheckOutcome:
+    """Check that each input that outputs or derivatives are declared to depend on changes something."""
+    found = [v for v in settable(subject, "input") if v.type != "String" and other_of(v) is not None]
+    found = found[:_MOST_INPUTS]
+    names = _results(subject)
+    if not found or not names:
+        return skipped("It has no input with another valid value, or nothing that could depend on it.")
+    listed = _listed(subject)
+    bases = _bases(subject, found, names)
+    without, tried = [], 0
+    for variable in _in_time(subject, found):
+        tried += 1
+        if not any(
+            _differs(subject, {**base, variable.name: value}, names, wanted)
+            for base, wanted in bases
+            for value in _tried(variable, base)
+        ):
+            without.append(variable.name)
+    if wrong := [name for name in without if name in listed]:
+        return warned(
+            f"{join_few_names(wrong)} changed nothing in {_STEPS} steps, but is listed as a dependency."
+        )
+    if len(without) == tried:
+        return skipped(f"No input changed anything in {_STEPS} steps: only a reference shows if one should.")
+    return passed(f"{tried - len(without)} of {tried} inputs changed a result.")
+
+
+def _bases(
+    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
+) -> Iterable[tuple[Values, Any]]:
+    """Return values of all inputs, with the run that they give: start values, others, and far ones."""
+    far: list[Values] = [{}, {}]
+    for variable in variables:
+        ends = _far(variable) or [other_of(variable)] * 2
+        for base, value in zip(far, ends, strict=True):
+            base[variable.name] = value
+    found = []
+    for base in ({}, {v.name: other_of(v) for v in variables}, *far):
+        with suppress(CallError):  # the model does not bear these values together
+            found.append((base, in_separate_process(_observe, subject, base, names)))
+    return found
+
+
+def _far(variable: ModelVariable) -> list[float]:
+    """Return values of a Real far above and below the others."""
+    if variable.type != "Real":
+        return []
+    low, high = limits_of(variable)
+    far = 10.0 * max(abs(other_of(variable)), 1.0)
+    return [min(max(v, low), high) for v in (far, -far)]
+
+
+def _tried(variable: ModelVariable, base: Values) -> list[Any]:
+    """Return values to try in place of that of a base: another one, and far ones."""
+    start, other = start_of(variable), other_of(variable)
+    return [start if base.get(variable.name) == other else other, *_far(variable)]
+
+
+def _differs(subject: Subject, changes: Values, names: Sequence[str], wanted: Any) -> bool:
+    try:
+        return in_separate_process(_observe, subject, changes, names) != wanted
+    except CallError:  # the model does not bear this value, so it counts
+        return True
+
+
+def _observe(subject: Subject, changes: Values, names: Sequence[str]) -> list[list[Any]]:
+    """Return values after initialization and each step of a run with these inputs."""
+    start, step, count = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(changes, start)
+    rows = [[str(v) for v in instance.get(names)]]
+    for k in range(min(count, _STEPS)):
+        instance.set(changes)
+        instance.step(start + k * step, step)
+        if instance.terminated:
+            break
+        rows.append([str(v) for v in instance.get(names)])
+    instance.free()
+    return rows
+
+
+def _results(subject: Subject) -> list[str]:
+    """Return the names of outputs and derivatives that are numbers."""
+    description = subject.description
+    found = [v.name for v in description.modelVariables if v.causality == "output"]
+    states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
+    found += [u.variable.name for u in description.derivatives if u.variable is not None]
+    names = dict.fromkeys([*found, *states])
+    return [name for name in names if subject.variables[name].type != "String"][:_MOST_PAIRS]
+
+
+def _listed(subject: Subject) -> set[str]:
+    """Return the names of variables that outputs or derivatives are declared to depend on."""
+    description = subject.description
+    unknowns = [*description.outputs, *description.derivatives]
+    return {v.name for u in unknowns if u.dependencies for v in u.dependencies}
+
+
+@check(
+    "exchange.interpolation",
+    "Derivatives of inputs have an effect",
+    Clause(
+        "4.3.1",
+        "The slave is able to interpolate continuous inputs. Calling of fmi2SetRealInputDerivatives(..) has "
+        "an effect for the slave.",
+    ),
+    "Use the derivatives within the step, or set canInterpolateInputs to false.",
+    needs=("run.deterministic",),
+)
+def interpolation(subject: Subject) -> CheckOutcome:
+    """Check that a derivative of the inputs changes a run in which other inputs would change it."""
+    if subject.kinds[0] != "CoSimulation" or not subject.has_capability("canInterpolateInputs"):
+        return skipped("canInterpolateInputs is not set.")
+    found = [v for v in settable(subject, "input") if v.type == "Real" and other_of(v) is not None]
+    found = [v for v in found if v.variability in (None, "continuous")]
+    names = _results(subject)
+    if not found or not names:
+        return skipped("It has no continuous Real input, or nothing that could depend on one.")
+    changes = {v.name: other_of(v) for v in found}
+    plain = {v.name: start_of(v) for v in found}
+    steady, sloped, other = (
+        in_fresh_process(_interpolated, subject, values, slopes, names)
+        for values, slopes in ((plain, {}), (plain, changes), (changes, {}))
+    )
+    if sloped != steady:
+        return passed("Derivatives of the inputs change a run.")
+    if other == steady:
+        return skipped("No input has an effect, so that no derivative can have one.")
+    return failed(
+        "fmi2SetRealInputDerivatives returns fmi2OK, but a run with derivatives is the same to the last bit "
+        "as one without."
+    )
+
+
+def _interpolated(subject: Subject, values: Values, slopes: Values, names: Sequence[str]) -> list[list[Any]]:
+    """Return values after each step of a run; inputs change by the difference to the start in one step."""
+    start, step, count = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(values, start)
+    references = [instance.reference(name) for name in values]
+    rates = [(slopes[name] - values[name]) / step if slopes else 0.0 for name in values]
+    rows = []
+    for k in range(min(count, 3)):
+        instance.set(values)
+        with instance.calling():
+            instance.fmu.setRealInputDerivatives(references, [1] * len(references), rates)
+        instance.step(start + k * step, step)
+        if instance.terminated:
+            break
+        rows.append([str(v) for v in instance.get(names)])
+    return rows

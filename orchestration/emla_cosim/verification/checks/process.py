@@ -1,0 +1,244 @@
+"""Check that an FMU leaves the process, the files and the streams of its host as they were."""
+
+import ctypes
+import os
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...sandbox.shield import adopt_orphans, end_children
+from ..check import check
+from ..host.experiment import make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import run_instance
+from ..host.log import format_message
+from ..host.process_state import (
+    can_list_resources,
+    count_resources,
+    read_settings,
+    settle,
+)
+from ..messages import join_few_names, judge_problems
+from ..subject import Subject
+from ..subprocess_run import note
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+
+_STEPS = 10
+_CYCLES = 3
+
+
+def _own_clause(name: str, sentence: str) -> Clause:
+    """Return a clause of this program: the standard does not speak of it."""
+    return Clause(name, sentence, document="emla verify")
+
+
+def _run(subject: Subject) -> HostedInstance:
+    """Run an instance for some steps, terminate and free it."""
+    instance = HostedInstance(subject)
+    run_instance(instance, make_experiment(subject, _STEPS))
+    instance.close()
+    return instance
+
+
+@check(
+    "process.resources",
+    "Instances free files, threads and processes",
+    Clause(
+        "2.1.5",
+        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
+        "other resources that have been allocated by the functions of the FMU interface.",
+    ),
+    "Close files, join threads, and end and await child processes in fmi2FreeInstance.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def resources(subject: Subject) -> CheckOutcome:
+    """Check that open files, threads and child processes do not grow with the number of instances."""
+    if not can_list_resources():
+        return skipped("This system does not list the resources of a process.")
+    first, grown = in_fresh_process(_grown, subject)
+    kept = {name: count for name, count in first.items() if count > 0}
+    leaks = [name for name, count in grown.items() if count >= _CYCLES]
+    if kept.get("processes"):
+        return failed(
+            "A process that an instance started runs on, or was not waited for, after it was freed."
+        )
+    if leaks:
+        return failed(f"Each instance leaves {join_few_names(leaks)} behind.", figures=dict(grown))
+    if kept:
+        # not with each instance: pools of threads, and files of the library
+        return warned(f"After an instance was freed, {join_few_names(list(kept))} of the library remain.")
+    return passed("Instances leave no open files, threads and processes behind.")
+
+
+def _grown(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
+    """Return how many resources the first instance leaves, and how many the later ones."""
+    adopt_orphans()
+    instance = HostedInstance(subject)
+    instance.free()
+    before = count_resources()
+    try:
+        _run(subject)
+        settle(lambda: count_resources() == before)
+        first = count_resources()
+        for _ in range(0 if is_single_instance(subject) else _CYCLES):
+            _run(subject)
+        settle(lambda: count_resources() == first)
+        return _less(first, before), _less(count_resources(), first)
+    finally:
+        end_children()
+
+
+def _less(one: dict[str, int], other: dict[str, int]) -> dict[str, int]:
+    return {name: one[name] - other[name] for name in one}
+
+
+@check(
+    "process.settings",
+    "The settings of the process are unchanged",
+    _own_clause("process.settings", "An FMU does not change what all parts of its host share."),
+    "Restore the setting before the function returns. Other FMUs and the host compute with it.",
+    needs=("run.completes",),
+)
+def settings(subject: Subject) -> CheckOutcome:
+    """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
+    before, steps, after = in_fresh_process(_settings_of_run, subject)
+    changed = {
+        name: found[name]
+        for found in (steps, after)
+        for name in before
+        if found.get(name, before[name]) != before[name]
+    }
+    problems = [f"It changes {name} from {before[name]} to {value}." for name, value in changed.items()]
+    return judge_problems((), f"{len(before)} settings of the process are unchanged.", problems)
+
+
+def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """Return the settings before the FMU is loaded, after some steps, and after the instance is freed."""
+    before = read_settings()
+    instance = HostedInstance(subject)
+    run_instance(instance, make_experiment(subject, _STEPS))
+    steps = read_settings()
+    instance.close()
+    return before, steps, read_settings()
+
+
+@check(
+    "process.files",
+    "No files are written without being asked",
+    _own_clause("process.files", "An FMU does not write into its own or the user's folders by itself."),
+    "Write to the system's folder for temporary files, or to a file that a parameter names.",
+    needs=("run.completes",),
+)
+def files(subject: Subject) -> CheckOutcome:
+    """Check the FMU's own folder, the working folder, and the home folder after a short run."""
+    with tempfile.TemporaryDirectory() as folder:
+        places = {name: Path(folder, name) for name in ("working", "home")}
+        for place in places.values():
+            place.mkdir()
+        try:
+            in_fresh_process(_run_in, subject, places["working"], places["home"])
+        except (CallError, EndedError):  # it may need files of the home folder, such as a license
+            in_fresh_process(_run_in, subject, places["working"], None)
+        problems = [
+            f"It writes {join_few_names(names)} into the {name} folder."
+            for name, place in places.items()
+            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if not p.is_dir()))
+        ]
+    if own := _changed_files(subject):
+        problems.append(f"It writes {join_few_names(own)} into its own folder.")
+    return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
+
+
+def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
+    os.chdir(working)
+    if home is not None:
+        os.environ["HOME"] = str(home)
+    _run(subject)
+
+
+def _changed_files(subject: Subject) -> list[str]:
+    """Return files of the unpacked FMU that its archive does not have, or has with another content."""
+    with zipfile.ZipFile(subject.path) as archive:
+        sums = {info.filename: (info.file_size, info.CRC) for info in archive.infolist() if not info.is_dir()}
+    found = []
+    for path in sorted(p for p in subject.folder.rglob("*") if p.is_file()):
+        name = path.relative_to(subject.folder).as_posix()
+        size, total = sums.get(name, (-1, 0))
+        if path.stat().st_size != size or _checksum(path) != total:
+            found.append(name)
+    return found
+
+
+def _checksum(path: Path) -> int:
+    total = 0
+    with path.open("rb") as stream:
+        while block := stream.read(2**20):
+            total = zlib.crc32(block, total)
+    return total
+
+
+_QUIET = 4096
+"""Bytes to a stream in a short run that are no flood."""
+
+
+@check(
+    "process.output",
+    "Standard output and error are not flooded",
+    _own_clause("process.output", "Messages go to the logger that the host provides."),
+    "Call the logger of fmi2CallbackFunctions instead. Hosts use these streams for their own output.",
+    needs=("run.completes",),
+)
+def output(subject: Subject) -> CheckOutcome:
+    """Check how much a short run writes to standard output and standard error."""
+    found = in_fresh_process(_written, subject)
+    problems = [
+        f"In {_STEPS} steps it writes {size / 1024:.0f} KiB to {name}: {format_message(line)}"
+        for name, (size, line) in found.items()
+        if size > _QUIET
+    ]
+    return judge_problems((), "It hardly writes to standard output and standard error.", problems)
+
+
+def _written(subject: Subject) -> dict[str, tuple[int, str]]:
+    """Return the number of bytes and the first line that go to each stream."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
+        streams = {"standard output": (1, out), "standard error": (2, errors)}
+        for number, stream in streams.values():
+            os.dup2(stream.fileno(), number)
+        _run(subject)
+        flush: Callable[[Any], Any] | None = getattr(ctypes.CDLL(None), "fflush", None)
+        if flush is not None:
+            flush(None)
+        found = {}
+        for name, (_, stream) in streams.items():
+            size = stream.seek(0, os.SEEK_END)
+            stream.seek(0)
+            found[name] = (size, stream.read(200).decode(errors="replace").partition("\n")[0])
+    return found
+
+
+@check(
+    "process.unload",
+    "The library can be unloaded",
+    _own_clause("process.unload", "A host that unloads the library continues."),
+    "Keep functions that run at the end of the library free of what no longer exists.",
+    needs=("run.completes",),
+)
+def unload(subject: Subject) -> CheckOutcome:
+    """Check that the process goes on after the library is unloaded."""
+    try:
+        in_fresh_process(_run_and_unload, subject)
+    except EndedError as error:
+        return warned(str(error))
+    return passed("The library was unloaded after a run.")
+
+
+def _run_and_unload(subject: Subject) -> None:
+    instance = _run(subject)
+    note("unloading its library")
+    instance.fmu.freeLibrary()

@@ -1,0 +1,172 @@
+"""Check that values are those of their types: Booleans, Enumerations, Strings."""
+
+import ctypes
+import time as clock
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from ..check import check
+from ..host.experiment import make_experiment
+from ..host.fresh_process import in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.junk import FIRST, fill_memory
+from ..host.other_values import MOST, items_of, others, settable
+from ..messages import judge_problems, shorten_sentence
+from ..subject import Subject
+from ..subprocess_run import note
+from ..verdict import CheckOutcome, Clause, skipped
+
+_STEPS = 60
+_EVERY = 7
+"""Steps after which discrete inputs change."""
+
+
+@check(
+    "values.booleans",
+    "Booleans are fmi2True or fmi2False",
+    Clause("2.1.2", "Data type for Boolean numbers (only two values: fmi2False, fmi2True)"),
+    "Return 0 or 1: hosts compare with fmi2True.",
+    needs=("run.completes",),
+)
+def booleans(subject: Subject) -> CheckOutcome:
+    """Check the Booleans of a run."""
+    return _judge(subject, "Boolean", lambda _, value: value in (0, 1))
+
+
+@check(
+    "values.enumerations",
+    "Enumerations are items of their types",
+    Clause(
+        "2.2.3",
+        "The values can be any integer number but must be unique within the same enumeration (in order that "
+        'the mapping between "name" and "value" is bijective).',
+    ),
+    "Add an item for the value to the SimpleType, or return another one.",
+    needs=("run.completes",),
+)
+def enumerations(subject: Subject) -> CheckOutcome:
+    """Check the Enumerations of a run."""
+    return _judge(subject, "Enumeration", lambda variable, value: value in items_of(variable))
+
+
+def _judge(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
+    variables = [v for v in subject.description.modelVariables if v.type == kind][:MOST]
+    if not variables:
+        return skipped(f"It has no {kind}.")
+    found = in_fresh_process(_distinct, subject, [v.name for v in variables])
+    problems = [
+        f"{v.name} is {value} at t = {time:.9g} s, which is not a value of its type."
+        for v in variables
+        for value, time in found[v.name].items()
+        if not is_valid(v, value)
+    ]
+    return judge_problems(problems, f"{len(variables)} variables of type {kind} have values of their type.")
+
+
+def _distinct(subject: Subject, names: Sequence[str]) -> dict[str, dict[int, float]]:
+    """Return the values of each variable in a run, with the time of the first."""
+    found: dict[str, dict[int, float]] = {name: {} for name in names}
+    for time, instance in _run(subject):
+        for name, value in zip(names, instance.get(names), strict=True):
+            found[name].setdefault(int(value), time)
+    return found
+
+
+def _run(subject: Subject) -> Iterator[tuple[float, HostedInstance]]:
+    """Yield an instance at communication points, while inputs of all types change."""
+    course = make_experiment(subject, _STEPS)
+    inputs = [v for v in settable(subject, "input") if v.type in ("Boolean", "Enumeration", "String")]
+    other = others(inputs)
+    instance = HostedInstance(subject)
+    instance.initialize(course.at(0), float(course.times[0]))
+    yield float(course.times[0]), instance
+    until = clock.monotonic() + 0.5 * subject.settings.seconds  # a slow FMU is no fault
+    for k in range(len(course.times) - 1):
+        if clock.monotonic() > until:
+            return
+        changed = other if (k // _EVERY) % 2 else {}
+        try:
+            instance.set({**course.at(k), **changed})
+            instance.step(float(course.times[k]), course.step)
+        except CallError:
+            if not changed:
+                raise
+            return  # valid values, which the model need not bear
+        if instance.terminated:
+            return
+        yield float(course.times[k + 1]), instance
+
+
+@check(
+    "values.strings",
+    "Strings are valid",
+    Clause("2.1.2", r"Data type for character strings ('\0' terminated, UTF8 encoded)"),
+    "Return a pointer to UTF-8 text that lives at least until the next call of the FMU; never NULL.",
+    needs=("run.completes",),
+)
+def strings(subject: Subject) -> CheckOutcome:
+    """Check that Strings are not NULL, are UTF-8, and live until the next call."""
+    variables = [v for v in subject.description.modelVariables if v.type == "String"][:MOST]
+    if not variables:
+        return skipped("It has no String.")
+    problems = in_fresh_process(_invalid, subject, variables)
+    return judge_problems(problems, f"{len(variables)} Strings are valid.")
+
+
+def _invalid(subject: Subject, variables: Sequence[ModelVariable]) -> list[str]:
+    found: dict[str, str] = {}
+    with fill_memory(FIRST):  # what is freed does not keep its content
+        for time, instance in _run(subject):
+            for variable in variables:
+                if wrong := _problem(instance, variable):
+                    found.setdefault(variable.name, f"{variable.name} {wrong} at t = {time:.9g} s.")
+    return list(found.values())
+
+
+def _problem(instance: HostedInstance, variable: ModelVariable) -> str:
+    """Return what is wrong with a String, or an empty text."""
+    pointer = (ctypes.c_char_p * 1)()
+    with instance.calling():
+        reference = (ctypes.c_uint * 1)(variable.valueReference)
+        instance.fmu.fmi2GetString(instance.fmu.component, reference, 1, pointer)
+    place = ctypes.cast(pointer, ctypes.POINTER(ctypes.c_void_p))[0]
+    if place is None:
+        return "is a NULL pointer"
+    if _is_on_stack(place):
+        return "is on the stack of a function that has returned"
+    note(f"reading the String {variable.name} that fmi2GetString returned")
+    first = ctypes.string_at(place)
+    _use_memory()
+    if ctypes.string_at(place) != first:
+        return "changes although no function of the FMU is called: its memory is free"
+    try:
+        first.decode()
+    except UnicodeDecodeError:
+        return f"is not UTF-8, but {shorten_sentence(repr(first[:60]))},"
+    return ""
+
+
+def _is_on_stack(place: int) -> bool:
+    try:
+        lines = Path("/proc/self/maps").read_text().splitlines()
+    except OSError:
+        return False
+    for line in lines:
+        if line.endswith("[stack]"):
+            low, high = (int(end, 16) for end in line.split()[0].split("-"))
+            return low <= place < high
+    return False
+
+
+def _use_memory() -> None:
+    """Take and write small blocks of memory, as any host does between two calls."""
+    library: Any = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    blocks = [library.malloc(ctypes.c_size_t(size)) for size in range(8, 520, 16) for _ in range(9)]
+    for k, place in enumerate(blocks):
+        ctypes.memset(place, 0x5A, 8 + 16 * (k // 9))
+    for place in blocks:
+        library.free(ctypes.c_void_p(place))

@@ -1,0 +1,215 @@
+"""Checks of the values of all variables: after the start, a reset, from a saved state, in other instances."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..check import check
+from ..host.experiment import span
+from ..host.fresh_process import in_fresh_process, is_single_instance
+from ..host.hosted_instance import HostedInstance
+from ..host.other_values import (
+    MOST,
+    Values,
+    differences,
+    others,
+    same,
+    settable,
+    show,
+    start_of,
+    where_accepted,
+)
+from ..messages import judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, skipped
+
+_REFUSED = "It refuses other valid values of its parameters and inputs."
+_NOTHING = "It has no parameter and no input with another valid value."
+
+
+@check(
+    "values.start",
+    "Variables have their start values",
+    Clause("2.2.7", "This value is also stored in the C functions."),
+    "Generate the model description and the library from the same values.",
+    needs=("run.completes",),
+)
+def starts(subject: Subject) -> CheckOutcome:
+    """Compare values after an initialization in which nothing is set with modelDescription.xml."""
+    firm = settable(subject, "parameter", "input")
+    loose = [v for v in subject.description.modelVariables if v not in firm and _is_exact(v)]
+    variables = [*firm, *loose][:MOST]
+    found = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
+    wrong = {
+        v.name: f"{v.name} is {show(found[v.name])} after initialization; its start value is {show(start)}."
+        for v in variables
+        if (start := start_of(v)) is not None and not same(found[v.name], start)
+    }
+    certain = {v.name for v in firm} | {v.name for v in loose if v.variability == "constant"}
+    # events of the initialization may change the others
+    return judge_problems(
+        [text for name, text in wrong.items() if name in certain],
+        f"{len(variables)} variables have their start values.",
+        [text for name, text in wrong.items() if name not in certain],
+    )
+
+
+def _is_exact(variable: Any) -> bool:
+    return variable.start is not None and (variable.initial == "exact" or variable.variability == "constant")
+
+
+def _read_after_start(subject: Subject, names: Sequence[str]) -> Values:
+    instance = HostedInstance(subject)
+    instance.initialize(None, span(subject)[0])
+    return _read(instance, names)
+
+
+def _read(instance: HostedInstance, names: Sequence[str]) -> Values:
+    return dict(zip(names, instance.get(names), strict=True))
+
+
+@check(
+    "values.reset",
+    "Reset restores the values of parameters and inputs",
+    Clause("2.1.6", "All variables have their default values."),
+    "fmi2Reset must set every parameter and input to its start value.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def reset(subject: Subject) -> CheckOutcome:
+    """Compare parameters and inputs after other values and fmi2Reset with those of a new instance."""
+    return _unchanged(subject, _after_reset, "after fmi2Reset")
+
+
+def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
+    """Return the values that were taken, and those after a reset."""
+    (start, step, _), names = span(subject), list(changes)
+    instance = HostedInstance(subject)
+    instance.initialize(changes, start)
+    taken = _read(instance, names)
+    instance.step(start, step)
+    instance.reset()
+    instance.initialize(None, start)
+    return taken, _read(instance, names)
+
+
+@check(
+    "values.shared",
+    "Instances have their own parameters and inputs",
+    Clause(
+        "2.1.5",
+        "An FMU can be instantiated many times (provided capability flag "
+        "canBeInstantiatedOnlyOncePerProcess = false).",
+    ),
+    "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def shared(subject: Subject) -> CheckOutcome:
+    """Check that other values in one instance change nothing in another one."""
+    if is_single_instance(subject):
+        return skipped("canBeInstantiatedOnlyOncePerProcess is set.")
+    return _unchanged(subject, _in_another, "in an instance beside one with other values")
+
+
+def _in_another(subject: Subject, changes: Values) -> tuple[Values, Values]:
+    """Return the values that one instance took, and those of another one."""
+    start, names = span(subject)[0], list(changes)
+    first, second = (HostedInstance(subject, f"examined {k}") for k in range(2))
+    first.initialize(changes, start)
+    second.initialize(None, start)
+    return _read(first, names), _read(second, names)
+
+
+def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
+    """Judge values that should be those of a new instance, for the changes that were taken."""
+    changes = others(settable(subject, "parameter", "input"))
+    if not changes:
+        return skipped(_NOTHING)
+    answers = where_accepted(do, subject, changes)
+    if not answers:
+        return skipped(_REFUSED)
+    fresh = in_fresh_process(_read_after_start, subject, list(changes))
+    problems, count = [], 0
+    for taken, found in answers:
+        judged = [n for n in taken if same(taken[n], changes[n]) or not same(found[n], fresh[n])]
+        count += len(judged)
+        problems += [
+            f"{name} is {show(found[name])} {when}; in a new instance it is {show(fresh[name])}."
+            for name in differences(found, fresh, judged)
+        ]
+    return judge_problems(
+        problems, f"{count} parameters and inputs have the values of a new instance {when}."
+    )
+
+
+@check(
+    "values.state",
+    "A saved state has the values of parameters, inputs and outputs",
+    Clause(
+        "2.1.8",
+        "This internal state consists especially of the values of the continuous-time states, iteration "
+        "variables, parameter values, input values, delay buffers, file identifiers, and FMU internal status "
+        "information.",
+    ),
+    "Copy parameters and inputs of all types into the state, also Booleans and Strings.",
+    needs=("state.restored",),
+    time_factor=3.0,
+)
+def state(subject: Subject) -> CheckOutcome:
+    """Check that restoring a state restores values that were changed after it was saved."""
+    changes = others(settable(subject, "parameter", "input", tunable=True))
+    if not changes:
+        return skipped("It has no tunable parameter and no input with another valid value.")
+    answers = where_accepted(_after_restoring, subject, changes)
+    if not answers:
+        return skipped(_REFUSED)
+    problems, count = [], 0
+    for before, changed, restored, data in answers:
+        judged = differences(changed, before, before)
+        count += len(judged)
+        problems += [
+            f"{name} is {show(restored[name])} after fmi2SetFMUstate; it was {show(before[name])} when the "
+            "state was saved."
+            for name in differences(restored, before, judged)
+        ]
+        if data is not None and not problems:
+            settled = [n for n in judged if n in changes]
+            other = in_fresh_process(_from_bytes, subject, data, settled)
+            problems += [
+                f"{name} is {show(other[name])} from a serialized state; it was {show(changed[name])} when "
+                "the state was saved."
+                for name in differences(other, changed, settled)
+            ]
+    return judge_problems(problems, f"{count} values that were changed were restored with a state.")
+
+
+def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:
+    """Return values when a state is saved, after changes, after it is restored; and the changed state."""
+    start, step, _ = span(subject)
+    outputs = [v.name for v in subject.description.modelVariables if v.causality == "output"][:MOST]
+    names = list(dict.fromkeys([*changes, *outputs]))
+    instance = HostedInstance(subject)
+    instance.initialize(None, start)
+    instance.step(start, step)
+    before = _read(instance, names)
+    with instance.calling():
+        saved = instance.fmu.getFMUstate()
+    instance.set(changes)
+    instance.step(start + step, step)
+    changed, data = _read(instance, names), None
+    with instance.calling():
+        if subject.has_capability("canSerializeFMUstate"):
+            late = instance.fmu.getFMUstate()
+            data = instance.fmu.serializeFMUstate(late)
+            instance.fmu.freeFMUstate(late)
+        instance.fmu.setFMUstate(saved)
+    restored = _read(instance, names)
+    return before, changed, restored, data
+
+
+def _from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
+    instance = HostedInstance(subject)
+    instance.initialize(None, span(subject)[0])
+    with instance.calling():
+        instance.fmu.setFMUstate(instance.fmu.deSerializeFMUstate(data))
+    return _read(instance, names)

@@ -1,0 +1,80 @@
+"""What a process has and how it is set up, to see what an FMU leaves behind."""
+
+import contextlib
+import ctypes
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...sandbox.shield import list_children
+
+_PROC = Path("/proc/self")
+_SETTLE = 1.0
+"""Longest time in s for threads and children to end after their instance is freed."""
+
+_MASKS = {"SigBlk": "blocked signals", "SigIgn": "ignored signals", "SigCgt": "handled signals"}
+_LC_ALL = 6
+
+
+def can_list_resources() -> bool:
+    """Return whether this system lists the resources of a process."""
+    return (_PROC / "fd").is_dir() and (_PROC / "task").is_dir()
+
+
+def count_resources() -> dict[str, int]:
+    """Return the numbers of open files, threads and child processes."""
+    return {
+        "open files": sum(1 for _ in (_PROC / "fd").iterdir()),
+        "threads": sum(1 for _ in (_PROC / "task").iterdir()),
+        "processes": len(list_children()),
+    }
+
+
+def settle(wanted: Callable[[], bool]) -> None:
+    """Wait until a condition holds, for a short time."""
+    until = time.monotonic() + _SETTLE
+    while not wanted() and time.monotonic() < until:
+        time.sleep(0.01)
+
+
+def read_settings() -> dict[str, str]:
+    """Return the settings of this process that concern all of its parts, by name."""
+    library: Any = ctypes.CDLL(None)
+    found = {"the working folder": _working_folder()}
+    with contextlib.suppress(AttributeError):
+        library.setlocale.restype = ctypes.c_char_p
+        found["the locale"] = (library.setlocale(_LC_ALL, None) or b"").decode(errors="replace")
+    found.update(_floating_point())
+    with contextlib.suppress(OSError):
+        for line in (_PROC / "status").read_text().splitlines():
+            name, _, value = line.partition(":")
+            if name in _MASKS:
+                found[f"the set of {_MASKS[name]}"] = value.strip()
+            elif name == "Umask":
+                found["the mask of file permissions"] = value.strip()
+    return found
+
+
+def _working_folder() -> str:
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "a folder that does not exist"
+
+
+def _floating_point() -> dict[str, str]:
+    """Return rounding, handling of tiny numbers, and exceptions that end the process."""
+    for name in ("libm.so.6", None):
+        with contextlib.suppress(OSError, AttributeError):
+            library = ctypes.CDLL(name)
+            found = {"the rounding of floating-point numbers": str(library.fegetround())}
+            if platform.machine() in ("x86_64", "AMD64"):
+                state = (ctypes.c_ubyte * 64)()
+                library.fegetenv(state)
+                control = int.from_bytes(bytes(state[28:32]), "little")
+                found["the handling of tiny floating-point numbers"] = hex(control & 0x8040)
+                found["the mask of floating-point exceptions"] = hex(control & 0x1F80)
+            return found
+    return {}
