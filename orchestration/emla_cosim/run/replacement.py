@@ -165,7 +165,7 @@ class _VariableMatcher:
             theirs = self._other.variables.get(self._target(name))
             if variable.causality != "output" or name in connected or theirs is None:
                 continue
-            if theirs.causality == "output" and theirs.type == variable.type == "Real":
+            if theirs.causality == "output" and theirs.type == variable.type != "String":
                 self._converted("output", name, theirs)
 
     def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:

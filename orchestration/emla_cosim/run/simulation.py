@@ -16,7 +16,7 @@ from ..base.files import get_working_folder
 from ..base.option import SHOWING
 from ..base.progress import Progress
 from ..base.signal_types import SignalType
-from ..base.units import SiUnit
+from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
 from ..fmu.variables import convert_start_value, find_variable
 from ..inputs.events import input_events, row_distance
@@ -446,7 +446,7 @@ class Simulation:
         alias = component.alias(variable)
         slave = self._assembly.instances[component.name]
         value = slave.value(find_variable(component.name, slave.file.variables, alias.variable))
-        return alias.transformation.inverse()(value) if component.aliases else value
+        return alias.transformation.inverse()(value) if alias.transformation != IDENTITY else value
 
     def __setitem__(self, name: str, value: Any) -> None:
         """Set an input that has no connection. It keeps the value until you set it again.
