@@ -59,17 +59,25 @@ def test_a_stretch_of_steps_is_bounded_by_time(way: str, reluctant: Path) -> Non
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, and so no guard that looks.")
-@pytest.mark.parametrize("isolate", [False, True])
-def test_a_step_that_never_ends_is_told_by_name(reluctant: Path, isolate: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("isolate", "unasked"), [(False, False), pytest.param(True, True, marks=pytest.mark.long)]
+)
+def test_a_step_that_never_ends_is_told_by_name(
+    reluctant: Path, isolate: bool, unasked: bool, tmp_path: Path
+) -> None:
     arguments = ["run", str(reluctant), "--set", "Reluctant.slow_from=0.5", "--set", "Reluctant.pause=1000"]
     arguments += ["--no-plots", "--output", str(tmp_path / "out"), *(["--isolate"] if isolate else [])]
     said = tmp_path / "said"
     with said.open("w") as stream:
         run = subprocess.Popen([sys.executable, "-m", "emla_cosim", *arguments], stdout=stream, stderr=stream)
     try:
-        wait_for(lambda: "no answer from" in said.read_text())  # after 20 s, without being asked
+        if unasked:  # it says so after 20 s
+            wait_for(lambda: "no answer from" in said.read_text())
+        else:
+            wait_for((tmp_path / "out" / "results.csv").exists)
+            time.sleep(1.0)  # the sixth step has begun
         run.send_signal(signal.SIGINT)
-        wait_for(lambda: said.read_text().count("no answer from") == 2)
+        wait_for(lambda: said.read_text().count("no answer from") == 1 + unasked)
         run.send_signal(signal.SIGTERM)
         assert run.wait(60) == 1
     finally:
