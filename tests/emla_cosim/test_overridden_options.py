@@ -52,7 +52,7 @@ def test_layers_of_files(tmp_path: Path) -> None:
     assert "the largest step of the scenario is not used: the step size control fixed has none" in fixed.notes
     file.write_text('system = "prototype"\nstep_size_control = "fixed"\n')
     assert ec.load(file, error_tolerance=1e-3).options.step_size_control_name == "error"
-    file.write_text('system = "prototype"\nalgorithm = "jacobi"\norder = "prototype.plant"\n')
+    file.write_text('system = "prototype"\nalgorithm = "jacobi"\norder = ["prototype.plant"]\n')
     with pytest.raises(ec.CommandError, match="the algorithm jacobi has no order"):
         ec.load(file).options.make_algorithm()
 
