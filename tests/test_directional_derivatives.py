@@ -271,6 +271,17 @@ def test_wrong_knowns_and_unknowns_are_refused(
     assert slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["x_0"]), [1.0]) == [1.0]
 
 
+def test_knowns_with_the_seed_zero_may_be_of_any_kind(toy: Session) -> None:
+    """OMSimulator passes all dependencies of an unknown, and 0 for all but one."""
+    slave = toy.instance(running=False)
+    others = toy.references(["count", "damped", "random", "power"])
+    assert slave.getDirectionalDerivative(
+        toy.references(["x"]), [*others, *toy.references(["x_0"])], [0.0, -0.0, 0.0, 0.0, 1.0]
+    ) == [1.0]
+    with refused():
+        slave.getDirectionalDerivative(toy.references(["x"]), [10_000], [0.0])
+
+
 def test_references_of_no_variable_are_refused(toy: Session) -> None:
     slave = toy.instance()
     with refused():

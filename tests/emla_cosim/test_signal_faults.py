@@ -288,10 +288,10 @@ def test_a_checkpoint_within_a_freeze_goes_on(emla: Emla, tmp_path: Path) -> Non
 
 def test_a_sweep_varies_a_fault(emla: Emla, tmp_path: Path) -> None:
     Path("my.toml").write_text(FILE)
-    varied = ["--vary", f"{FAULT}.value=0:1e-4:3", "--output", "sweep"]
+    varied = ["--vary", f"{FAULT}.offset=0:1e-4:3", "--output", "sweep"]
     ran(emla("sweep", "my.toml", *varied))
     table = ec.read_sweep(tmp_path / "sweep").variants
-    assert table[f"{FAULT}.value"].to_list() == pytest.approx([0.0, 5e-5, 1e-4])
+    assert table[f"{FAULT}.offset"].to_list() == pytest.approx([0.0, 5e-5, 1e-4])
     assert table["lift.torque_peak_N_m"].n_unique() == 3
 
 

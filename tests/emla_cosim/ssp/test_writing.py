@@ -145,6 +145,30 @@ def test_values_that_are_written_in_another_way(
     assert exported(tmp_path, system, {"j.a": fmu}).values("j.a") == {"k": expected}
 
 
+@pytest.mark.parametrize(
+    ("type_", "start", "other"), [("Enumeration", "off", "fast"), ("String", "", "text")]
+)
+def test_types_that_not_all_tools_read(type_: str, start: str, other: str, tmp_path: Path) -> None:
+    """Only the FMU's own start value is possible, and is left out."""
+    fmu = fake_fmu(tmp_path / "a.fmu", f"k:parameter:{type_}", "r:parameter")
+    system = System((Component("j.a", parameters={"k": start, "r": 2.0}),), ())
+    assert exported(tmp_path, system, {"j.a": fmu}).values("j.a") == {"r": 2.0}
+    changed = System((Component("j.a", parameters={"k": other}),), ())
+    (tmp_path / "new").mkdir()
+    with pytest.raises(
+        CommandError, match=rf"j\.a\.k = {other} cannot be exported: not all tools read {type_}s"
+    ):
+        exported(tmp_path / "new", changed, {"j.a": fmu})
+    assert not any((tmp_path / "new").iterdir())
+
+
+def test_names_that_differ_only_in_characters_that_identifiers_lack(tmp_path: Path) -> None:
+    fmu = fake_fmu(tmp_path / "a.fmu", "k:parameter")
+    names = ["a.b", "a_b", "a-b", "a b", "a_b_2", "1", "c_1", "_x0020_"]
+    found = exported(tmp_path, System(tuple(map(Component, names)), ()), dict.fromkeys(names, fmu))
+    assert [c.name for c in found.system.components] == names
+
+
 def test_files_that_end_otherwise(tmp_path: Path) -> None:
     with pytest.raises(CommandError, match=r"ends in \.ssp"):
         write_ssp(tmp_path / "x.zip", "x", "", System((), ()), {}, SystemTimes(0.0, 1.0, 0.1))

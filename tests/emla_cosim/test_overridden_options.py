@@ -1,0 +1,68 @@
+"""A chosen algorithm or step-size control overrides options of the scenario that it does not have."""
+
+from pathlib import Path
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.run.scenarios.built_in import SCENARIOS
+
+NOTE = "the order of the scenario is not used: the algorithm jacobi has none"
+
+
+@pytest.mark.parametrize("name", [*SCENARIOS])
+@pytest.mark.parametrize("algorithm", ["jacobi", "gauss-seidel", "strong"])
+def test_every_scenario_accepts_every_algorithm(name: str, algorithm: str) -> None:
+    scenario, own = ec.load(name, algorithm=algorithm), ec.load(name).options.own
+    made = scenario.options.make_algorithm()
+    kept = {option: value for option, value in own.items() if option != "order" or algorithm != "jacobi"}
+    assert scenario.options.own == kept
+    assert all(getattr(made, option) == value for option, value in kept.items())
+    assert (NOTE in scenario.notes) == ("order" in own and algorithm == "jacobi")
+
+
+@pytest.mark.parametrize("name", [*SCENARIOS])
+def test_every_scenario_accepts_every_step_size_control(name: str) -> None:
+    for options in ({"error_tolerance": 1e-3}, {"step_size_control": "fixed"}):
+        ec.load(name, **options).options.make_step_size_control()
+
+
+def test_an_order_of_the_user_is_not_overridden() -> None:
+    with pytest.raises(ec.CommandError, match="the algorithm jacobi has no order; gauss-seidel and strong"):
+        ec.load("prototype", algorithm="jacobi", order=["prototype.plant"]).options.make_algorithm()
+
+
+def test_the_order_is_used_again_with_an_algorithm_that_has_it() -> None:
+    original = ec.load("prototype")
+    again = original.with_options({"algorithm": "jacobi"}).with_options({"algorithm": "strong"})
+    assert again.options.own["order"] == original.options.own["order"]
+    assert again.notes == original.notes
+
+
+def test_layers_of_files(tmp_path: Path) -> None:
+    """Each file overrides the one before, the user all of them."""
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'system = "prototype"\nalgorithm = "jacobi"\nerror_tolerance = 1e-3\nlargest_step = 1e-2\n'
+    )
+    scenario = ec.load(file)
+    assert NOTE in scenario.notes and scenario.options.step_size_control_name == "error"
+    fixed = ec.load(file, step_size_control="fixed")
+    fixed.options.make_step_size_control()
+    assert "the largest step of the scenario is not used: the step size control fixed has none" in fixed.notes
+    file.write_text('system = "prototype"\nstep_size_control = "fixed"\n')
+    assert ec.load(file, error_tolerance=1e-3).options.step_size_control_name == "error"
+    file.write_text('system = "prototype"\nalgorithm = "jacobi"\norder = ["prototype.plant"]\n')
+    with pytest.raises(ec.CommandError, match="the algorithm jacobi has no order"):
+        ec.load(file).options.make_algorithm()
+
+
+def test_a_repeated_run(fmu_folder: Path, tmp_path: Path) -> None:
+    """The order in its record gives way to the new algorithm, too."""
+    order = list(ec.load("lift").options.own.get("order", ())) or [
+        f"lift.{part}" for part in ("reference", "disturbance", "plant", "observer", "controller")
+    ]
+    ec.load("lift", order=order, fmus=fmu_folder).prepare().run(stop_time=0.001).save(tmp_path, plots=False)
+    again = ec.load(tmp_path / "run.json", algorithm="jacobi")
+    again.options.make_algorithm()
+    assert "order" not in again.options.own
