@@ -146,7 +146,6 @@ def run_apart(
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         start_new_session=True,
-        env=os.environ | {"EMLA_QUIET": "1"},
     ) as process:
         try:
             said = process.communicate(timeout=limit)[0].decode(errors="replace")
@@ -178,7 +177,10 @@ def compare(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> tuple[int, fl
         same = (a == b) | (np.isnan(a) & np.isnan(b))
         if same.all():
             continue
-        size = np.nanmax(a) - np.nanmin(a) or np.nanmax(np.abs(a)) or 1.0
+        size, largest = np.nanmax(a) - np.nanmin(a), np.nanmax(np.abs(a))
+        if size <= 1e-9 * largest:  # constant but for rounding
+            size = largest
+        size = size or 1.0
         apart = float(np.max(np.where(same, 0.0, np.nan_to_num(np.abs(a - b), nan=np.inf))) / size)
         if apart > worst:
             worst, which = apart, f"{name} {which}".strip()
