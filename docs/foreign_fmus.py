@@ -12,6 +12,7 @@ import argparse
 import csv
 import hashlib
 import json
+import math
 import os
 import re
 import signal
@@ -126,8 +127,9 @@ def times_of(description: Any) -> dict[str, float]:
     stop = stop if stop > start else start + 1.0
     step = float(said["stepSize"] or 0.0)
     if not 0.0 < step <= stop - start:
-        step = (stop - start) / 500
-    steps = min(MOST_STEPS, max(1, round((stop - start) / step)))
+        # sums and multiples of powers of two are exact, so that both tools pass the same times
+        step = 2.0 ** math.floor(math.log2((stop - start) / 500))
+    steps = min(MOST_STEPS, max(1, math.floor((stop - start) / step + 1e-9)))
     return {"start_time": start, "stop_time": float(f"{start + steps * step:.12g}"), "step_size": step}
 
 
