@@ -206,7 +206,7 @@ def _check_numbers(interface: Interface) -> None:
         raise ValueError("there is no model identifier")
     for unit in interface.units.values():
         math.isfinite(unit.factor)
-    interface.direct, interface.initial  # noqa: B018 - reads them
+    _ = interface.direct, interface.initial  # reads them
     for variable in interface.description.modelVariables:
         if variable.type in ("Real", "Integer"):
             for text in (variable.start, variable.min, variable.max):
