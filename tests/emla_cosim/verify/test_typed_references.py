@@ -87,3 +87,17 @@ def test_values_that_an_input_cannot_have_are_refused(fmu: Path, tmp_path: Path,
     with pytest.raises(ec.CommandError) as error:
         ec.verify(fmu, record=ec.Recording(tmp_path / "new", inputs=given))
     assert said in str(error.value)
+
+
+def test_a_folder_means_the_fmus_in_it_and_pointers_of_git_lfs_are_named(fmu: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "many"
+    (folder / "deep").mkdir(parents=True)
+    (folder / "deep" / "Typed.fmu").write_bytes(fmu.read_bytes())
+    (folder / "Stored.fmu").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    report = ec.verify(folder, only="archive.safe")
+    assert [one.label for one in report.examined] == [f"{folder}/Stored.fmu", f"{folder}/deep/Typed.fmu"]
+    assert report["Stored.fmu"]["archive.safe"].sentence == "The file is a pointer of Git LFS, not the FMU."
+    assert report["Typed.fmu"].passed
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ec.CommandError, match="has no FMU and no SSP"):
+        ec.verify(tmp_path / "empty")
