@@ -91,6 +91,7 @@ def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Pa
     if isinstance(paths, (str, Path)):
         paths = [paths]
     given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
+    given = {name: path for one in given.items() for name, path in _expand_folder(*one)}
     if not given:
         raise CommandError("there is nothing to verify; name at least one FMU.")
     found = {name: convert_value(path, Path, "the FMU") for name, path in given.items()}
@@ -100,6 +101,21 @@ def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Pa
                 continue
         raise CommandError(f"the FMU file '{path}' does not exist.", path=str(path))
     return found
+
+
+def _expand_folder(name: str, path: str | Path) -> list[tuple[str, str | Path]]:
+    """Return a path by its name; for a folder, all FMUs and packages in it and its subfolders.
+
+    Raises:
+        CommandError: The folder has none.
+    """
+    folder = Path(path) if isinstance(path, (str, Path)) and "\0" not in str(path) else None
+    if folder is None or not folder.is_dir() or folder.suffix.lower() in _SYSTEMS:
+        return [(name, path)]
+    found = sorted(f for f in folder.rglob("*") if f.suffix.lower() in (".fmu", ".ssp") and f.is_file())
+    if not found:
+        raise CommandError(f"the folder '{path}' has no FMU and no SSP.", path=str(path))
+    return [(f"{name.rstrip('/')}/{f.relative_to(folder).as_posix()}", f) for f in found]
 
 
 def _settings(

@@ -49,7 +49,9 @@ EXAMPLES = (
 
 def command(
     given: dict[str, Any],
-    files: Annotated[list[str] | None, typer.Argument(help="FMUs and SSPs.", metavar="[FILE]...")] = None,
+    files: Annotated[
+        list[str] | None, typer.Argument(help="FMUs, SSPs, and folders of them.", metavar="[FILE]...")
+    ] = None,
     all_: Annotated[
         bool,
         typer.Option("--all", help="Verify all built-in models, in both flavours.", rich_help_panel=_WHAT),
@@ -235,7 +237,7 @@ def _ours(progress: Progress) -> dict[str, Path]:
 
 
 def _catalogue() -> Table:
-    table = Table("check", "question", "source", title="Checks", title_justify="left")
+    table = Table(Column("check", no_wrap=True), "question", "source", title="Checks", title_justify="left")
     for check in CHECKS:
         table.add_row(check.name, escape(check.title), escape(str(check.clause)))
     return table

@@ -28,6 +28,7 @@ _KNOWN = (
 _STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _VERSION = 20
 _STREAMED = 1 << 3
+_LFS = b"version https://git-lfs.github.com/spec/"
 
 
 @check(
@@ -40,6 +41,11 @@ def safe(subject: Subject) -> CheckOutcome:
     """Check that it is a complete zip file with all entries inside its folder. Unpack it there."""
     if not subject.path.is_file():
         return failed("The file does not exist.", hint="Name an FMU file.")
+    if _is_lfs_pointer(subject.path):
+        return failed(
+            "The file is a pointer of Git LFS, not the FMU.",
+            hint="Run `git lfs pull`. In CI, check out with LFS: `lfs: true` for actions/checkout.",
+        )
     try:
         with zipfile.ZipFile(subject.path) as archive:
             entries = archive.infolist()
@@ -52,6 +58,14 @@ def safe(subject: Subject) -> CheckOutcome:
     except Exception as error:  # whatever zip readers raise
         return failed(f"It cannot be unpacked: {_words(error)}.")
     return judge_problems((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
+
+
+def _is_lfs_pointer(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(_LFS)) == _LFS
+    except OSError:  # reported when it is unpacked
+        return False
 
 
 def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:

@@ -58,5 +58,7 @@ def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     bounded = math.isfinite(low) and math.isfinite(high)
     middle = 0.5 * (low + high) if bounded else start
     width = 0.25 * (high - low) if bounded else 0.1 * abs(parse_number(variable.nominal, start or 1.0))
+    if variable.type == "Integer":
+        width = max(width, 1.0)  # less would be rounded to nothing
     found = np.clip(middle + width * wave, low, high)
     return found if variable.type == "Real" else np.round(found)

@@ -60,7 +60,7 @@ def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTraje
     instance = HostedInstance(subject)
     values = read_start_values(subject, reference.start_values) | along.at(0)
     instance.initialize(values, reference.start, reference.stop)
-    names = [n for n in reference.solution if n in subject.variables]
+    names = [n for n in reference.solution if n != "time" and n in subject.variables]
     found = step_instance(instance, along, names=names)
     instance.close()
     every = max(1, round((reference.interval or 0.0) / along.step))
