@@ -56,7 +56,7 @@ def test_without_reference_files_there_is_nothing_to_hold_it_against(plant: Path
 def test_a_folder_that_was_named_and_has_none_is_a_warning(plant: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     found = held(plant, tmp_path / "empty")
-    assert found.verdict == Verdict.WARNING
+    assert found.verdict == Verdict.SKIPPED and found.outcome.blocked
     assert found.sentence == f"There is no EmlaPlant_ref.csv in {tmp_path / 'empty'}."
 
 

@@ -152,7 +152,12 @@ def test_names_of_files_are_taken_as_they_are(
 
 
 @pytest.mark.parametrize(
-    ("pattern", "words"), [("none/*.fmu", "no files that the input"), ("x.fmu", "x.fmu")]
+    ("pattern", "words"),
+    [
+        ("none/*.fmu", "no files that the input"),
+        ("x.fmu\nnone/*.fmu", "means with 'none/*.fmu'"),
+        ("x.fmu", "x.fmu"),
+    ],
 )
 def test_no_fmus_are_no_success(pattern: str, words: str, workspace: Path, runner: dict[str, str]) -> None:
     ended = verified(workspace, runner, fmus=pattern)

@@ -10,7 +10,7 @@ from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs, run_alone
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, own_rule, passed, skipped, warned
 from ._sameness import compare_runs, differing
 
 
@@ -66,6 +66,9 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Output
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
 
+_SAME = own_rule("steps.split", "Half steps end where whole steps end. The standard does not say it.")
+
+
 @check(
     "steps.split",
     "Two half steps equal one step",
@@ -91,6 +94,7 @@ def split(subject: Subject) -> CheckOutcome:
             f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}",
             details=lines,
             hint="Use shorter internal steps, unless a state is sampled once per step on purpose.",
+            clause=_SAME,
         )
     return passed(f"Half steps and whole steps agree within {most:.1g} of each output's range.")
 

@@ -11,7 +11,7 @@ from ..host.fresh_process import EndedError, in_fresh_process, is_single_instanc
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, failed, own_rule, passed, skipped, warned
 from ._sameness import compare_runs
 
 _ALLOWED = 1e-3
@@ -96,6 +96,7 @@ def freed(subject: Subject) -> CheckOutcome:
     return passed("fmi2FreeFMUstate clears the pointer, and ignores one that is NULL.")
 
 
+_DAMAGED = own_rule("state.serialized", "Damaged bytes are refused. The standard does not require it.")
 _LARGEST = 2**28
 """Largest plausible size of a state in bytes."""
 
@@ -171,7 +172,7 @@ def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
         for part in ([c] for c in cases.items()) if is_single_instance(subject) else (list(cases.items()),):
             in_fresh_process(_take, subject, part)
     except EndedError as error:
-        return warned(f"{error.call} ends the process ({error.how}).")
+        return warned(f"{error.call} ends the process ({error.how}).", clause=_DAMAGED)
     return passed(
         f"A new instance continued from {len(data)} bytes like the old one; damaged bytes did no harm."
     )
