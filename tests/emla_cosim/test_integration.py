@@ -34,7 +34,11 @@ def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(source: Any, **options: Any) -> ec.Result:
-    own = {} if isinstance(source, str) else {"step_size": STEP, "output_interval": STEP}
+    own = (
+        {}
+        if isinstance(source, str)
+        else {"step_size": STEP, "output_interval": options.get("step_size", STEP)}
+    )
     given = {"stop_time": STOP, **own, **options}
     with ec.load(source, **given).prepare() as simulation:
         return simulation.run()
@@ -80,12 +84,15 @@ def test_error_shrinks_with_the_tolerance(fmu: Path, start: float) -> None:
 
 @pytest.mark.parametrize("integrator", ["bdf", "adams"])
 def test_agrees_with_fmpy(fmu: Path, integrator: str) -> None:
-    found = run(fmu, fmi_tolerance=1e-7, integrator=integrator, integrator_step=1e-3)
+    # FMPy cannot start its solver at events that are within rounding of an output
+    step, stop = 0.017, 90 * 0.017
+    given = {"step_size": step, "stop_time": stop, "integrator": integrator, "integrator_step": 1e-3}
+    found = run(fmu, fmi_tolerance=1e-7, **given)
     theirs = simulate_fmu(
         str(fmu),
         fmi_type="ModelExchange",
-        stop_time=STOP,
-        output_interval=STEP,
+        stop_time=stop,
+        output_interval=step,
         relative_tolerance=1e-10,
         record_events=False,
     )

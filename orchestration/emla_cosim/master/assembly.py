@@ -72,9 +72,7 @@ class Assembly:
         for number, name in enumerate(c.name for c in components):
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
-            instance = (
-                IsolatedInstance(*described) if isolated else make_instance(*described, log, number)
-            )
+            instance = IsolatedInstance(*described) if isolated else make_instance(*described, log, number)
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
         for instance in self.instances.values():

@@ -47,7 +47,9 @@ def replace_component(
     if fit.problems:
         return system, fit
     kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
-    changed = replace(component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases, kind="")
+    changed = replace(
+        component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases, kind=""
+    )
     connections = tuple(_reconnect(x, changed, interfaces) for x in system.connections)
     return replace(system.with_component(changed), connections=connections), fit
 

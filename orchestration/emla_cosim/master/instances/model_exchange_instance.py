@@ -18,7 +18,7 @@ from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .integrator_settings import IntegratorSettings
 
-SAFETY = 0.1
+SAFETY = 0.02
 """The tolerance of CVode per tolerance of the results: the errors of its steps add up."""
 
 RESTARTED = 1e-3
@@ -227,9 +227,7 @@ class ModelExchangeInstance(InProcessInstance):
             self._set_moving_inputs(self._time)
         if self._reports_steps:
             enters, ends = ctypes.c_int(), ctypes.c_int()
-            self._call(
-                "completedIntegratorStep", self._no_way_back, ctypes.byref(enters), ctypes.byref(ends)
-            )
+            self._call("completedIntegratorStep", self._no_way_back, ctypes.byref(enters), ctypes.byref(ends))
             self._check_end("completedIntegratorStep", bool(ends.value))
             found = found or bool(enters.value)
         return found

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from ...base.errors import CommandError
 from ...base.units import IDENTITY, SiUnit
-from ...fmu.interface import Interface
+from ...fmu.interface import KINDS, Interface
 from ...system.model import Component, Connection, System
 from ..documents import ssd_data as ssp
 from .coordinates import add_coordinates
@@ -184,6 +184,7 @@ class _Builder:
             part.bindings,
             id=place.component.name if shortened else None,
             source=part.source,
+            implementation=KINDS.get(place.component.kind, "any"),
         )
 
     def _connections(self, path: tuple[str, ...], wire: _PlacedConnection) -> list[ssp.SsdConnection]:
