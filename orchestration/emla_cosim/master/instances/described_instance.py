@@ -46,7 +46,7 @@ class DescribedInstance(FmuInstance):
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
 
-    def use_integrator(self, settings: IntegratorSettings) -> None:  # noqa: B027 - only some instances need it
+    def use_integrator(self, settings: IntegratorSettings) -> None:
         """Integrate with these settings from the next initialization on, if the FMU runs as Model Exchange."""
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from fmpy.fmi2 import fmi2EventInfo
 
 from ...base.arrays import Vector
-from ...fmu.cvode import FAILED, RECOVERABLE, CVode, SolverError, load_sundials
+from ...fmu.cvode import RECOVERABLE, CVode, SolverError, load_sundials
 from ...fmu.file import FmuFile
 from ...fmu.instance import DISCARD, FINE
 from ...fmu.log import FmuLog
@@ -48,7 +48,7 @@ class IntegrationError(InstanceError):
 class ModelExchangeInstance(InProcessInstance):
     """One instance of an FMU that runs as Model Exchange; see `FmuInstance` and `DescribedInstance`.
 
-    Between two calls the FMU is in continuous-time mode. The integrator goes on from one step to the next, and
+    Between two calls the FMU is in continuous-time mode. The integrator goes on from step to step, and
     starts anew where the FMU had an event or got other inputs, and where its state was saved or restored. So
     a repeated step has the same result as the first one.
     """
