@@ -34,7 +34,12 @@ def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(source: Any, **options: Any) -> ec.Result:
-    given = {"stop_time": STOP, "step_size": STEP, "output_interval": STEP, **options}
+    own = (
+        {}
+        if isinstance(source, str)
+        else {"step_size": STEP, "output_interval": options.get("step_size", STEP)}
+    )
+    given = {"stop_time": STOP, **own, **options}
     with ec.load(source, **given).prepare() as simulation:
         return simulation.run()
 
@@ -79,12 +84,15 @@ def test_error_shrinks_with_the_tolerance(fmu: Path, start: float) -> None:
 
 @pytest.mark.parametrize("integrator", ["bdf", "adams"])
 def test_agrees_with_fmpy(fmu: Path, integrator: str) -> None:
-    found = run(fmu, fmi_tolerance=1e-7, integrator=integrator, integrator_step=1e-3)
+    # FMPy cannot start its solver at events that are within rounding of an output
+    step, stop = 0.017, 90 * 0.017
+    given = {"step_size": step, "stop_time": stop, "integrator": integrator, "integrator_step": 1e-3}
+    found = run(fmu, fmi_tolerance=1e-7, **given)
     theirs = simulate_fmu(
         str(fmu),
         fmi_type="ModelExchange",
-        stop_time=STOP,
-        output_interval=STEP,
+        stop_time=stop,
+        output_interval=step,
         relative_tolerance=1e-10,
         record_events=False,
     )
@@ -99,7 +107,7 @@ def test_step_events_reset_a_state(fmu: Path) -> None:
     assert found["Integrated.x"].max() <= 0.5
 
 
-@pytest.mark.parametrize(("extrapolation", "order"), [("none", 1), ("linear", 2), ("fmu", 2)])
+@pytest.mark.parametrize(("extrapolation", "order"), [("none", 1), ("master", 2), ("fmu", 2)])
 def test_inputs_are_held_or_extrapolated(fmu: Path, extrapolation: str, order: int) -> None:
     errors = []
     for step in (0.02, 0.01):
@@ -116,7 +124,7 @@ def test_strong_coupling_repeats_steps(fmu: Path) -> None:
     loop = ec.System.of({"a": fmu, "b": fmu}, ["a.x -> b.u", "b.x -> a.u"], set={"a.x": 1.0, "b.x": 0.0})
     errors = []
     for step in (0.02, 0.01):
-        found = run(loop, step_size=step, algorithm="strong", fmi_tolerance=1e-9, extrapolation="linear")
+        found = run(loop, step_size=step, algorithm="strong", fmi_tolerance=1e-9, extrapolation="master")
         exact = 0.5 + 0.5 * np.exp(-2.0 * found["time"])
         errors.append(np.abs(found["a.x"] - exact).max())
     assert errors[1] < 1e-3
@@ -166,12 +174,12 @@ def test_end_and_failure_are_reported(fmu: Path) -> None:
 
 
 def test_the_kind_is_chosen_and_recorded(fmu: Path) -> None:
-    found = run("study", stop_time=0.01, step_size=None, output_interval=None, kind={"*.plant": "me"})
+    found = run("study", stop_time=0.01, kind={"*.plant": "me"})
     kinds = {name: of["kind"] for name, of in found.record["components"].items()}
     assert {k for n, k in kinds.items() if n.endswith(".plant")} == {"ModelExchange"}
     assert "CoSimulation" in kinds.values()
     json.dumps(found.record)
-    other = run("study", stop_time=0.01, step_size=None, output_interval=None)
+    other = run("study", stop_time=0.01)
     name = next(n for n in found.names if n.endswith("plant.x_L"))
     assert found[name] == pytest.approx(other[name], rel=1e-5)
     with pytest.raises(CommandError, match="no FMU has CoSimulation"):

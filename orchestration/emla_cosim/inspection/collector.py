@@ -7,12 +7,20 @@ from typing import Any, Unpack
 
 from fmpy.model_description import ValidationError
 
-from ..base.errors import CommandError, show_paths_relative_to
+from ..base.errors import CommandError, join_names, show_paths_relative_to
 from ..base.faults import accept_faults
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
-from ..fmu.interface import Interface, explain_unsupported, first_problem, read_description, read_interfaces
+from ..fmu.interface import (
+    KINDS,
+    MODEL_EXCHANGE,
+    Interface,
+    explain_unsupported,
+    first_problem,
+    read_description,
+    read_interfaces,
+)
 from ..run.option_types import LoadOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
@@ -113,12 +121,19 @@ def _collect_system(
         start_time=scenario.options.start_time,
         stop_time=scenario.options.stop_time,
         step_size=scenario.options.step_size,
-        notes=tuple(scenario.notes),
+        notes=(*scenario.notes, *_describe_kinds(system, interfaces)),
         fmus=fmus,
         components=tuple(components),
         connections=tuple(connections),
         variables=tuple(rows),
     )
+
+
+def _describe_kinds(system: System, interfaces: Mapping[str, Interface]) -> list[str]:
+    """Return a note on the components that run as Model Exchange, if there are any."""
+    kinds = {c.name: KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
+    names = [name for name, kind in kinds.items() if kind == MODEL_EXCHANGE]
+    return [f"{join_names(names)}: Model Exchange, integrated by CVode"] if names else []
 
 
 def _collect_unsupported_fmu(path: Path) -> Info:

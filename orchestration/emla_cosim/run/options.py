@@ -123,7 +123,7 @@ class Options:
     kind: Mapping[str, str] = _prepared(
         {},
         help="Run FMUs as co-simulation (cs) or Model Exchange (me), all or those of COMPONENT; see "
-        "docs/fmi.md (repeatable). Default: cs where the FMU has it.",
+        "docs/model-exchange.md (repeatable). Default: cs where the FMU has it.",
         metavar="[COMPONENT=]cs|me",
         identity="kind",
         parse=read_kinds,

@@ -52,7 +52,7 @@ class DescribedInstance(FmuInstance):
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
-        """Set how to integrate from the next initialization on, if the FMU runs as Model Exchange."""
+        """Integrate a Model Exchange FMU with these settings from the next initialization on."""
 
     @abstractmethod
     def set_start_values(self, values: Iterable[TypedValue]) -> None:

@@ -92,7 +92,7 @@ class IsolatedInstance(DescribedInstance):
         return self._ask("value", str(variable.name))
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
-        """Set how to integrate from the next initialization on, if the FMU runs as Model Exchange."""
+        """Integrate a Model Exchange FMU with these settings from the next initialization on."""
         if self.file.kind == MODEL_EXCHANGE:
             self._ask("use_integrator", settings)
 

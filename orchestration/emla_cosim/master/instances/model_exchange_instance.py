@@ -18,8 +18,14 @@ from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .integrator_settings import IntegratorSettings
 
-SAFETY = 0.1
+SAFETY = 0.02
 """The tolerance of CVode per tolerance of the results: the errors of its steps add up."""
+
+RESTARTED = 1e-3
+"""The same where the master makes the integrator start anew: each start adds an error, in each step."""
+
+_SMALLEST = 1e-13
+"""Smallest tolerance of CVode."""
 
 _CLOSE = 4.0 * float(np.finfo(float).eps)
 """Times that differ by less, relative to the larger one, are equal."""
@@ -42,9 +48,9 @@ class IntegrationError(InstanceError):
 class ModelExchangeInstance(InProcessInstance):
     """One instance of an FMU that runs as Model Exchange; see `FmuInstance` and `DescribedInstance`.
 
-    Between two calls the FMU is in continuous-time mode. The integrator goes on from one step to the next. It
-    starts anew where the FMU had an event or got other inputs, and where its state was saved or restored.
-    So a repeated step has the same result as the first one.
+    Between two calls the FMU is in continuous-time mode. The integrator goes on from step to step, and
+    starts anew where the FMU had an event or got other inputs, and where its state was saved or restored. So
+    a repeated step has the same result as the first one.
     """
 
     def __init__(
@@ -75,6 +81,7 @@ class ModelExchangeInstance(InProcessInstance):
         self._passed = np.full(len(self.inputs), math.nan)
         self._slopes: Vector | None = None
         self._is_discontinuous = self._has_new_nominals = True
+        self._is_interrupted = False
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
         """Integrate with these settings from the next initialization on."""
@@ -116,7 +123,7 @@ class ModelExchangeInstance(InProcessInstance):
         else:
             super().set_inputs()
         self._passed[:] = self.inputs
-        self._is_discontinuous = True
+        self._is_discontinuous = self._is_interrupted = True
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Set the slopes of the inputs during the next step, per s."""
@@ -126,7 +133,7 @@ class ModelExchangeInstance(InProcessInstance):
         """Integrate from `time` by `step`, both in s."""
         self._present.time = time
         if self._restarts_always or self._slopes is not None:
-            self._is_discontinuous = True
+            self._is_discontinuous = self._is_interrupted = True
         if not abs(self._time - time) <= _CLOSE * abs(time):
             self._time, self._is_discontinuous = time, True
         self._begun, self._held = self._time, self._passed[self.continuous_inputs]
@@ -137,11 +144,11 @@ class ModelExchangeInstance(InProcessInstance):
         if self._slopes is not None:
             self._set_moving_inputs(self._time)
             self._passed[self.continuous_inputs] = self._moving
-            self._slopes, self._is_discontinuous = None, True
+            self._slopes, self._is_discontinuous, self._is_interrupted = None, True, True
 
     def save(self, state: Any = None) -> Any:
         """Return a copy of the state, in the memory of the earlier copy `state`."""
-        self._is_discontinuous = True  # a repeated step begins as this one
+        self._is_discontinuous = self._is_interrupted = True  # a repeated step begins as this one
         held = super().save(None if state is None else state[0])
         return held, self._time, self._next_event, self._passed.copy()
 
@@ -149,7 +156,7 @@ class ModelExchangeInstance(InProcessInstance):
         """Restore a saved state."""
         held, self._time, self._next_event, passed = state
         self._passed[:], self._slopes = passed, None
-        self._is_discontinuous = self._has_new_nominals = True
+        self._is_discontinuous = self._is_interrupted = self._has_new_nominals = True
         super().restore(held)
 
     def forget(self, state: Any) -> None:
@@ -258,18 +265,22 @@ class ModelExchangeInstance(InProcessInstance):
             )
             self._has_new_nominals = True
         if self._is_discontinuous:
-            tolerance = SAFETY * self._settings.tolerance
+            share = RESTARTED if self._is_interrupted else SAFETY
+            tolerance = max(share * self._settings.tolerance, _SMALLEST)
             if self._count:
                 self._call("getContinuousStates", solver.states.ctypes.data, self._count)
                 if self._has_new_nominals:
-                    address = solver.absolute.ctypes.data
-                    self._call("getNominalsOfContinuousStates", address, self._count)
-                    declared = np.abs(solver.absolute)
-                    usable = np.isfinite(declared) & (declared > 0.0)
-                    solver.absolute[:] = tolerance * np.where(usable, declared, 1.0)
+                    self._nominals = self._read_nominals()
+                solver.absolute[:] = tolerance * self._nominals
             solver.restart(self._time, tolerance, self._settings.largest or 0.0)
-            self._is_discontinuous = self._has_new_nominals = False
+            self._is_discontinuous = self._is_interrupted = self._has_new_nominals = False
         return solver
+
+    def _read_nominals(self) -> Vector:
+        """Return the nominal values of the states; 1 for those that are not finite and positive."""
+        found = np.ones(self._count)
+        self._call("getNominalsOfContinuousStates", found.ctypes.data, self._count)
+        return np.where(np.isfinite(found) & (found != 0.0), np.abs(found), 1.0)
 
     def _derive(self, time: float, states: int, result: int) -> int:
         """Compute the derivatives of the states for CVode."""

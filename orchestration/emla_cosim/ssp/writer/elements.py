@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from ...base.units import IDENTITY, SiUnit
-from ...fmu.interface import Interface
+from ...fmu.interface import KINDS, Interface
 from ...system.model import Component, Connection, System
 from ..documents import ssd_data as ssp
 from ..documents.identifiers import format_id, make_identifiers
@@ -66,7 +66,10 @@ class _Builder:
         )
         name = self._names[component.name]
         id_ = format_id(name, component.name)
-        return ssp.ComponentElement(name, connectors, part.bindings, id=id_, source=part.source)
+        kind = KINDS.get(component.kind, "any")
+        return ssp.ComponentElement(
+            name, connectors, part.bindings, id=id_, source=part.source, implementation=kind
+        )
 
     def _connector(self, interface: Interface, kind: str, variable: str) -> ssp.Connector:
         """Return a connector for a variable, with its unit if the document can define the unit.
