@@ -42,9 +42,8 @@ def read_targets(path: Path) -> set[tuple[str, str]]:
             (count,) = struct.unpack_from(">I", head, 4)
             width = 20 if head[:4] == _FAT[0] else 32
             parts = range(count) if count <= _MOST_PARTS else ()
-            return {
-                ("darwin", _MACH.get(struct.unpack_from(">I", head, 8 + width * k)[0], "")) for k in parts
-            }
+            found = [struct.unpack_from(">I", head, 8 + width * k)[0] for k in parts]
+            return {("darwin", _MACH.get(processor, "")) for processor in found}
     except struct.error:
         pass  # truncated
     return set()

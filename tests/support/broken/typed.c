@@ -183,6 +183,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
         Instance *i = c;                                                                              \
         for (size_t k = 0; k < n; k++) {                                                              \
             if (r[k] >= (count) || !(settable)) return refuse(i, "This variable cannot be set.");     \
+            if (i->fault == INPUT_IGNORED) continue;                                                  \
             assign;                                                                                   \
         }                                                                                             \
         return fmi2OK;                                                                                \

@@ -119,7 +119,7 @@ TYPED: list[Broken] = [
     _fails("SIGNAL_TO_THE_GROUP", "run.completes", "`fmi2DoStep` sends SIGKILL to its process group"),
     _fails("SIGNAL_TO_THE_PARENT", "run.completes", "`fmi2DoStep` sends SIGKILL to the parent process"),
     _warns("START_STATE", "values.start", "a state starts with another value than declared"),
-    _warns("INPUT_IGNORED", "exchange.inputs", "an input is not used"),
+    _warns("INPUT_IGNORED", "exchange.inputs", "inputs are not used"),
     _warns("INPUT_SIGN", "steps.integrate", "steps use an input with the wrong sign"),
     _warns("WORKING_FOLDER", "process.settings", "it changes the working folder"),
     _warns("LOCALE", "process.settings", "it changes the locale"),
