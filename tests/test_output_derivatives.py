@@ -197,7 +197,7 @@ MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
             "payload.m": (30.0,),
         },
     ),
-    "SignalFault": ({"u": 0.2, "kind": 4, "start": 0.1, "value": 3.0}, {"u": (0.4, 3.0, 2.0)}),
+    "SignalFault": ({"u": 0.2, "gain": 2.0, "offset": 3.0, "start": 0.1}, {"u": (0.4, 3.0, 2.0)}),
 }
 """Start values, and derivatives of the inputs at the beginning of the step."""
 

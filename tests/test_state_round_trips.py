@@ -40,7 +40,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "d_2.decay": 5.0,
         "load.ripple": 9.0,
     },
-    "SignalFault": {"kind": 2, "start": 1e-3, "duration": 2e-3},
+    "SignalFault": {"freeze": True, "start": 1e-3, "duration": 2e-3},
     "HdrmManipulator": {"lift.a": 1.2},
     "HdrmPlant": {"start.v_L[1]": 0.1, "screw.B_BS[2]": 50.0, "uncertainty.F_2[3]": 0.1},
 }

@@ -5,10 +5,11 @@ import sys
 import time
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State, Variable
 
+_Kind = TypeVar("_Kind", bound=Variable)
 _NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
 _STRUCTURED_NAME = re.compile(rf"{_NAME}(\.{_NAME})*", re.ASCII)
 
@@ -49,7 +50,7 @@ class Layout:
     """
 
     inputs: tuple[Variable, ...]
-    parameters: tuple[Variable, ...]
+    parameters: tuple[Parameter, ...]
     states: tuple[Variable, ...]
     discrete_states: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
@@ -214,7 +215,7 @@ def _layout(block: type[Block]) -> Layout:
     ).items():  # the solver's parameters come last, also if a block redeclares them
         declared[attribute] = declared.pop(attribute, setting)
 
-    def group(kind: type[Variable]) -> tuple[Variable, ...]:
+    def group(kind: type[_Kind]) -> tuple[_Kind, ...]:
         return tuple(x for x in declared.values() if isinstance(x, kind))
 
     states = group(State)

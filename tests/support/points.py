@@ -429,10 +429,11 @@ def fault_points(draw: Draw) -> Point:
     start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
     values = {
         "u": signed(draw, 0.1, 10.0),
-        "kind": draw(st.integers(1, 5)),
+        "freeze": draw(st.booleans()),
         "start": start,
         "duration": duration,
-        "value": signed(draw, 0.1, 10.0),
+        "gain": draw(st.sampled_from([0.0, 1.0, -0.5, 3.0])),
+        "offset": signed(draw, 0.1, 10.0),
     }
     return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))
 

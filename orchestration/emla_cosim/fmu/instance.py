@@ -63,7 +63,7 @@ class FmiInstance(ABC):
             return int(error.status)
         return int(answer or 0)
 
-    def enter_initialization(
+    def begin_initialization(
         self,
         start_time: float,
         stop_time: float | None = None,

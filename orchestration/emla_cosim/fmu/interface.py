@@ -202,7 +202,7 @@ def _find_problems(description: ModelDescription) -> list[str]:
 
 def _check_numbers(interface: Interface) -> None:
     """Raise an exception for numbers that are read later and that the schema would have checked."""
-    if interface.description.coSimulation is not None and not interface.model_identifier:
+    if not all(kind.modelIdentifier for kind in interface.kinds.values()):
         raise ValueError("there is no model identifier")
     for unit in interface.units.values():
         math.isfinite(unit.factor)

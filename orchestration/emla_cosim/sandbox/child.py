@@ -71,7 +71,14 @@ def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connec
     if apart and hasattr(os, "setsid"):
         os.setsid()
         _restore_signals()
-        shield(answers.close)
+        starter = os.getppid()
+
+        def release() -> None:
+            answers.close()
+            end_with_parent()
+            watch_parent(starter, _end_all)
+
+        shield(release)
     end_with_parent()
     parent = os.getppid() if hasattr(os, "fork") else getattr(multiprocessing.parent_process(), "pid", None)
     if parent is not None:

@@ -18,8 +18,8 @@ from . import black_box
 from .interruption import POLITE, ignore_interrupts, is_repeated_request
 from .processes import describe_exit, watch_parent
 
-_TIMEOUT = 3
-"""Seconds that a run has to end after the second request."""
+_TIMEOUT, _LONG_TIMEOUT = 3, 15
+"""Seconds that a run has to end after the second request: in a call of an FMU, and otherwise."""
 
 _PATIENCE = 3, 20
 """Seconds after which a call of an FMU that does not return is reported: after a request, and without one."""
@@ -116,7 +116,7 @@ def _wait_for_child(child: int, report: Callable[[int, bool], None]) -> int:
         calls = [bytes(activity) for activity in black_box.list_busy_activities()]
         waited, late = waited + 1 if calls and calls == before else 0, late + 1
         before = calls
-        if asked >= 2 and late >= _TIMEOUT:
+        if asked >= 2 and late >= (_TIMEOUT if calls else _LONG_TIMEOUT):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
         if asked < 2 and min(waited, late) >= _PATIENCE[not asked] and bool(asked) not in reported:

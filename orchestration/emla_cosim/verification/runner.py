@@ -109,8 +109,14 @@ def _expand_folder(name: str, path: str | Path) -> list[tuple[str, str | Path]]:
     Raises:
         CommandError: The folder has none.
     """
-    folder = Path(path) if isinstance(path, (str, Path)) and "\0" not in str(path) else None
-    if folder is None or not folder.is_dir() or folder.suffix.lower() in _SYSTEMS:
+    if not isinstance(path, (str, Path)):
+        return [(name, path)]
+    folder = Path(path)
+    try:
+        is_folder = folder.is_dir()
+    except (OSError, ValueError):  # invalid file names
+        is_folder = False
+    if not is_folder or folder.suffix.lower() in _SYSTEMS:
         return [(name, path)]
     found = sorted(f for f in folder.rglob("*") if f.suffix.lower() in (".fmu", ".ssp") and f.is_file())
     if not found:

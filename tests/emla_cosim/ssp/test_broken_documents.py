@@ -89,7 +89,7 @@ FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
         ((A, B, connection("a.y -> b.u", linear("NaN"))), ["line", "factor nan"]),
         ((A, B, connection("a.y -> b.u", linear(1, "-INF"))), ["line", "offset -inf"]),
         ((component("a", "a.txt", type="text/plain"),), ["'a'", "type 'text/plain'"]),
-        ((component("a", "a.fmu", implementation="ModelExchange"),), ["'a' requires ModelExchange"]),
+        ((component("a", "a.fmu", implementation="Overture"),), ["'a' requires Overture"]),
         ((component("a", "#b"),), ["'a' refers to '#b'", "no system has this id"]),
         ((component("a", "a.fmu"), component("a_b", "a.fmu", id="a.b"),
           system("a.b"), system("a_c", component("c", "a.fmu")), component("a_c.c", "a.fmu")),
@@ -389,7 +389,13 @@ FMI_3 = """<fmiModelDescription fmiVersion="3.0" modelName="a" instantiationToke
 FMI_1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a" guid="a"
 numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/><Implementation>
 <CoSimulation_StandAlone><Capabilities/></CoSimulation_StandAlone></Implementation></fmiModelDescription>"""
-EXCHANGE = description("a", "u:input").replace("<CoSimulation", "<ModelExchange")
+
+
+def test_a_kind_that_the_fmu_does_not_have(refused: Refused, tmp_path: Path) -> None:
+    one = component("a", "a.fmu", implementation="ModelExchange")
+    path = folder(tmp_path / "ssp", root=ssd(system("root", one)))
+    write_archive(path / "a.fmu", {"modelDescription.xml": description("a", "u:input").encode()})
+    check(refused(path), "a.fmu'", "has no ModelExchange, only CoSimulation")
 
 
 @pytest.mark.parametrize(
@@ -397,7 +403,6 @@ EXCHANGE = description("a", "u:input").replace("<CoSimulation", "<ModelExchange"
     [
         (FMI_3, ["FMI 3.0", "runs FMI 2.0"]),
         (FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
-        (EXCHANGE, ["model exchange only", "co-simulation"]),
         (description("a", "u:input:x", units={"x": 'm="1" factor="0"'}), ["unit 'x'", "factor 0"]),
     ],
 )

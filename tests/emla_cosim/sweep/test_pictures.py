@@ -267,7 +267,7 @@ def test_what_cannot_be_drawn_is_a_sentence() -> None:
         ("bands", (), "the sweep 'mine' kept no signals over time"),
         ("figures", ("eror",), r"no figure 'eror'; did you mean error\?"),
         ("tornado", (), "has the sampling random; local sensitivities need the sampling one-at-a-time"),
-        ("sobol", (), "sampled by random; Sobol indices need the sampling saltelli"),
+        ("sobol", (), "has the sampling random; Sobol indices need the sampling saltelli"),
         ("map", (), "a map needs two factors that vary; the sweep 'mine' has 1"),
         ("map", ("error", "error"), "a map shows one figure, not 2"),
         ("maps", (), "there is no picture 'maps'; choose from bands, figures, tornado, sobol and map"),

@@ -181,7 +181,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
         self._present.time = start_time
-        super().enter_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
+        self.begin_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
 
     def exit_initialization(self) -> None:
         """Leave initialization mode, and note which start values the FMU did not take."""

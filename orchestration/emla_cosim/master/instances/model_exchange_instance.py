@@ -314,6 +314,7 @@ class ModelExchangeInstance(InProcessInstance):
 
     def _set_moving_inputs(self, time: float) -> None:
         """Set the inputs that change during a step to their values at a time in s."""
+        assert self._slopes is not None
         self._moving = self._held + (time - self._begun) * self._slopes
         references = self._settable
         self._call("setReal", references.ctypes.data, len(references), self._moving.ctypes.data)

@@ -115,7 +115,7 @@ def _answer(subject: Subject, forbidden: _Forbidden) -> int:
     instance, start = HostedInstance(subject), span(subject)[0]
     reached = _PHASES.index(forbidden.phase)
     if reached >= 1:
-        instance.enter_initialization(start)
+        instance.begin_initialization(start)
     if reached >= 2:
         instance.exit_initialization()
     if reached >= 3:

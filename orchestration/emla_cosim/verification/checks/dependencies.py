@@ -113,7 +113,7 @@ def _excluded_of_all_types(subject: Subject) -> Pairs:
 def _in_initialization(subject: Subject) -> Pairs:
     """Return undeclared dependencies of outputs on inputs and parameters in initialization mode."""
     instance = HostedInstance(subject)
-    instance.enter_initialization(span(subject)[0])
+    instance.begin_initialization(span(subject)[0])
     knowns = settable(subject, "input", "parameter")
     return _jumps(instance, at_initialization(subject, ALL_TYPES), knowns, "in initialization mode")
 

@@ -98,7 +98,7 @@ class HostedInstance(FmiInstance):
     ) -> None:
         """Set up the experiment, set values by name, and go through initialization mode."""
         tolerance = self.subject.interface.tolerance
-        self.enter_initialization(start, stop, tolerance, lambda: self.set(values or {}))
+        self.begin_initialization(start, stop, tolerance, lambda: self.set(values or {}))
         self.exit_initialization()
 
     def exit_initialization(self) -> None:

@@ -70,7 +70,7 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     for k in np.unique(places.astype(int)):
         instance = HostedInstance(subject)
         first, values = course.at(0), course.at(int(k))
-        instance.enter_initialization(float(course.times[0]), set_values=partial(instance.set, first))
+        instance.begin_initialization(float(course.times[0]), set_values=partial(instance.set, first))
         instance.set(values)
         found = declared_dependencies.at_initialization(subject)
         yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")

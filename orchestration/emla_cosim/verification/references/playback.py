@@ -87,7 +87,7 @@ def _sampled(variable: ModelVariable, rows: Vector, values: Vector, times: Vecto
     return _typed(variable, rows, values)[last]
 
 
-def _typed(variable: ModelVariable, rows: Vector, values: Vector) -> Vector:
+def _typed(variable: ModelVariable, rows: Vector, values: Vector) -> np.ndarray:
     """Convert a column to the type of its input. Raise CommandError for a value that it cannot have."""
     if variable.type == "Real":
         return values
