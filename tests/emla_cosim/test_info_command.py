@@ -131,7 +131,6 @@ def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (description(real("a"), kind="ModelExchange"), "it is for model exchange only"),
         (
             description('<Float64 name="a" valueReference="1"/>', version="3.0"),
             "it is an FMI 3.0 FMU; this master runs FMI 2.0",

@@ -13,7 +13,7 @@ def plain_split(components: list[Component], path: str) -> tuple[Component, str]
     """The component with the longest name that the path begins with, before a dot and something more."""
     inside = [c for c in components if path.startswith(f"{c.name}.") and path != f"{c.name}."]
     if not inside:
-        return None
+        return (components[0], path) if len(components) == 1 and path else None
     component = max(inside, key=lambda c: len(c.name))
     return component, path.removeprefix(f"{component.name}.")
 

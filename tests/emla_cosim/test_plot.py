@@ -159,7 +159,7 @@ WRONG = [
     (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
     (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
     (["header"], "there are no rows to plot between these times."),
-    (["text"], "the run, 'text/results.parquet', cannot be read: "),
+    (["text"], "text has no numbers to plot."),
     (["a"] * 13, "13 runs are too many: a plot shows up to 12."),
 ]
 

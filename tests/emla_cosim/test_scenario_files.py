@@ -105,6 +105,11 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "gains": ('gains = "published"', "gains", "published"),
     "follow_models": ("follow_models = true", "follow_models", True),
     "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),
+    "fmi_tolerance": ("fmi_tolerance = 1e-5", "fmi_tolerance", 1e-5),
+    "integrator": ('integrator = "adams"', "integrator", "adams"),
+    "integrator_step": ("integrator_step = 1e-3", "integrator_step", 1e-3),
+    "kind": ('kind = ["lift.plant=cs"]', "kind", {"lift.plant": "cs"}),
+    "lenient": ("lenient = true", "lenient", True),
 }
 """Keys by what they bring to the settings in run.json."""
 
@@ -429,7 +434,7 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
         ("lift.pump.x_L", "mm", ["no component 'lift.pump'"]),
         ("x_L", "mm", ["'x_L' is not a variable", "write it as lift.reference.VARIABLE"]),
         ("lift.plant.start.x_L", "s", ["'lift.plant.start.x_L' of 'my.ssv' has the units s and m"]),
-        ("lift.plant.start.x_L", "inch", ["names the unit 'inch', which it does not define"]),
+        ("lift.plant.start.x_L", "inch", ["has the units inch and m, one of which is not defined"]),
         ("lift.plant.tau_m", "mm", ["lift.plant.tau_m"]),
     ],
 )
@@ -479,7 +484,7 @@ def test_signals_are_chosen_by_patterns(emla: Emla, patterns: list[str], expecte
 def test_a_pattern_without_a_signal(emla: Emla) -> None:
     for pattern, words in (
         ("lift.plant.xL", "did you mean lift.plant.x_L"),
-        ("crane.*", "without --signals, all are kept."),
+        ("crane.*", "without --signals, all outputs are kept."),
     ):
         text = sentence(emla("run", "lift", "--signals", "lift.plant.*", "--signals", pattern), 2)
         assert f"no signal matches '{pattern}'; {words}" in text

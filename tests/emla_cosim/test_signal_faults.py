@@ -269,11 +269,10 @@ def test_the_parameters_of_a_fault_can_be_set(emla: Emla, tmp_path: Path) -> Non
     assert (tmp_path / "later/results.csv").read_bytes() == (tmp_path / "line/results.csv").read_bytes()
 
 
-@pytest.mark.parametrize("nested", [(), ("--nested",)])
-def test_a_package_has_its_faults_with_it(nested: Sequence[str], emla: Emla, tmp_path: Path) -> None:
+def test_a_package_has_its_faults_with_it(emla: Emla, tmp_path: Path) -> None:
     Path("my.toml").write_text(FILE)
     ran(emla("run", "my.toml", "--output", "file"))
-    ran(emla("export", "my.toml", "my.ssp", *nested))
+    ran(emla("export", "my.toml", "my.ssp"))
     ran(emla("run", "my.ssp", "--output", "package"))
     assert (tmp_path / "file/results.csv").read_bytes() == (tmp_path / "package/results.csv").read_bytes()
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import fmpy
 import numpy as np
 
 from ..base.arrays import Vector
@@ -195,7 +194,7 @@ def load_sundials() -> dict[str, Any]:
     except (ImportError, OSError) as error:
         raise CommandError(
             "Model Exchange needs the solver CVode, and the package fmpy has no CVode for "
-            f"{fmpy.platform_tuple}. Use an FMU with co-simulation."
+            f"{importlib.import_module('fmpy').platform_tuple}. Use an FMU with co-simulation."
         ) from error
     found = {}
     for name, (library, result, arguments) in _PROTOTYPES.items():

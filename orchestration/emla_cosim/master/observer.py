@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from fmpy.model_description import ModelVariable
 
 from ..base.arrays import Vector
 from ..base.signal_types import Texts
-from .instances.described_instance import DescribedInstance
+
+if TYPE_CHECKING:  # commands that only list options do not load fmpy
+    from fmpy.model_description import ModelVariable
+
+    from .instances.described_instance import DescribedInstance
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class ObservedVariable:
 
     name: str
     component: str
-    variable: ModelVariable
+    variable: "ModelVariable"
 
 
 class Observer:
@@ -40,7 +44,7 @@ class Observer:
 
     def __init__(
         self,
-        instances: Mapping[str, DescribedInstance],
+        instances: Mapping[str, "DescribedInstance"],
         variables: Sequence[ObservedVariable] = (),
         every: int = 1,
     ) -> None:

@@ -89,7 +89,6 @@ FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
         ((A, B, connection("a.y -> b.u", linear("NaN"))), ["line", "factor nan"]),
         ((A, B, connection("a.y -> b.u", linear(1, "-INF"))), ["line", "offset -inf"]),
         ((component("a", "a.txt", type="text/plain"),), ["'a'", "type 'text/plain'"]),
-        ((component("a", "a.fmu", implementation="Overture"),), ["'a' requires Overture"]),
         ((component("a", "#b"),), ["'a' refers to '#b'", "no system has this id"]),
         ((component("a", "a.fmu"), component("a_b", "a.fmu", id="a.b"),
           system("a.b"), system("a_c", component("c", "a.fmu")), component("a_c.c", "a.fmu")),

@@ -156,7 +156,9 @@ def test_wrong_samplings_and_figures_are_sentences() -> None:
         local_sensitivities(result, "lift.eror_m")
     with pytest.raises(CommandError, match=r"no figure 'x'; there are lift\.error_m\."):
         sobol_indices(replace(result, sampling="saltelli"), "x")
-    with pytest.raises(CommandError, match="has the sampling grid; local sensitivities need the sampling one-at"):
+    with pytest.raises(
+        CommandError, match="has the sampling grid; local sensitivities need the sampling one-at"
+    ):
         local_sensitivities(replace(result, sampling="grid"), "lift.error_m")
 
 

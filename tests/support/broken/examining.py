@@ -19,6 +19,7 @@ def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.Monke
     """What these checks find, of which only what may end a process gets one: they cost more than all else."""
     with monkeypatch.context() as context:
         context.setattr(check_runner, "run_each_in_subprocess", _apart_where_needed)
+        context.chdir(path.parent)  # checks work in a folder of their own; this returns from it
         return examined_apart(path, checks)
 
 

@@ -113,6 +113,8 @@ def overlay_runs(
     types = {name: kind for run in reversed(runs) for name, kind in run.types.items()}
     texts = [name for name in names if types.get(name, REAL).is_text]
     names, notes = [name for name in names if name not in texts], list[str]()
+    if not names:
+        raise CommandError(f"{' and '.join(run.label for run in runs)} has no numbers to plot.")
     if patterns:
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
