@@ -49,7 +49,7 @@ from ...base.arrays import Vector
 from ...base.option import option
 from ..algorithms.algorithm import Algorithm
 from .step_size_control import StepRequest, StepSizeControl
-from .stepping import Rows, Stepping
+from .stepping_base import RowSink, Stepping
 
 
 class GrowingSteps(Stepping):
@@ -74,7 +74,7 @@ class GrowingSteps(Stepping):
         """Whether the stop time is reached."""
         return self._time >= self.times.stop
 
-    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+    def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most so many steps, none beyond `until` in s, and record them."""
         for _ in range(most):
             if self.reached(until):
@@ -135,9 +135,9 @@ CHECK = '''
     "Give an author.",
     needs=("description.schema",),
 )
-def author(subject: Subject) -> Outcome:
+def author(subject: Subject) -> CheckOutcome:
     """There is an author."""
-    return judged((), "It has one.", [] if subject.tree.get("author") else ["It has no author."])
+    return judge_problems((), "It has one.", [] if subject.tree.get("author") else ["It has no author."])
 '''
 
 
@@ -186,7 +186,7 @@ def test_an_algorithm_is_a_class_and_its_name(copy: Path, emla: Run, fmu_folder:
 def test_a_table_format_is_a_class_and_its_name(copy: Path, emla: Run, fmu_folder: Path) -> None:
     room = copy / "orchestration/emla_cosim/recorders"
     (room / "text_file.py").write_text(TABLE)
-    edit(room / "registry.py", '"csv": _', '"txt": _imported("text_file", "TextFile"),\n    "csv": _')
+    edit(room / "registry.py", '"csv": _', '"txt": _import_table("text_file", "TextFile"),\n    "csv": _')
     emla(*RUN, "--fmus", str(fmu_folder), "--output-format", "txt")
     assert (copy / "o/results.txt").read_text().startswith("time,")
     emla("plot", "o", "--signals", "lift.plant.x_L", "--output", "of_folder.png")

@@ -200,7 +200,7 @@ def test_discrete_inputs_change_in_the_row_that_says_so(
     type_: str, variability: str | None, begin: float
 ) -> None:
     """However times are rounded: as they are written in a file, and as a number of steps."""
-    variable = SimpleNamespace(causality="input", type=type_, variability=variability)
+    variable = SimpleNamespace(name="u", causality="input", type=type_, variability=variability)
     subject: Any = SimpleNamespace(variables={"u": variable})
     times = begin + 1e-3 * np.arange(1001)
     rows = np.array([float(f"{t:.9g}") for t in times])
