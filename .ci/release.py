@@ -23,7 +23,7 @@ sys.path[:0] = [str(ROOT / "orchestration"), str(ROOT / "src")]  # what is relea
 from emla_cosim.base.errors import CosimError  # noqa: E402
 from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, build, fmu_path  # noqa: E402
 from fmublock.archive import write_archive  # noqa: E402
-from fmublock.files import written_whole  # noqa: E402
+from fmublock.files import write_atomically  # noqa: E402
 
 SUMS = "SHA256SUMS"
 _README = """\
@@ -137,7 +137,7 @@ def forget(output: Path) -> None:
 
 def write(path: Path, content: bytes) -> None:
     """Write a file whole. Raises OSError."""
-    with written_whole(path) as stream:
+    with write_atomically(path) as stream:
         stream.write(content)
 
 

@@ -432,7 +432,7 @@ def fault_points(draw: Draw) -> Point:
         "freeze": draw(st.booleans()),
         "start": start,
         "duration": duration,
-        "gain": draw(st.sampled_from([0.0, 1.0, -0.5, 3.0])),
+        "gain": draw(st.sampled_from([1.0, -0.5, 3.0])),
         "offset": signed(draw, 0.1, 10.0),
     }
     return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))

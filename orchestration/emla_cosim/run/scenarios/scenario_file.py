@@ -52,7 +52,7 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # RecursionError: too deeply nested
         raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
-    if "kind" in content:
+    if isinstance(content.get("kind"), str):  # otherwise it is the option, a list
         check_choice(f"kind of file in '{where}':", content["kind"], KINDS)
         return KINDS[content["kind"]].read(content, where, folder)
     label = f"the scenario '{where}'"
