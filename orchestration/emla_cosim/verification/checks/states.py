@@ -77,7 +77,7 @@ def _again(instance: HostedInstance, course: Experiment, first: int, last: int) 
     "Freeing a state clears its pointer",
     Clause("2.1.8", "The function returns a null pointer in argument FMUstate."),
     "Set *FMUstate to NULL in fmi2FreeFMUstate. Ignore a pointer that is NULL already.",
-    needs=("run.completes",),
+    needs=("state.restored",),
 )
 def freed(subject: Subject) -> CheckOutcome:
     """Check that fmi2FreeFMUstate sets the pointer to NULL, and ignores one that is NULL."""
