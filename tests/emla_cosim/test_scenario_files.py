@@ -108,7 +108,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "fmi_tolerance": ("fmi_tolerance = 1e-5", "fmi_tolerance", 1e-5),
     "integrator": ('integrator = "adams"', "integrator", "adams"),
     "integrator_step": ("integrator_step = 1e-3", "integrator_step_s", 1e-3),
-    "kind": ('kind = ["lift.plant=cs"]', "kind", {"lift.plant": "cs"}),
+    "kind": ('[kind]\n"lift.plant" = "cs"', "kind", {"lift.plant": "cs"}),
     "lenient": ("lenient = true", "lenient", True),
 }
 """Keys by what they bring to the settings in run.json."""

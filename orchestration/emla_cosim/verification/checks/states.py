@@ -1,7 +1,6 @@
 """Checks of FMU states: get, set, free, serialize."""
 
 import contextlib
-import ctypes
 
 import numpy as np
 
@@ -97,8 +96,6 @@ def freed(subject: Subject) -> CheckOutcome:
 
 
 _DAMAGED = own_rule("state.serialized", "Damaged bytes are refused. The standard does not require it.")
-_LARGEST = 2**28
-"""Largest plausible size of a state in bytes."""
 
 
 @check(
@@ -140,12 +137,9 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     step_instance(instance, course, 0, middle)
     with instance.calling():
         state = instance.fmu.getFMUstate()
-        size = ctypes.c_size_t()
-        instance.fmu.fmi2SerializedFMUstateSize(instance.fmu.component, state, ctypes.byref(size))
-        if not 0 < size.value <= _LARGEST:
-            return size.value
-        data = instance.fmu.serializeFMUstate(state)
-        instance.fmu.freeFMUstate(state)
+        data = instance.serialize(state)
+        if isinstance(data, bytes):
+            instance.fmu.freeFMUstate(state)
     return data
 
 

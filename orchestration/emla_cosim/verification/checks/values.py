@@ -200,7 +200,8 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
     with instance.calling():
         if subject.has_capability("canSerializeFMUstate"):
             late = instance.fmu.getFMUstate()
-            data = instance.fmu.serializeFMUstate(late)
+            serialized = instance.serialize(late)
+            data = serialized if isinstance(serialized, bytes) else None
             instance.fmu.freeFMUstate(late)
         instance.fmu.setFMUstate(saved)
     restored = _read(instance, names)

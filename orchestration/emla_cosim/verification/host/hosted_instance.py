@@ -2,7 +2,7 @@
 
 import time as clock
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import byref, c_int
+from ctypes import byref, c_int, c_size_t
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
@@ -14,6 +14,9 @@ from ..subject import Subject
 from ..subprocess_run import note
 from .integration import Integration
 from .log import LOG, format_message
+
+_LARGEST_STATE = 2**28
+"""Largest plausible size of a state in bytes."""
 
 
 class CallError(Exception):
@@ -92,6 +95,12 @@ class HostedInstance(FmiInstance):
     def error(self, call: str, status: int) -> CallError:
         """Return the error for a call with this status."""
         return CallError(call, status, LOG.of(self.name, WARNING))
+
+    def serialize(self, state: Any) -> bytes | int:
+        """Return the bytes of a state, or the size that the FMU reports if it is not plausible."""
+        size = c_size_t()
+        self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
+        return self.fmu.serializeFMUstate(state) if 0 < size.value <= _LARGEST_STATE else size.value
 
     def initialize(
         self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
