@@ -23,7 +23,7 @@ from tests.support.handwritten_fmu import compile_library
 _BROKEN = Path(__file__).parents[2] / "support" / "broken"
 _GUID = "{600d0000-0000-4000-8000-000000000001}"
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals that end a process.")
 
 
 def outward(folder: Path, **macros: int) -> Path:
