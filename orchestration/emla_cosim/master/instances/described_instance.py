@@ -9,10 +9,10 @@ from fmpy.model_description import ModelVariable
 
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
-from ...fmu.lost_values import LostValue
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
 from .integrator_settings import IntegratorSettings
+from .start_values import LostValue
 
 
 class DescribedInstance(FmuInstance):
@@ -56,7 +56,7 @@ class DescribedInstance(FmuInstance):
 
     @abstractmethod
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        """Set variables in each initialization from now on, after `fmi2SetupExperiment`."""
 
     @abstractmethod
     def set_value(self, variable: ModelVariable, value: Any) -> None:

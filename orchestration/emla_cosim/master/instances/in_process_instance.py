@@ -16,12 +16,12 @@ from ...fmu.file import FmuFile
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
-from ...fmu.lost_values import find_lost_values
 from ...fmu.variables import TypedValue
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
 from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError, ObservedGroup
+from .start_values import StartValues
 from .typed_values import TypedValues
 
 _POINTER = ctypes.c_void_p
@@ -76,7 +76,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         super().__init__(name, file, inputs, outputs)
         self.runs_beside_others = _is_thread_safe(file)
         self._log = log
-        self._start_values = list[TypedValue]()
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
         self._present = black_box.current_activity()
@@ -106,6 +105,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             )
         self.bind(self.inputs.copy(), self.outputs)
         self.observe([], np.empty(0))
+        self._start_values = StartValues(self._functions)
 
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
@@ -127,13 +127,17 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
-        self._start_values = list(values)
-        self._set_start_values()
+        """Set variables in each initialization from now on."""
+        self._start_values.update(values)
 
     def _set_start_values(self) -> None:
-        for variable, value in self._start_values:
-            self.set_value(variable, value)
+        """Set start values; InstanceError if the FMU rejects one."""
+        status = self._start_values.set_numbers(self._component)
+        if status == FATAL:
+            raise self.error("setting start values", status)
+        for variable, value in self._start_values.all:  # each number alone only to tell which one is rejected
+            if variable.type == "String" or status not in FINE:
+                self.set_value(variable, value)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -151,9 +155,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Return the present value of a variable."""
         with self.calling(f"getting {variable.name}"):
             (value,) = self.get_typed([variable])
-        if variable.type == "String":
-            return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-        return bool(value) if variable.type == "Boolean" else value
+        return _python_value(variable, value)
 
     def reset(self) -> None:
         """Return to the state right after instantiation.
@@ -187,16 +189,17 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Leave initialization mode, and note which start values the FMU did not take."""
         super().exit_initialization()
         self._stepping = True
-        self.lost_values = find_lost_values(self._start_values, self._read_back)
+        self.lost_values = self._start_values.find_lost(self._component, self._read_back)
 
-    def _read_back(self, variables: Sequence[ModelVariable]) -> list[Any]:
-        """Return values of variables; raises fmpy's exceptions, but InstanceError after fmi2Fatal."""
+    def _read_back(self, variable: ModelVariable) -> Any:
+        """Return the value of a variable; None if the FMU does not tell it, InstanceError after fmi2Fatal."""
         try:
-            return self.get_typed(variables)
+            (value,) = self.get_typed([variable])
         except FMICallException as error:
             if error.status == FATAL:
                 raise self.error(str(error.function), FATAL) from error
-            raise
+            return None
+        return _python_value(variable, value)
 
     def set_inputs(self) -> None:
         """Pass `inputs` to the FMU."""
@@ -398,6 +401,13 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:
     return (component, references.ctypes.data_as(_POINTER), len(references), values.ctypes.data_as(_POINTER))
+
+
+def _python_value(variable: ModelVariable, value: Any) -> Any:
+    """Return a value from an FMU in the type of its variable; no text is an empty one."""
+    if variable.type == "String":
+        return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
+    return bool(value) if variable.type == "Boolean" else value
 
 
 def _is_thread_safe(file: FmuFile) -> bool:

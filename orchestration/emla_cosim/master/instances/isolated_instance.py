@@ -80,7 +80,7 @@ class IsolatedInstance(DescribedInstance):
         self._receive()
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables now and again in each initialization; InstanceError if the FMU rejects a value."""
+        """Set variables in each initialization from now on, after `fmi2SetupExperiment`."""
         self._ask("set_start_values", [(str(variable.name), value) for variable, value in values])
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:

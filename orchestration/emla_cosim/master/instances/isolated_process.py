@@ -10,12 +10,12 @@ import numpy as np
 from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.log import FmuLog
-from ...fmu.lost_values import LostValue
 from ...sandbox import black_box
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance
 from .request import Request
+from .start_values import LostValue
 
 
 class IsolatedProcess:
