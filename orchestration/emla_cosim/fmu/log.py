@@ -28,6 +28,9 @@ class FmuLog:
     only. The newest log receives the messages.
     """
 
+    least = fmi2.fmi2Warning
+    """Messages of lower status are ignored."""
+
     _listening: "FmuLog | None" = None
 
     def __init__(self) -> None:
@@ -42,14 +45,14 @@ class FmuLog:
         return list(self._last[instance])
 
     def take(self, line: LogLine) -> None:
-        """Store a message if it is a warning or an error."""
-        if line.status >= fmi2.fmi2Warning and line.text:
+        """Store a message."""
+        if line.text:
             self._last[line.instance].append(line.text)
 
     @classmethod
     def hear(cls, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
         """Pass a message to the newest log; called by FMUs."""
-        if cls._listening is not None:
+        if cls._listening is not None and status >= cls._listening.least:
             name, kind, text = (
                 (x or b"").decode(errors="replace").strip() for x in (instance, category, message)
             )

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
-from ..base.signal_types import REAL, SignalType, Texts
+from ..base.signal_types import SignalType, Texts
 from ..base.units import LinearTransformation, SiUnit
 from ..master.algorithms.continuous_connections import ContinuousConnection
 from ..master.stepping.stepping_base import Stepping
@@ -60,7 +60,8 @@ class Outline:
     @property
     def text_columns(self) -> list[int]:
         """Positions in a row of the signals that are Strings."""
-        return [1 + i for i, name in enumerate(self.names) if self.types.get(name, REAL).is_text]
+        texts = {name for name, found in self.types.items() if found.is_text}
+        return [1 + i for i, name in enumerate(self.names) if name in texts]
 
 
 class Pause(Protocol):

@@ -15,15 +15,18 @@ from ...fmu.instance import by_type
 
 @dataclass(frozen=True)
 class TypeGroup:
-    """Elements of one type: their positions in the vector, and memory in the FMI type."""
+    """Elements of one type: their positions in the vector, and memory in the FMI type.
+
+    `arguments` are those of the FMI function after the component: addresses, made once because that is slow.
+    """
 
     call: str
-
     elements: NDArray[np.intp]
     references: NDArray[np.uint32]
     values: NDArray[Any]
     boolean: bool
     function: Callable[..., int]
+    arguments: tuple[Any, ...]
 
 
 class TypedValues:
@@ -34,14 +37,17 @@ class TypedValues:
     ) -> None:
         self.groups = list[TypeGroup]()
         for type_, elements in by_type(variables):
+            references = np.array([variables[i].valueReference for i in elements], dtype=np.uint32)
+            values = np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32)
             self.groups.append(
                 TypeGroup(
                     call=f"{access}{type_}",
                     elements=np.array(elements, dtype=np.intp),
-                    references=np.array([variables[i].valueReference for i in elements], dtype=np.uint32),
-                    values=np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32),
+                    references=references,
+                    values=values,
                     boolean=type_ == "Boolean",
                     function=functions[f"{access}{type_}"],
+                    arguments=(_pointer(references), len(references), _pointer(values)),
                 )
             )
 
@@ -54,18 +60,17 @@ class TypedValues:
             group.values[:] = (
                 values if exact else np.rint(values) != 0.0 if group.boolean else np.rint(values)
             )
-            worst = max(worst, self._call(component, group), key=abs)
+            worst = max(worst, group.function(component, *group.arguments), key=abs)
         return worst
 
     def get(self, component: Any, vector: Vector) -> int:
         """Get all variables and return the worst status."""
         worst = 0
         for group in self.groups:
-            worst = max(worst, self._call(component, group), key=abs)
+            worst = max(worst, group.function(component, *group.arguments), key=abs)
             vector[group.elements] = group.values != 0 if group.boolean else group.values
         return worst
 
-    @staticmethod
-    def _call(component: Any, group: TypeGroup) -> int:
-        pointers = (group.references.ctypes.data_as(ctypes.c_void_p), len(group.references))
-        return group.function(component, *pointers, group.values.ctypes.data_as(ctypes.c_void_p))
+
+def _pointer(array: NDArray[Any]) -> Any:
+    return array.ctypes.data_as(ctypes.c_void_p)

@@ -12,6 +12,8 @@ def format_message(text: str) -> str:
 class Log(FmuLog):
     """All messages of all instances of this process, oldest first."""
 
+    least = -(2**31)
+
     def __init__(self) -> None:
         super().__init__()
         self.lines: list[LogLine] = []
