@@ -21,6 +21,8 @@ def run_fmpy(asked: Mapping[str, Any]) -> dict[str, Any]:
         step_size=asked["step_size"],
         remote_platform=None,
         record_events=False,
+        output=asked["variables"],
+        relative_tolerance=asked.get("tolerance"),
     )
     return {n: result[n] for n in result.dtype.names or () if result[n].dtype.kind in "fiub"}
 
@@ -31,7 +33,11 @@ def run_emla(asked: Mapping[str, Any]) -> dict[str, Any]:
 
     names = ("start_time", "stop_time", "step_size", *(["lenient"] if "lenient" in asked else []))
     options = {n: asked[n] for n in names}
-    with ec.load(asked["fmu"], output_interval=asked["step_size"], **options).prepare() as simulation:
+    if "tolerance" in asked:
+        options["fmi_tolerance"] = asked["tolerance"]
+    wanted = [f"*.{name}" for name in asked["variables"]]
+    loaded = ec.load(asked["fmu"], output_interval=asked["step_size"], signals=wanted, **options)
+    with loaded.prepare() as simulation:
         component = simulation.system.components[0].name
         result = simulation.run()
     read = result.read(["time", *result.names])

@@ -13,6 +13,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.cli.app import app
+from emla_cosim.sweeps.summary import status_line
 from emla_cosim.system.model import Alias, Component, Connection, System
 from tests.support.reluctant_fmu import build_reluctant_fmu
 
@@ -81,7 +82,7 @@ def test_values_that_the_fmu_does_not_take_are_reported(reluctant: Path, isolate
         }
         assert result.remarks == [
             "The FMU of Reluctant did not take 8 start values: u is 1.0 instead of 3.0; gain is 1.0 instead "
-            "of 2.0; share is 0.5 instead of 0.75; 5 more are in run.json."
+            "of 2.0; share is 0.5 instead of 0.75; and 5 more."
         ]
         assert _not_taken(simulation.run(set={"Reluctant.stubborn": False})) == {}
         assert len(_not_taken(simulation.run(fresh=True))) == 8
@@ -149,3 +150,20 @@ def test_a_tolerance_that_is_none_is_left_out(declared: str, tmp_path: Path) -> 
     result = ec.load(str(fmu), **_options({})).prepare().run()
     assert result.record["components"]["Reluctant"]["tolerance"] is None
     assert set(result["Reluctant.tolerance"].tolist()) == {0.0}
+
+
+def test_a_sweep_says_which_variants_lost_a_value(reluctant: Path, tmp_path: Path) -> None:
+    times = {"start_time": 0.5, "stop_time": 1.5, "step_size": 0.125}
+    result = ec.sweep(
+        str(reluctant),
+        **times,
+        vary={"Reluctant.share": [0.25, 1.5, 0.0]},
+        metrics=["y = last(Reluctant.x)"],
+        output=tmp_path / "out",
+    )
+    assert result.variants["problem"].to_list() == [
+        None,
+        "The FMU of Reluctant did not take 1 start value: share is 1.0 instead of 1.5.",
+        None,
+    ]
+    assert "In 1 of them, FMUs did not take start values" in status_line(result).plain

@@ -8,6 +8,13 @@ from ..base.wording import format_count
 _NAMED = 3
 """Most values that a remark names."""
 
+_LOST = "did not take"
+
+
+def tells_lost_values(text: str | None) -> bool:
+    """Return whether a text contains a remark of `describe_lost_values`."""
+    return f" {_LOST} " in (text or "")
+
 
 def describe_lost_values(record: Mapping[str, Any]) -> list[str]:
     """Return a remark for each component whose FMU did not take all start values.
@@ -19,9 +26,9 @@ def describe_lost_values(record: Mapping[str, Any]) -> list[str]:
     for component, entries in record["components"].items():
         if lost := entries["not_taken"]:
             values = [_describe(name, value) for name, value in lost.items()][:_NAMED]
-            rest = f"; {len(lost) - _NAMED} more are in run.json" if len(lost) > _NAMED else ""
+            rest = f"; and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
             count = format_count(len(lost), "start value")
-            found.append(f"The FMU of {component} did not take {count}: {'; '.join(values)}{rest}.")
+            found.append(f"The FMU of {component} {_LOST} {count}: {'; '.join(values)}{rest}.")
     return found
 
 

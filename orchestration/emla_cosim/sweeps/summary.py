@@ -11,6 +11,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.wording import format_count
 from ..recorders.metrics import MetricDisplay
+from ..run.lost_values import tells_lost_values
 from ..views.terminal import format_figure
 from .columns import (
     NOT_HELD,
@@ -66,7 +67,10 @@ def status_line(result: SweepResult) -> Text:
     counts = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
     if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
         counts[DONE] += f" ({wrong:,} of them {NOT_HELD})"
-    return Text(f"{_variants(len(statuses))}: {', '.join(counts.values()) or 'none'}")
+    line = f"{_variants(len(statuses))}: {', '.join(counts.values()) or 'none'}"
+    if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
+        line += f". In {lost:,} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
+    return Text(line)
 
 
 def figures_table(result: SweepResult) -> RenderableType:

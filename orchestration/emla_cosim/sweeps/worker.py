@@ -19,6 +19,7 @@ from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import MetricDisplay, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
+from ..run.lost_values import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation
@@ -187,7 +188,8 @@ def _run(
             result = simulation.run(
                 recorders=recorders, signals=measures.reading(simulation.names), **variant.options
             )
-            problem = reason_not_held(result)
+            remarks = (reason_not_held(result), *describe_lost_values(result.record))
+            problem = " ".join(filter(None, remarks)) or None
         except RunError as error:
             if "result" not in error.fields:
                 raise
