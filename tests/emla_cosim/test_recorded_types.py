@@ -219,3 +219,31 @@ def test_a_variable_that_cannot_be_read_ends_the_run(
         assert kept["a.text"][-1] == "count is 4, low"
         check_again = simulation.run(set={"a.first": 1})
         assert check_again["a.count"][-1] == 6
+
+
+def test_the_only_fmu_needs_no_name(fmu: Path) -> None:
+    times = {"step_size": 0.01, "stop_time": 0.1, "output_interval": 0.02}
+    with ec.load(str(fmu), signals=["half", "x", "co*"], **times).prepare() as simulation:
+        assert set(simulation.run().names) == {"AllTypes.x", "AllTypes.count", "AllTypes.half"}
+        with pytest.raises(
+            CommandError, match=r"no signal matches .AllTypes\.hal.; did you mean AllTypes\.half"
+        ):
+            simulation.run(signals=["hal"])
+
+
+def test_metrics_and_signals_of_a_sweep_name_locals(fmu: Path, tmp_path: Path) -> None:
+    result = ec.sweep(
+        str(fmu),
+        step_size=0.01,
+        stop_time=0.5,
+        output_interval=0.02,
+        vary={"AllTypes.u": [1.0, -4.0]},
+        metrics=["h = last(AllTypes.half)", "n = max(AllTypes.twice)"],
+        signals=["AllTypes.half"],
+        output=tmp_path / "out",
+    )
+    assert result.variants["h"].to_list() == pytest.approx([0.25, -1.0], rel=1e-12)
+    assert result.variants["n"].to_list() == [10.0, 10.0]
+    assert result.units["AllTypes.half"] == "m"
+    series = polars.read_parquet(sorted((tmp_path / "out" / "series").glob("*.parquet")))
+    assert series["AllTypes.half"].abs().max() == pytest.approx(1.0, rel=1e-12)

@@ -14,6 +14,7 @@ from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.faults import accept_faults
 from ..base.files import get_working_folder
 from ..base.option import SHOWING
+from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, SiUnit
@@ -145,6 +146,24 @@ class Simulation:
     def further_names(self) -> list[str]:
         """Names of all other variables that the option `signals` can name."""
         return [name for name in self._assembly.unexchanged if name not in self.units]
+
+    def select_signals(self, patterns: Sequence[str]) -> list[str]:
+        """Return the signals that patterns of the option `signals` name; without any, all outputs.
+
+        In a system of one component, the name of the variable is enough.
+
+        Raises:
+            CommandError: a pattern has no match.
+        """
+        further = self.further_names if patterns else []
+        if len(self.system.components) == 1:
+            own, known = f"{self.system.components[0].name}.", [*self.names, *further]
+            patterns = [p if any(matches_pattern(n, p) for n in known) else own + p for p in patterns]
+        return select_signals(patterns, self.names, further)
+
+    def further_units(self) -> dict[str, SiUnit | None]:
+        """Return the unit of each of `further_names`; None where the FMU declares none."""
+        return {name: self._unit(name) for name in self.further_names}
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
@@ -281,7 +300,7 @@ class Simulation:
             integrator = IntegratorSettings(method=chosen.integrator, largest=chosen.integrator_step)
             assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance, integrator)
         self._error = None
-        recorded = select_signals(chosen.signals, self.names, self.further_names if chosen.signals else ())
+        recorded = self.select_signals(chosen.signals)
         others = assembly.unexchanged
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded]) if n in others], every)
         names = [*assembly.network.names, *assembly.network.observer.names]

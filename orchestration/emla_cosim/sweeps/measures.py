@@ -160,14 +160,20 @@ class MeasureError(Exception):
 
 
 def resolve_measures(
-    asked: MetricRequest, figures: Mapping[str, bool], signals: Sequence[str], kept: Sequence[str], where: str
+    asked: MetricRequest,
+    figures: Mapping[str, bool],
+    signals: Sequence[str],
+    further: Sequence[str],
+    kept: Sequence[str],
+    where: str,
 ) -> Measures:
     """Resolve the patterns of metrics. Without metrics, keep all figures.
 
     Args:
         asked: The metrics of the plan.
         figures: All figures of the scenario, each with whether it is Boolean.
-        signals: All signals of the scenario.
+        signals: All signals of the scenario, which functions can read.
+        further: Other variables that expressions can name.
         kept: Signals to keep over time.
         where: Name of the plan in messages.
 
@@ -181,13 +187,13 @@ def resolve_measures(
     )
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
-    quoted, used = dict[str, str](), set[str]()
+    quoted, used, known = dict[str, str](), set[str](), [*signals, *further]
     for name, text in asked.expressions.items():
-        quoted[name], inside = _quote_signals(text, signals)
+        quoted[name], inside = _quote_signals(text, known)
         used |= inside
     read = sorted({*kept, *used} if not asked.functions else {*kept, *used, *signals})
     measures = Measures(chosen, quoted, asked.functions, list(kept), read)
-    tried = _check_expressions(measures, asked.expressions, signals, where)
+    tried = _check_expressions(measures, asked.expressions, known, where)
     truths = [name for name in chosen if figures[name]]
     return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
 

@@ -190,9 +190,9 @@ def _measures(
     plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
     each = []
     for described in all_:
-        names = list(described.units)
-        kept = select_signals(plan.signals, names) if plan.signals else []
-        found_here = resolve_measures(asked, described.figures, names, kept, plan.where)
+        names, further = list(described.units), list(described.further)
+        kept = select_signals(plan.signals, names, further) if plan.signals else []
+        found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where)
         each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
@@ -217,7 +217,7 @@ def _record(
     own = format_arguments(plan.options)
     base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
     units = {f.name: f.unit for f in design.factors} | {
-        name: described.units[name] for name in measures.signals
+        name: {**described.further, **described.units}[name] for name in measures.signals
     }
     return {
         "identity": dict(identity),

@@ -65,6 +65,8 @@ class SimulationDescription:
     """The signals (with units) and figures of a prepared simulation, and how to display figures."""
 
     units: Mapping[str, str]
+    further: Mapping[str, str]
+    """Other variables that metrics can name, with units."""
     figures: Mapping[str, bool]
     """Figures by name, with whether each is Boolean."""
     shown: Mapping[str, MetricDisplay]
@@ -140,23 +142,26 @@ def describe(key: str, group: int) -> SimulationDescription:
     outline = _OutlineRecorder()
     with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
         simulation.start(recorders=[outline])
-    found = outline.outline
-    if found is None:
+    begun = outline.outline
+    if begun is None:
         simulation.run()
         raise RunError(f"'{simulation.name}' cannot be started.")
     recorder = MetricsRecorder()
-    recorder.begin(found)
+    recorder.begin(begun)
     shown = {}
     for name, kind in recorder.kinds.items():
         seen = {s.name: s for s in kind.shown}
         for of, figures in recorder.figures()[name].items():
             shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
-    units = {name: str(unit) if unit is not None else "" for name, unit in simulation.units.items()}
-    rows = 1 + -(-found.times.steps // found.every)
+    units, further = (
+        {name: str(unit) if unit is not None else "" for name, unit in found.items()}
+        for found in (simulation.units, simulation.further_units())
+    )
+    rows = 1 + -(-begun.times.steps // begun.every)
     figures = {
         name: isinstance(value, bool) for name, value in flatten_figures(recorder.figures(), {}).items()
     }
-    return SimulationDescription(units, figures, shown, rows)
+    return SimulationDescription(units, further, figures, shown, rows)
 
 
 def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measures) -> Chunk:

@@ -88,7 +88,9 @@ def _measures(
         name for name in described.figures if name.endswith(f".{TRACKING_ERROR}") and name not in figures
     ]
     asked = MetricRequest(figures, own.expressions, own.functions)
-    measures = resolve_measures(asked, described.figures, list(described.units), [], plan.where)
+    measures = resolve_measures(
+        asked, described.figures, list(described.units), list(described.further), [], plan.where
+    )
     if inexact := [name for name in figures if name not in described.figures]:
         raise CommandError(f"{plan.where} needs the figure '{inexact[0]}' by its name, not by a pattern.")
     for one in conditions:

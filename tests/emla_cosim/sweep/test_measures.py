@@ -18,7 +18,7 @@ VALUES = {name: np.array([1.0, -3.0, 2.0, 0.5]) * (k + 1) for k, name in enumera
 
 
 def kept(metrics: Any, signals: tuple[str, ...] = ()) -> Measures:
-    return resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, SIGNALS, signals, "the plan")
+    return resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, SIGNALS, [], signals, "the plan")
 
 
 def result(**figures: Any) -> Any:

@@ -161,7 +161,7 @@ def test_verdicts_are_kept_once_and_last() -> None:
         (["tilt.held"], ["tilt.held", "lift.held"]),
         ([], list(FIGURES)),
     ):
-        measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], "the plan")
+        measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], [], "the plan")
         kept = with_verdicts(measures, FIGURES)
         assert kept.names == names and sorted(kept.truths) == ["lift.held", "tilt.held"]
 
@@ -176,7 +176,7 @@ def test_nobody_else_says_what_is_held(name: str) -> None:
 def test_an_old_name_ends_in_the_new_one(old: str) -> None:
     of, _, figure = old.rpartition(".")
     with pytest.raises(ec.CommandError) as caught:
-        resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], "the plan")
+        resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], [], "the plan")
     assert f"'{figure}' is now called '{of}.{RENAMED[figure]}'" in str(caught.value)
 
 

@@ -13,7 +13,7 @@ from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.progress import ProgressRecorder
 from ...run.options import Options
 from ...run.result import Result
-from ...run.run_setup import check_run, select_signals
+from ...run.run_setup import check_run
 from ...run.scenarios.scenario import Scenario
 from ...sandbox.interruption import catch_interrupts
 from ...study.loading import load
@@ -73,7 +73,7 @@ def run_into(
             remembered = CrashRecorder(chosen, output)
             with chosen.prepare(progress) as simulation:
                 if options.animate:
-                    kept = select_signals(options.signals, simulation.names, simulation.further_names)
+                    kept = simulation.select_signals(options.signals)
                     check_animated(chosen.name, simulation.names, kept)
                 remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)
