@@ -22,7 +22,7 @@ def run_fmpy(asked: Mapping[str, Any]) -> dict[str, Any]:
         remote_platform=None,
         record_events=False,
         output=asked["variables"],
-        relative_tolerance=asked.get("tolerance"),
+        relative_tolerance=asked.get("finer_tolerance"),
     )
     return {n: result[n] for n in result.dtype.names or () if result[n].dtype.kind in "fiub"}
 
