@@ -50,7 +50,7 @@ class AcceptedFaults:
     def remarks(self, unpacked: Path | None = None) -> list[str]:
         """Return one sentence for each file."""
         return [
-            f"'{where}' violates its standard, which was accepted: {problems[0]}"
+            f"'{where}' has a fault, which was accepted: {problems[0]}"
             + (f", and {len(problems) - 1} more" if len(problems) > 1 else "")
             + "."
             for where, problems in self.shown(unpacked).items()

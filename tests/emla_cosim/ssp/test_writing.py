@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.faults import accept_faults
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
@@ -160,6 +161,12 @@ def test_types_that_not_all_tools_read(type_: str, start: str, other: str, tmp_p
     ):
         exported(tmp_path / "new", changed, {"j.a": fmu})
     assert not any((tmp_path / "new").iterdir())
+    with accept_faults(lenient=True) as faults:
+        read = exported(tmp_path / "new", changed, {"j.a": fmu}).values("j.a")
+    assert read == {"k": {"fast": 5, "text": "text"}[other]}
+    assert any(
+        f"'j.a.k' has a fault, which was accepted: not all tools read {type_}s" in r for r in faults.remarks()
+    )
 
 
 def test_names_that_differ_only_in_characters_that_identifiers_lack(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from ...base.errors import CommandError
+from ...base.faults import accept_if_lenient
 from ...fmu.interface import Interface
 from ...fmu.variables import convert_start_value, find_variable
 from ...system.model import Component, System
@@ -58,7 +59,10 @@ def _parameters(component: Component, interface: Interface) -> list[SsvParameter
 
 
 def _parameter(component: Component, interface: Interface, name: str) -> SsvParameter | None:
-    """Return a parameter; None for a default of the FMU of a type that not all tools read."""
+    """Return a parameter; None for a default of the FMU of a type that not all tools read.
+
+    With `lenient`, other values of such a type are written, too.
+    """
     value, alias = component.parameters[name], component.alias(name)
     variable = find_variable(component.name, interface.variables, alias.variable)
     if name in component.aliases and variable.type == "Real":
@@ -73,12 +77,14 @@ def _parameter(component: Component, interface: Interface, name: str) -> SsvPara
     start = variable.start
     if start is not None and convert_start_value(component.name, interface, variable, start) == typed:
         return None
-    raise CommandError(
+    accept_if_lenient(
+        f"{component.name}.{name}",
+        f"not all tools read {_PLURALS[variable.type]} from a package, and those run with {start}",
         f"{component.name}.{name} = {value} cannot be exported: not all tools read {_PLURALS[variable.type]} "
-        "from a package, and those would run with another value. Build the FMU with this start value.",
-        component=component.name,
-        variable=variable.name,
+        "from a package, and those would run with another value. Build the FMU with this start value",
     )
+    number = variable.type == "Enumeration"  # OMSimulator reads the number, and no tool the name
+    return SsvParameter(name, "Integer" if number else "String", typed)
 
 
 def _mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
