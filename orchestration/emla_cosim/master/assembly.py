@@ -139,8 +139,8 @@ class Assembly:
             self._instantiate()
             self._values = values
         elif self._used:
-            for instance in self.instances.values():
-                instance.reset()
+            for stepped in self.network.instances:
+                stepped.reset()
             self.network.signals[:] = 0.0
         self.network.reorder(self._order)
         self._used = True

@@ -140,8 +140,8 @@ class Network:
         """Replace the order of stepping.
 
         Args:
-            names: Names of the instances or of their components. You can leave out instances without inputs, which then come first.
-                You can also leave out all followers: each then comes after its source.
+            names: Names of the instances or of their components. You can leave out instances without inputs,
+                which then come first. You can also leave out all followers: each then comes after its source.
 
         Raises:
             CommandError: An instance is missing, unknown or named twice.

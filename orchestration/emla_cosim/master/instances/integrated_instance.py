@@ -53,7 +53,7 @@ class IntegratedInstance(FmuInstance):
     """
 
     def __init__(self, name: str, members: Sequence[ModelExchangeInstance]) -> None:
-        """Integrate instances that have not been initialized yet; the first one has the inputs and outputs."""
+        """Integrate instances that are not initialized yet; the first one has the inputs and outputs."""
         first = members[0]
         self.name, self.members = name, list(members)
         self.inputs, self.outputs, self.nominals = first.inputs, first.outputs, first.nominals
@@ -70,6 +70,7 @@ class IntegratedInstance(FmuInstance):
             dtype=np.uint32,
         )
         self._solver: CVode | None = None
+        self._restarts_always = False
         self._begin(math.nan)
 
     @property
@@ -79,7 +80,7 @@ class IntegratedInstance(FmuInstance):
 
     def _begin(self, time: float) -> None:
         """Forget everything about earlier runs; `time` in s."""
-        self._is_integrating = self._restarts_always = False
+        self._is_integrating = False
         self._time, self._next_event = time, math.inf
         self._passed = np.full(len(self.inputs), math.nan)
         self._slopes: Vector | None = None
@@ -96,6 +97,7 @@ class IntegratedInstance(FmuInstance):
 
     def reset(self) -> None:
         """Return to the state right after instantiation."""
+        self._restarts_always = False
         for member in self.members:
             member.reset()
 
