@@ -21,7 +21,7 @@ TOLERANCES = [1e-4, 1e-6, 1e-8]
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Integrated.fmu", SOURCE, {"rollback": "true"}
+        tmp_path_factory.mktemp("me") / "Integrated.fmu", SOURCE, {"rollback": "true", "input": "continuous"}
     )
 
 
@@ -29,7 +29,7 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same FMU, without getting and setting its state."""
     return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Stateless.fmu", SOURCE, {"rollback": "false"}
+        tmp_path_factory.mktemp("me") / "Stateless.fmu", SOURCE, {"rollback": "false", "input": "continuous"}
     )
 
 
