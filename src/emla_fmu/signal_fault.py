@@ -43,10 +43,11 @@ class SignalFault(Block):
         """Return the signal as factor * u - less, which keeps all bits of u while there is no fault."""
         lasts = self.lasts(v)
         known = logical_and(v.freeze, v.known > 0.0)
-        factor = where(known, 0.0, where(v.freeze, 1.0, v.gain))
+        factor = where(lasts, where(known, 0.0, where(v.freeze, 1.0, v.gain)), 1.0)
         less = -where(known, v.frozen, where(v.freeze, 0.0, v.offset))
         return {
-            "y": where(lasts, factor, 1.0) * v.u - where(lasts, less, 0.0),
+            # a constant does not depend on the signal, which may be infinite
+            "y": factor * where(factor == 0.0, 0.0, v.u) - where(lasts, less, 0.0),
             "active": where(lasts, 1.0, 0.0),
         }
 
