@@ -226,3 +226,34 @@ def test_a_component_that_samples_is_not_in_a_group(fmu: Path) -> None:
 def test_a_connection_of_a_component_with_itself(fmu: Path) -> None:
     found = run(ec.System.of({"a": fmu}, ["a.x -> a.u"]), fmi_tolerance=1e-6)
     assert found["a.x"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_package_has_the_same_results(fmu: Path, tmp_path: Path) -> None:
+    system = rotating(fmu)
+    given = {"step_size": 0.1, "output_interval": 0.1, "stop_time": STOP}
+    package = ec.load(system, **given).export(tmp_path / "pair.ssp")
+    with ec.load(package, output_interval=0.1).prepare() as simulation:
+        found = simulation.run()
+    direct = run(system)
+    assert found.record["stepping"]["integrated_together"] == [["a", "b"]]
+    for name in direct.names:
+        assert np.array_equal(found[name], direct[name]), name
+    assert ec.info(package).notes[-1] == "a and b: Model Exchange, integrated together by CVode"
+    assert (
+        ec.info(package, integrate_together=False).notes[-1] == "a and b: Model Exchange, integrated by CVode"
+    )
+
+
+def test_a_sweep_has_the_results_of_single_runs(fmu: Path, tmp_path: Path) -> None:
+    starts = [0.5, 1.0, 2.0]
+    given = {"step_size": 0.1, "stop_time": 1.0}
+    swept = ec.sweep(
+        rotating(fmu),
+        vary={"a.x": starts},
+        metrics=["b = last(b.x)"],
+        workers=2,
+        output=tmp_path / "sweep",
+        **given,
+    )
+    single = [run(rotating(fmu).with_parameters({"a.x": x}), **given)["b.x"][-1] for x in starts]
+    assert swept.variants["b"].to_list() == single
