@@ -228,6 +228,7 @@ class Options:
         True,
         help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
         "integrator; see docs/model-exchange.md.",
+        flag="--together",
         commands=(RUN, SWEEP, COMPARE, INFO),
         identity="integrators",
         stage=LOADING,

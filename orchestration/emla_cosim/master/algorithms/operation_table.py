@@ -44,7 +44,7 @@ class OperationTableAlgorithm(Algorithm):
             if group is not None and len(group.components) > 1:
                 raise CommandError(
                     f"{name} cannot have a step multiple: it is integrated together with other components. "
-                    "Add --no-integrate-together."
+                    "Add --no-together."
                 )
             if name not in names:
                 raise CommandError(f"there is no component '{name}' for a step multiple.")
