@@ -1,21 +1,35 @@
 """Faults of a signal, such as an encoder's that freezes or jumps."""
 
+import math
 from typing import Any
 
-from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, Parameter, logical_and, where
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    clamp,
+    logical_and,
+    where,
+)
 
 from .schedule import NEVER
 
 _ROUNDING = 1e-9
 """Rounding in s of a communication point at the fault's beginning or end."""
 
+_LARGE = 1e300
+"""A signal that is larger or infinite counts as this, where its factor is 0."""
+
 
 class SignalFault(Block):
     """Passes a signal on, except during a fault.
 
-    During the fault, y is gain * u + offset, or frozen. Before and after it, y has the same bits as u. A
-    freeze keeps the value of the communication point before the fault. If the fault begins at the start of a
-    run, it keeps that of the first point.
+    During the fault, y is gain * u + offset, or frozen. Before and after it, y has the same bits as u, and
+    is -inf if u is no number. A freeze keeps the value of the communication point before the fault. If the
+    fault begins at the start of a run, it keeps that of the first point.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
@@ -43,10 +57,11 @@ class SignalFault(Block):
         """Return the signal as factor * u - less, which keeps all bits of u while there is no fault."""
         lasts = self.lasts(v)
         known = logical_and(v.freeze, v.known > 0.0)
-        factor = where(known, 0.0, where(v.freeze, 1.0, v.gain))
+        factor = where(lasts, where(known, 0.0, where(v.freeze, 1.0, v.gain)), 1.0)
         less = -where(known, v.frozen, where(v.freeze, 0.0, v.offset))
+        limit = where(factor == 0.0, _LARGE, math.inf)  # 0 times infinity is not 0
         return {
-            "y": where(lasts, factor, 1.0) * v.u - where(lasts, less, 0.0),
+            "y": factor * clamp(v.u, -limit, limit) - where(lasts, less, 0.0),
             "active": where(lasts, 1.0, 0.0),
         }
 

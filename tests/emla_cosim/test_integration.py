@@ -21,7 +21,7 @@ TOLERANCES = [1e-4, 1e-6, 1e-8]
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Integrated.fmu", SOURCE, {"rollback": "true"}
+        tmp_path_factory.mktemp("me") / "Integrated.fmu", SOURCE, {"rollback": "true", "input": "continuous"}
     )
 
 
@@ -29,7 +29,7 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same FMU, without getting and setting its state."""
     return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Stateless.fmu", SOURCE, {"rollback": "false"}
+        tmp_path_factory.mktemp("me") / "Stateless.fmu", SOURCE, {"rollback": "false", "input": "continuous"}
     )
 
 
@@ -39,7 +39,7 @@ def run(source: Any, **options: Any) -> ec.Result:
         if isinstance(source, str)
         else {"step_size": STEP, "output_interval": options.get("step_size", STEP)}
     )
-    given = {"stop_time": STOP, **own, **options}
+    given = {"stop_time": STOP, "integrate_together": False, **own, **options}
     with ec.load(source, **given).prepare() as simulation:
         return simulation.run()
 
@@ -146,6 +146,7 @@ def test_without_states_strong_and_error_control_are_refused(stateless: Path) ->
 
 def test_runs_again_and_isolated_alike(fmu: Path) -> None:
     given = {"stop_time": 1.0, "step_size": STEP, "output_interval": STEP, "fmi_tolerance": 1e-6}
+    given["integrate_together"] = False
     with ec.load(chain(fmu), **given).prepare() as simulation:
         first, second = simulation.run(), simulation.run()
         simulation.run(fmi_tolerance=1e-3, integrator="adams")

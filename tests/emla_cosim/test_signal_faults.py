@@ -1,6 +1,7 @@
 """Signals that fail by schedule: what receivers get, and that nothing else changes."""
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -90,6 +91,21 @@ def test_what_becomes_of_a_signal(effect: Mapping[str, float], during: Sequence[
     y, active = np.array(found).T
     assert y.tobytes() == np.array([*U[:3], *during, *U[5:]]).tobytes()  # minus zero included
     assert active.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("signal", [math.inf, -math.inf, math.nan])
+@pytest.mark.parametrize(("effect", "during"), [({"offset": 2.0}, 2.0), ({"offset": 0.0}, 0.0)])
+def test_a_constant_hides_a_signal_that_is_not_finite(
+    signal: float, effect: Mapping[str, float], during: float
+) -> None:
+    block = Instance(SignalFault())
+    r = block.layout.reference
+    values = {"gain": 0.0, **effect, "start": 0.0, "u": signal}
+    block.set([r(n) for n in values], list(values.values()))
+    block.setup_experiment(0.0)
+    block.enter_initialization()
+    block.exit_initialization()
+    assert block.get([r("y")])[0] == during
 
 
 def test_a_freeze_from_the_start_keeps_the_first_step() -> None:

@@ -21,6 +21,7 @@ from ..fmu.interface import (
     read_description,
     read_interfaces,
 )
+from ..master.grouping import find_groups
 from ..run.option_types import LoadOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
@@ -121,7 +122,10 @@ def _collect_system(
         start_time=scenario.options.start_time,
         stop_time=scenario.options.stop_time,
         step_size=scenario.options.step_size,
-        notes=(*scenario.notes, *_describe_kinds(system, interfaces)),
+        notes=(
+            *scenario.notes,
+            *_describe_kinds(wired, interfaces, scenario.options.integrate_together),
+        ),
         fmus=fmus,
         components=tuple(components),
         connections=tuple(connections),
@@ -129,11 +133,16 @@ def _collect_system(
     )
 
 
-def _describe_kinds(system: System, interfaces: Mapping[str, Interface]) -> list[str]:
-    """Return a note on the components that run as Model Exchange, if there are any."""
+def _describe_kinds(
+    system: System, interfaces: Mapping[str, Interface], integrate_together: bool
+) -> list[str]:
+    """Return notes on the components that run as Model Exchange."""
     kinds = {c.name: KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
-    names = [name for name, kind in kinds.items() if kind == MODEL_EXCHANGE]
-    return [f"{join_names(names)}: Model Exchange, integrated by CVode"] if names else []
+    groups = find_groups(system, interfaces, kinds) if integrate_together else []
+    grouped = {name for group in groups for name in group}
+    alone = [name for name, kind in kinds.items() if kind == MODEL_EXCHANGE and name not in grouped]
+    notes = [f"{join_names(group)}: Model Exchange, integrated together by CVode" for group in groups]
+    return notes + ([f"{join_names(alone)}: Model Exchange, integrated by CVode"] if alone else [])
 
 
 def _collect_unsupported_fmu(path: Path) -> Info:

@@ -16,11 +16,12 @@ from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
+from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
-from .network import Link, Network
+from .network import Link
 from .observer import ObservedVariable, Observer
 
 
@@ -31,13 +32,20 @@ class Assembly:
     `shown` has the transformation to the system's value, by position in a row. Call `close` at the end.
     """
 
-    def __init__(self, system: System, fmus: Mapping[str, Path], isolated: Container[str] = ()) -> None:
+    def __init__(
+        self,
+        system: System,
+        fmus: Mapping[str, Path],
+        isolated: Container[str] = (),
+        integrate_together: bool = True,
+    ) -> None:
         """Open the files and connect the components.
 
         Args:
             system: The components and connections.
             fmus: FMU file of every component, by name.
             isolated: Names of the components that run in processes of their own.
+            integrate_together: Whether connected FMUs that run as Model Exchange have one integrator.
 
         Raises:
             CommandError: The system and its files do not match.
@@ -46,7 +54,10 @@ class Assembly:
             folder = resources.enter_context(temporary_folder("emla-"))
             self.files: Mapping[str, FmuFile] = _open_files(system, fmus, folder)
             self.system = system
-            self._wired = resolve_system(system, {name: file.interface for name, file in self.files.items()})
+            interfaces = {name: file.interface for name, file in self.files.items()}
+            self._wired = resolve_system(system, interfaces)
+            kinds = {name: file.kind for name, file in self.files.items()}
+            self._groups = find_groups(self._wired, interfaces, kinds, isolated) if integrate_together else []
             self._instance_stack = resources.enter_context(contextlib.ExitStack())
             self._isolated = isolated
             self._used = False
@@ -83,12 +94,17 @@ class Assembly:
         for instance in self.instances.values():
             instance.ready()
         links = _links(self._wired, self.files, inputs, outputs)
-        names, self._signals_shown = _signals(self.system, outputs)
+        arranged = arrange(list(self.instances), self._groups)
+        ordered = [self.system.component(name) for members in arranged for name in members]
+        names, self._signals_shown = _signals(ordered, outputs)
         self.shown: Mapping[int, LinearTransformation] = self._signals_shown
         faults = [
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
-        self.network = Network(list(self.instances.values()), links, names, faults)
+        self.network = connect(self.instances, arranged, self._groups, links, names, faults)
+        for stepped in self.network.instances:
+            if stepped not in self.instances.values():
+                self._instance_stack.callback(stepped.close)
         self._order = [self.network.instances[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
@@ -123,8 +139,8 @@ class Assembly:
             self._instantiate()
             self._values = values
         elif self._used:
-            for instance in self.instances.values():
-                instance.reset()
+            for stepped in self.network.instances:
+                stepped.reset()
             self.network.signals[:] = 0.0
         self.network.reorder(self._order)
         self._used = True
@@ -266,11 +282,11 @@ def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
 
 
 def _signals(
-    system: System, outputs: Mapping[str, list[str]]
+    components: Iterable[Component], outputs: Mapping[str, list[str]]
 ) -> tuple[list[str], dict[int, LinearTransformation]]:
-    """Return the names of all signals in the system, and transformations to the system's values."""
+    """Return the names of all signals of components, and transformations to the system's values."""
     names, shown = [], {}
-    for component in system.components:
+    for component in components:
         known = _map_known_names(component)
         for output in outputs[component.name]:
             name, alias = known.get(output, (output, Alias(output)))

@@ -140,13 +140,14 @@ class Network:
         """Replace the order of stepping.
 
         Args:
-            names: Names of the instances. You can leave out instances without inputs, which then come first.
-                You can also leave out all followers: each then comes after its source.
+            names: Names of the instances or of their components. You can leave out instances without inputs,
+                which then come first. You can also leave out all followers: each then comes after its source.
 
         Raises:
             CommandError: An instance is missing, unknown or named twice.
         """
         position = {instance.name: i for i, instance in enumerate(self.instances)}
+        names = self._name_instances(names)
         named = set(names)
         reads_nothing = (s.name for s in self.instances if not len(s.inputs) and s.name not in named)
         names = [*reads_nothing, *names]
@@ -164,6 +165,15 @@ class Network:
                 f"the order of stepping must name every component once ({'; '.join(problems)})."
             )
         self._use_order([position[n] for n in names])
+
+    def _name_instances(self, names: Sequence[str]) -> list[str]:
+        """Return the names with each run of components that one instance steps replaced by its name."""
+        owner = {c: s.name for s in self.instances for c in s.components}
+        found: list[str] = []
+        for name in names:
+            if name == (stepped := owner.get(name, name)) or stepped not in found:
+                found.append(stepped)
+        return found
 
     def hold_back(self, last: Collection[int], keep_order: bool) -> None:
         """Move instances to the end of the order. The others only read their outputs from before the step.

@@ -67,6 +67,7 @@ class PrepareOptions(RunOptions, total=False):
     flavour: str
     fmus: str | Path | None
     platform: Sequence[str]
+    integrate_together: bool
     isolate: Sequence[str] | bool
     lenient: bool
 
@@ -101,6 +102,7 @@ class CompareOptions(TypedDict, total=False):
     fmi_tolerance: float | None
     integrator: str
     integrator_step: float | str | None
+    integrate_together: bool
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     isolate: Sequence[str] | bool

@@ -224,6 +224,16 @@ class Options:
         above=0.0,
         identity="integrator step",
     )
+    integrate_together: bool = _system(
+        True,
+        help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
+        "integrator; see docs/model-exchange.md.",
+        flag="--together",
+        commands=(RUN, SWEEP, COMPARE, INFO),
+        identity="integrators",
+        stage=LOADING,
+        in_sweep=SAME,
+    )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",

@@ -112,7 +112,7 @@ class Simulation:
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
             self._faults.merge(accepted or {})
             self.system, fmus = prepare_system(system, self.options, told)
-            self._assembly = Assembly(self.system, fmus, apart)
+            self._assembly = Assembly(self.system, fmus, apart, self.options.integrate_together)
         self._types: dict[str, SignalType] = {}
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None

@@ -1,12 +1,12 @@
 /* A Model Exchange FMU: x' = u - x, a bouncing ball (state events), a stair of 0.1 s (time events), and a reset of x
-   by step events. It refuses calls in modes where the standard does not allow them. */
+   by step events; y = x + gain u. It refuses calls in modes where the standard does not allow them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fmi2Functions.h"
 
-enum { X, H, V, U = 6, STAIR, RESETS, LIMIT, END, FAILS, COUNT };
+enum { X, H, V, U = 6, STAIR, RESETS, LIMIT, END, FAILS, GAIN, Y, COUNT };
 enum { BEFORE, EVENT, CONTINUOUS };
 #define CHECK(mode_) \
     if (((Model *)c)->mode != (mode_)) return fmi2Error
@@ -57,6 +57,7 @@ static double get(const Model *m, fmi2ValueReference r) {
         case 3: return m->time >= m->value[FAILS] ? NAN : m->value[U] - m->value[X];
         case 4: return m->value[V];
         case 5: return -9.81;
+        case Y: return m->value[X] + m->value[GAIN] * m->value[U];
         default: return m->value[r];
     }
 }

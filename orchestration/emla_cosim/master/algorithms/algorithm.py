@@ -95,7 +95,9 @@ class Algorithm(ABC):
 
     def report(self) -> dict[str, Any]:
         """Return how the steps are made, as plain data for run.json."""
-        return {"late_connections": [link.name for link in self.late()]}
+        together = [list(s.components) for s in self.network.instances if len(s.components) > 1]
+        report: dict[str, Any] = {"late_connections": [link.name for link in self.late()]}
+        return report | ({"integrated_together": together} if together else {})
 
     def memory(self) -> dict[str, Vector]:
         """Return what the algorithm keeps besides the signals, as arrays by name."""

@@ -29,9 +29,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
         instance.enter_initialization(start_time, stop_time)
     for i in range(len(network.instances)):
         network.assume_inputs(i)  # start values replace signals that are not known yet
-    scale = Scale(network)
-    for group in network.groups(_is_initial):
-        _settle(network, group, scale)
+    settle_initial_values(network, Scale(network))
     for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
     for instance in network.instances:
@@ -41,6 +39,17 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     for i in network.order:
         network.pass_inputs(i)
     network.check_finite(start_time)
+
+
+def settle_initial_values(network: Network, scale: Scale) -> None:
+    """Exchange values between instances in initialization mode until all are consistent.
+
+    Raises:
+        RunError: No solution of a loop was found.
+        InstanceError: A call of an FMU failed.
+    """
+    for group in network.groups(_is_initial):
+        _settle(network, group, scale)
 
 
 def _is_initial(link: Link) -> bool:

@@ -40,6 +40,12 @@ class OperationTableAlgorithm(Algorithm):
         super().setup(network)
         names = [s.name for s in network.instances]
         for name, multiple in self.step_multiples.items():
+            group = next((i for i in network.instances if name in i.components), None)
+            if group is not None and len(group.components) > 1:
+                raise CommandError(
+                    f"{name} cannot have a step multiple: it is integrated together with other components. "
+                    "Add --no-together."
+                )
             if name not in names:
                 raise CommandError(f"there is no component '{name}' for a step multiple.")
             if not 1 <= multiple <= MOST:

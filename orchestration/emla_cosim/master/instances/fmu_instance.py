@@ -1,7 +1,7 @@
 """The interface of FMU instances for algorithms."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,6 +118,11 @@ class FmuInstance(ABC):
     """Whether it supports `begin_step` and `end_step`, so that others can step meanwhile."""
     runs_beside_others = True
     """Whether other threads may call other instances at the same time."""
+
+    @property
+    def components(self) -> Collection[str]:
+        """Return the names of the components that it steps."""
+        return [self.name]
 
     def reset(self) -> None:
         """Return to the state of a new instance."""

@@ -2,16 +2,32 @@
 
 from collections.abc import Sequence
 
+from ...fmu.cvode import load_sundials
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.log import FmuLog
+from .fmu_instance import FmuInstance
 from .in_process_instance import InProcessInstance
+from .integrated_instance import IntegratedInstance
 from .model_exchange_instance import ModelExchangeInstance
 
 
 def make_instance(
     name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str], log: FmuLog, number: int = 0
 ) -> InProcessInstance:
-    """Instantiate an FMU in this process; see `InProcessInstance`."""
-    kind = ModelExchangeInstance if file.kind == MODEL_EXCHANGE else InProcessInstance
-    return kind(name, file, inputs, outputs, log, number)
+    """Instantiate an FMU in this process; see `InProcessInstance`.
+
+    Raises:
+        CommandError: Also if it runs as Model Exchange, and there is no CVode for this platform.
+    """
+    if file.kind != MODEL_EXCHANGE:
+        return InProcessInstance(name, file, inputs, outputs, log, number)
+    load_sundials()
+    return ModelExchangeInstance(name, file, inputs, outputs, log, number)
+
+
+def make_stepped(instance: FmuInstance) -> FmuInstance:
+    """Return what steps an instance: an integrator if it runs as Model Exchange, otherwise itself."""
+    if isinstance(instance, ModelExchangeInstance):
+        return IntegratedInstance(instance.name, [instance])
+    return instance

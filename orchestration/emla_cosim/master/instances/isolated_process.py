@@ -13,7 +13,8 @@ from ...fmu.log import FmuLog
 from ...sandbox import black_box
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
-from .instance_kinds import make_instance
+from .instance_kinds import make_instance, make_stepped
+from .integrator_settings import IntegratorSettings
 from .request import Request
 from .start_values import LostValue
 
@@ -22,18 +23,18 @@ class IsolatedProcess:
     """Answer the requests of an `IsolatedInstance`: each method is one kind of request."""
 
     def __init__(self, instance: InProcessInstance) -> None:
-        self._instance = instance
+        self._instance, self._stepped = instance, make_stepped(instance)
         self._states: dict[int, Any] = {}
         self._observed = np.empty(0)
 
     def do(self, request: Request) -> Any:
         """Set inputs and slopes, then do the call and return its result."""
         if request.inputs is not None:
-            self._instance.inputs[:] = np.frombuffer(request.inputs)
-            self._instance.set_inputs()
+            self._stepped.inputs[:] = np.frombuffer(request.inputs)
+            self._stepped.set_inputs()
         if request.slopes is not None:
-            self._instance.set_input_derivatives(np.frombuffer(request.slopes))
-        own = getattr(self, request.call, None) or getattr(self._instance, request.call)
+            self._stepped.set_input_derivatives(np.frombuffer(request.slopes))
+        own = getattr(self, request.call, None) or getattr(self._stepped, request.call)
         return own(*request.arguments)
 
     def set_start_values(self, values: list[tuple[str, Any]]) -> None:
@@ -41,16 +42,26 @@ class IsolatedProcess:
         known = self._instance.file.variables
         self._instance.set_start_values((known[name], value) for name, value in values)
 
+    def use_integrator(self, settings: IntegratorSettings) -> None:
+        """Integrate with these settings from the next initialization on."""
+        self._instance.use_integrator(settings)
+
+    def close(self) -> None:
+        """Free the FMU and its integrator."""
+        self._instance.close()
+        if self._stepped is not self._instance:
+            self._stepped.close()
+
     def enter_initialization(
         self, start_time: float, stop_time: float | None, tolerance: float | None
     ) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time or tolerance."""
         self._instance.tolerance = tolerance
-        self._instance.enter_initialization(start_time, stop_time)
+        self._stepped.enter_initialization(start_time, stop_time)
 
     def exit_initialization(self) -> list[LostValue]:
         """Leave initialization mode, and return the start values that the FMU did not take."""
-        self._instance.exit_initialization()
+        self._stepped.exit_initialization()
         return self._instance.lost_values
 
     def set_value(self, name: str, value: Any) -> None:
@@ -63,8 +74,8 @@ class IsolatedProcess:
 
     def outputs(self) -> bytes:
         """Read all outputs."""
-        self._instance.get_outputs()
-        return self._instance.outputs.tobytes()
+        self._stepped.get_outputs()
+        return self._stepped.outputs.tobytes()
 
     def observe(self, names: list[str]) -> None:
         """Choose the variables that `observed` reads."""
@@ -78,22 +89,22 @@ class IsolatedProcess:
 
     def do_step(self, at: float, step: float) -> tuple[bytes, bytes]:
         """Do a step, and return the outputs and the observed variables after it."""
-        self._instance.do_step(at, step)
+        self._stepped.do_step(at, step)
         return self.outputs(), self.observed()
 
     def save(self, known: int | None) -> int:
         """Save the state and return its number; `known` is a number to overwrite."""
         number = known if known is not None else max(self._states, default=0) + 1
-        self._states[number] = self._instance.save(self._states.get(number))
+        self._states[number] = self._stepped.save(self._states.get(number))
         return number
 
     def restore(self, number: int) -> None:
         """Restore a saved state."""
-        self._instance.restore(self._states[number])
+        self._stepped.restore(self._states[number])
 
     def forget(self, number: int) -> None:
         """Free a saved state."""
-        self._instance.forget(self._states.pop(number))
+        self._stepped.forget(self._states.pop(number))
 
 
 def main() -> None:

@@ -75,7 +75,6 @@ class HostedInstance(FmiInstance):
                 f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
             ) from error
         self.fmu.instance, self.fmu.instanceName = self, name
-        # one for all instances of this object: fmpy's solver leaks memory when it is deleted
         self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.instantiate(logging)
 
@@ -176,6 +175,8 @@ class HostedInstance(FmiInstance):
         with self.calling():
             self.fmu.terminate()
         self.free()
+        if self._integration is not None:
+            self._integration.close()
 
     def reference(self, name: str) -> int:
         """Return the value reference of a variable."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.sundials import CVodeSolver
 
+from ...base.arrays import Vector
+from ...fmu.cvode import RECOVERABLE, CVode, SolverError
 from ...fmu.instance import DISCARD
 from ..subject import Subject
 
@@ -20,43 +21,6 @@ _MOST_STEPS = 50_000
 
 _MOST_ITERATIONS = 1000
 """Most iterations of one event, and most events between two communication points."""
-
-
-class _NoInput:
-    """Inputs are held over a step."""
-
-    def apply(self, time: float) -> None:
-        """Do nothing."""
-
-
-class _Solver(CVodeSolver):
-    """fmpy's solver, extended for models that refuse a call."""
-
-    refused: FMICallException | None = None
-
-    def advance(self, time: float, until: float) -> tuple[bool, float]:
-        """Return whether there was an event, and the time reached. Raise RuntimeError on failure."""
-        self.refused = None
-        try:
-            found, _, reached = self.step(time, until)
-        except (RuntimeError, TypeError) as error:  # TypeError if CVode has no message
-            raise self.refused or RuntimeError(f"the solver gave up ({error})") from error
-        return bool(found), float(reached)
-
-    def f(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Compute derivatives, or ask the solver for a shorter step."""
-        return self._call(super().f, arguments)
-
-    def g(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Compute event indicators."""
-        return self._call(super().g, arguments)
-
-    def _call(self, call: Callable[..., int], arguments: tuple[Any, ...]) -> int:
-        try:
-            return call(*arguments)
-        except FMICallException as error:
-            self.refused = error
-            return 1 if error.status == DISCARD else -1
 
 
 class Integration:
@@ -74,7 +38,13 @@ class Integration:
         self._indicators = int(subject.description.numberOfEventIndicators or 0)
         self._tells = not subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded
         self._next_event = math.inf
-        self._solver: Any = None
+        self._solver: CVode | None = None
+
+    def close(self) -> None:
+        """Free the solver."""
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
 
     def begin(self) -> None:
         """Handle the events of the initialization."""
@@ -98,16 +68,26 @@ class Integration:
         """Integrate until an event or the end, and return the time reached."""
         solver = self._restart_solver(time)
         close = 1e-12 * max(abs(end), end - time)
-        while time < end:
+        for _ in range(_MOST_STEPS):
             until = min(end, max(self._next_event, time))
             found = False
             if until > time:
-                found, time = solver.advance(time, until)
+                time, found = self._advance(solver, until)
+                if self._states:
+                    self._fmu.setContinuousStates(_doubles(solver.states.ctypes.data), self._states)
             self._fmu.setTime(time)
             entered = self._tells and self._complete_step()
-            if found or entered or self.terminated or time >= self._next_event - close:
-                break
-        return end if end - time <= close else time
+            if found or entered or self.terminated or time >= min(end, self._next_event) - close:
+                return end if end - time <= close else time
+        raise RuntimeError(f"it takes more than {_MOST_STEPS} steps of the solver")
+
+    def _advance(self, solver: CVode, until: float) -> tuple[float, bool]:
+        """Do one step of the solver. Raise RuntimeError on failure."""
+        self._refused: FMICallException | None = None
+        try:
+            return solver.step(until)
+        except SolverError as error:
+            raise self._refused or RuntimeError(f"the solver gave up ({error})") from error
 
     def _complete_step(self) -> bool:
         enter, terminate = self._fmu.completedIntegratorStep(noSetFMUStatePriorToCurrentPoint=0)
@@ -124,29 +104,48 @@ class Integration:
             raise FMICallException("fmi2NewDiscreteStates, called repeatedly,", 3)
         self._next_event = time if defined else math.inf
 
-    def _restart_solver(self, time: float) -> Any:
+    def _restart_solver(self, time: float) -> CVode:
         """Restart the solver at `time`."""
         if self._solver is None:
-            fmu = self._fmu
-            self._solver = _Solver(
-                nx=self._states,
-                nz=self._indicators,
-                get_x=fmu.getContinuousStates,
-                set_x=fmu.setContinuousStates,
-                get_dx=fmu.getDerivatives,
-                get_z=fmu.getEventIndicators,
-                get_nominals=self._nominals,
-                set_time=fmu.setTime,
-                input=_NoInput(),
-                startTime=time,
-                relativeTolerance=RELATIVE_TOLERANCE,
-                maxNumSteps=_MOST_STEPS,
-            )
-        self._solver.reset(time)
-        return self._solver
+            self._solver = CVode(max(self._states, 1), self._indicators, self._derive, self._indicate)
+        solver = self._solver
+        if self._states:
+            solver.absolute[:] = RELATIVE_TOLERANCE * self._nominals()
+            self._fmu.getContinuousStates(_doubles(solver.states.ctypes.data), self._states)
+        solver.restart(time, RELATIVE_TOLERANCE)
+        return solver
 
-    def _nominals(self, values: Any, count: int) -> None:
-        """Read the nominal values of the states; use 1 for those that are not finite and positive."""
-        self._fmu.getNominalsOfContinuousStates(values, count)
-        found = np.ctypeslib.as_array(ctypes.cast(values, ctypes.POINTER(ctypes.c_double)), (count,))
-        found[~(np.isfinite(found) & (found > 0.0))] = 1.0
+    def _derive(self, time: float, states: int, result: int) -> int:
+        """Compute derivatives for the solver."""
+        if not self._states:
+            ctypes.memset(result, 0, ctypes.sizeof(ctypes.c_double))
+            return 0
+        return self._evaluate(self._fmu.getDerivatives, time, states, result, self._states)
+
+    def _indicate(self, time: float, states: int, result: int) -> int:
+        """Compute event indicators for the solver."""
+        return self._evaluate(self._fmu.getEventIndicators, time, states, result, self._indicators)
+
+    def _evaluate(self, call: Callable[..., Any], time: float, states: int, result: int, count: int) -> int:
+        """Call a function at a time and states; a discarded call asks the solver for a shorter step."""
+        try:
+            self._fmu.setTime(time)
+            if self._states:
+                self._fmu.setContinuousStates(_doubles(states), self._states)
+            call(_doubles(result), count)
+        except FMICallException as error:
+            if error.status != DISCARD:
+                raise
+            self._refused = error
+            return RECOVERABLE
+        return 0
+
+    def _nominals(self) -> Vector:
+        """Return the nominal values of the states; 1 for those that are not finite and positive."""
+        found = np.ones(self._states)
+        self._fmu.getNominalsOfContinuousStates(_doubles(found.ctypes.data), self._states)
+        return np.where(np.isfinite(found) & (found > 0.0), found, 1.0)
+
+
+def _doubles(address: int) -> Any:
+    return ctypes.cast(address, ctypes.POINTER(ctypes.c_double))

@@ -1,0 +1,392 @@
+"""Integration of FMUs that run as Model Exchange, by CVode between communication points."""
+
+import contextlib
+import ctypes
+import math
+import struct
+from collections.abc import Collection, Iterator, Sequence
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...fmu.cvode import RECOVERABLE, CVode, SolverError
+from .fmu_instance import FmuInstance, InstanceError
+from .model_exchange_instance import DiscardedCallError, ModelExchangeInstance
+
+SAFETY = 0.02
+"""The tolerance of CVode per tolerance of the results: the errors of its steps add up."""
+
+RESTARTED = 1e-3
+"""The same where the master makes the integrator start anew: each start adds an error, in each step."""
+
+_SMALLEST = 1e-13
+"""Smallest tolerance of CVode."""
+
+_CLOSE = 4.0 * float(np.finfo(float).eps)
+"""Times that differ by less, relative to the larger one, are equal."""
+
+MOST_ITERATIONS = 1000
+"""Most iterations of an event, and most events at one time."""
+
+_MOST_STEPS = 10**6
+"""Most steps of the integrator in one communication step."""
+
+_BYTES = ctypes.sizeof(ctypes.c_double)
+_LENGTH = struct.Struct("<Q")
+
+
+class IntegrationError(InstanceError):
+    """The integrator cannot continue."""
+
+    did = "cannot be integrated {call}: {status}"
+
+
+class IntegratedInstance(FmuInstance):
+    """FMUs that run as Model Exchange, with one integrator; see `FmuInstance`.
+
+    This class steps one FMU; `IntegratedGroup` steps several. Between two calls the FMUs are in
+    continuous-time mode. The integrator goes on from step to step, and starts anew where an FMU had an event
+    or got other inputs, and where its state was saved or restored. So a repeated step has the same result as
+    the first one.
+    """
+
+    def __init__(self, name: str, members: Sequence[ModelExchangeInstance]) -> None:
+        """Integrate instances that are not initialized yet; the first one has the inputs and outputs."""
+        first = members[0]
+        self.name, self.members = name, list(members)
+        self.inputs, self.outputs, self.nominals = first.inputs, first.outputs, first.nominals
+        self.continuous_inputs, self.continuous_outputs = first.continuous_inputs, first.continuous_outputs
+        self.differentiates = first.differentiates
+        self.interpolates = all(m.interpolates for m in members)
+        self.rolls_back = all(m.rolls_back for m in members)
+        self.serializes = all(m.serializes for m in members)
+        self.runs_beside_others = all(m.runs_beside_others for m in members)
+        self._states, self._count = _offsets([m.state_count for m in members])
+        self._marks, self._indicators = _offsets([m.indicator_count for m in members])
+        self._settable = np.array(
+            [v.valueReference for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves],
+            dtype=np.uint32,
+        )
+        self._solver: CVode | None = None
+        self._restarts_always = False
+        self._begin(math.nan)
+
+    @property
+    def components(self) -> Collection[str]:
+        """Names of its components."""
+        return [m.name for m in self.members]
+
+    def _begin(self, time: float) -> None:
+        """Forget everything about earlier runs; `time` in s."""
+        self._is_integrating = False
+        self._time, self._next_event = time, math.inf
+        self._passed = np.full(len(self.inputs), math.nan)
+        self._slopes: Vector | None = None
+        self._is_discontinuous, self._is_interrupted = True, False
+        self._tolerance = min(m.settings.tolerance for m in self.members)
+        self._largest = self.members[0].settings.largest or 0.0
+        self._method = self.members[0].settings.method
+        self._free_solver()
+
+    def bind(self, inputs: Vector, outputs: Vector) -> None:
+        """Use this memory for inputs and outputs."""
+        self.members[0].bind(inputs, outputs)
+        self.inputs, self.outputs = inputs, outputs
+
+    def reset(self) -> None:
+        """Return to the state right after instantiation."""
+        self._restarts_always = False
+        for member in self.members:
+            member.reset()
+
+    def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
+        """Enter initialization mode; times in s, None without a fixed stop time."""
+        self._begin(start_time)
+        for member in self.members:
+            member.enter_initialization(start_time, stop_time)
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode, and handle its events."""
+        for member in self.members:
+            member.exit_initialization()
+            member.surround = self._event
+        self._passed[:] = self.inputs
+        self._finish_event()
+        self._is_integrating = True
+
+    def set_inputs(self) -> None:
+        """Pass `inputs` to the FMUs, with an event where they may cause one."""
+        if not self._is_integrating:
+            self._set_all_inputs()
+            return
+        self._slopes = None
+        changed = self.inputs != self._passed
+        if not changed.any():
+            return
+        if self._indicators or (changed & ~self.continuous_inputs).any():
+            with self._event():
+                self._set_all_inputs()
+        else:
+            self._set_continuous_inputs()
+        self._passed[:] = self.inputs
+        self._is_discontinuous = self._is_interrupted = True
+
+    def set_input_derivatives(self, derivatives: Vector) -> None:
+        """Set the slopes of the inputs during the next step, per s."""
+        self._slopes = derivatives[self.continuous_inputs].copy() if derivatives.any() else None
+
+    def get_outputs(self) -> None:
+        """Read the outputs into `outputs`."""
+        self.members[0].get_outputs()
+
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """Return the derivative of the outputs along a direction of the inputs; None if there is none."""
+        return self.members[0].directional_derivative(direction)
+
+    def do_step(self, time: float, step: float) -> None:
+        """Integrate from `time` by `step`, both in s."""
+        if self._restarts_always or self._slopes is not None:
+            self._is_discontinuous = self._is_interrupted = True
+        if not abs(self._time - time) <= _CLOSE * abs(time):
+            self._time, self._is_discontinuous = time, True
+        self._begun, self._held = self._time, self._passed[self.continuous_inputs]
+        try:
+            self._advance(time + step)
+        except SolverError as error:
+            raise self._integration_error(f"{error}.") from error
+        if self._slopes is not None:
+            self._passed[self.continuous_inputs] = self._moving(self._time)
+            self._slopes, self._is_discontinuous, self._is_interrupted = None, True, True
+
+    def save(self, state: Any = None) -> Any:
+        """Return a copy of the state, in the memory of the earlier copy `state`."""
+        self._is_discontinuous = self._is_interrupted = True  # a repeated step begins as this one
+        earlier = [None] * len(self.members) if state is None else state[0]
+        held = [m.save(s) for m, s in zip(self.members, earlier, strict=True)]
+        return held, self._memory()
+
+    def restore(self, state: Any) -> None:
+        """Restore a saved state."""
+        held, memory = state
+        self._remember(memory)
+        for member, own in zip(self.members, held, strict=True):
+            member.restore(own)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        for member, own in zip(self.members, state[0], strict=True):
+            member.forget(own)
+
+    def prepare_checkpoints(self) -> None:
+        """Start the integrator anew in each step, because a checkpoint does not have its memory."""
+        self._restarts_always = True
+
+    def serialize(self) -> bytes:
+        """Return the state as bytes."""
+        held = [m.serialize() for m in self.members]
+        return self._memory().tobytes() + b"".join(_LENGTH.pack(len(own)) + own for own in held)
+
+    def deserialize(self, content: bytes) -> None:
+        """Restore a state from the bytes of `serialize`."""
+        end = self._memory().nbytes
+        self._remember(np.frombuffer(content[:end]))
+        self._restarts_always = True
+        for member in self.members:
+            begin = end + _LENGTH.size
+            end = begin + _LENGTH.unpack(content[end:begin])[0]
+            member.deserialize(content[begin:end])
+
+    def close(self) -> None:
+        """Free the solver; the FMUs have their own `close`."""
+        self._free_solver()
+
+    def _set_all_inputs(self) -> None:
+        """Pass all inputs to the FMUs, which are in initialization mode or event mode."""
+        self.members[0].set_inputs()
+
+    def _set_continuous_inputs(self) -> None:
+        """Pass the inputs, of which only continuous ones have changed, to the FMUs."""
+        self.members[0].set_inputs()
+
+    def _set_moving_inputs(self, values: Vector) -> None:
+        """Set the continuous inputs to these values."""
+        references = self._settable
+        self.members[0].set_reals(references.ctypes.data, len(references), values.ctypes.data)
+
+    def _connect(self) -> None:
+        """Pass continuous values between the FMUs until they agree."""
+
+    def _exchange(self) -> Collection[ModelExchangeInstance]:
+        """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
+        return ()
+
+    def _kept(self) -> list[Vector]:
+        """Return arrays that are part of the state."""
+        return [self._passed]
+
+    def _memory(self) -> Vector:
+        """Return what belongs to the state besides the FMUs' own."""
+        return np.concatenate([[self._time], [m.next_event for m in self.members], *self._kept()])
+
+    def _remember(self, memory: Vector) -> None:
+        count = 1 + len(self.members)
+        self._time, events, rest = float(memory[0]), memory[1:count], memory[count:]
+        for member, time in zip(self.members, events, strict=True):
+            member.next_event, member.has_new_nominals = float(time), True
+        for array in self._kept():
+            array[:], rest = rest[: len(array)], rest[len(array) :]
+        self._next_event, self._slopes = float(events.min()), None
+        self._is_discontinuous = self._is_interrupted = True
+
+    def _advance(self, end: float) -> None:
+        """Integrate to a time in s, with all events up to it."""
+        events, last_event = 0, -math.inf
+        while not _reaches(self._time, end):
+            is_event, steps = False, 0
+            while not is_event and not _reaches(self._time, end):
+                target = self._next_event if _reaches(end, self._next_event) else end
+                is_event = self._integrate(max(target, self._time))
+                is_event = is_event or self._time >= self._next_event
+                steps += 1
+                if steps > _MOST_STEPS:
+                    raise self._integration_error(f"this takes more than {_MOST_STEPS} steps.")
+            if is_event:
+                self._enter_event_mode()
+                self._finish_event()
+                events = events + 1 if _reaches(last_event, self._time) else 0
+                last_event = self._time
+                if events > MOST_ITERATIONS:
+                    raise self._integration_error(f"it has more than {MOST_ITERATIONS} events there.")
+
+    def _integrate(self, target: float) -> bool:
+        """Do one step of the integrator to at most `target`; return whether an event follows."""
+        found = False
+        if (self._count or self._indicators) and not _reaches(self._time, target):
+            solver = self._ready_solver()
+            self._time, found = solver.step(target)
+            if not np.isfinite(solver.states).all():
+                raise self._integration_error("a state became infinite or NaN.")
+            states = solver.states
+        else:
+            self._time, states = target, self._read_states()
+        self._place(self._time, states.ctypes.data)
+        for member in self.members:
+            found = member.complete_step() or found
+        return found
+
+    @contextlib.contextmanager
+    def _event(self) -> Iterator[None]:
+        """Surround a change that may cause an event."""
+        self._enter_event_mode()
+        yield
+        self._finish_event()
+        self._is_interrupted = True
+
+    def _enter_event_mode(self) -> None:
+        for member in self.members:
+            member.enter_event_mode()
+
+    def _finish_event(self) -> None:
+        """Iterate an event until the discrete states settle, and enter continuous-time mode."""
+        self._exchange()
+        waiting: Collection[ModelExchangeInstance] = self.members
+        for _ in range(MOST_ITERATIONS):
+            again = [m for m in waiting if m.find_discrete_states()]
+            changed = self._exchange()
+            waiting = [m for m in self.members if m in again or m in changed]
+            if not waiting:
+                break
+        else:
+            raise self._integration_error(
+                f"the discrete states do not settle in {MOST_ITERATIONS} iterations."
+            )
+        self._next_event = min(m.next_event for m in self.members)
+        for member in self.members:
+            member.enter_continuous_time_mode()
+        self._is_discontinuous = True
+
+    def _ready_solver(self) -> CVode:
+        """Return the solver, which starts anew from the FMUs' states after a discontinuity."""
+        solver, fresh = self._solver, self._solver is None
+        if solver is None:
+            # without states, CVode looks for events along one that stays at 0
+            solver = self._solver = CVode(
+                max(self._count, 1), self._indicators, self._derive, self._indicate, self._method
+            )
+        if self._is_discontinuous:
+            share = RESTARTED if self._is_interrupted else SAFETY
+            tolerance = max(share * self._tolerance, _SMALLEST)
+            if self._count:
+                solver.states[:] = self._read_states()
+                if fresh or any(m.has_new_nominals for m in self.members):
+                    self._nominals = np.concatenate([m.read_nominals() for m in self.members])
+                solver.absolute[:] = tolerance * self._nominals
+            solver.restart(self._time, tolerance, self._largest)
+            self._is_discontinuous = self._is_interrupted = False
+        return solver
+
+    def _read_states(self) -> Vector:
+        """Return the present states of the FMUs."""
+        found = np.empty(self._count)
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.read_states(found.ctypes.data + offset)
+        return found
+
+    def _place(self, time: float, states: int) -> None:
+        """Set the time in s, the states from an address, and the inputs that follow."""
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.place(time, states + offset)
+        if self._slopes is not None:
+            self._set_moving_inputs(self._moving(time))
+        self._connect()
+
+    def _derive(self, time: float, states: int, result: int) -> int:
+        """Compute the derivatives of the states for CVode."""
+        if not self._count:
+            ctypes.memset(result, 0, _BYTES)
+            return 0
+        try:
+            self._place(time, states)
+            for member, offset in zip(self.members, self._states, strict=True):
+                member.derive(result + offset)
+        except DiscardedCallError:
+            return RECOVERABLE
+        return 0
+
+    def _indicate(self, time: float, states: int, result: int) -> int:
+        """Compute the event indicators for CVode."""
+        try:
+            self._place(time, states)
+            for member, offset in zip(self.members, self._marks, strict=True):
+                member.indicate(result + offset)
+        except DiscardedCallError:
+            return RECOVERABLE
+        return 0
+
+    def _moving(self, time: float) -> Vector:
+        """Return the continuous inputs, which follow their slopes, at a time in s."""
+        assert self._slopes is not None
+        return self._held + (time - self._begun) * self._slopes
+
+    def _free_solver(self) -> None:
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
+
+    def _integration_error(self, reason: str) -> IntegrationError:
+        at = f"at t = {self._time:.9g} s"
+        said = [line for m in self.members for line in m.messages()]
+        return IntegrationError(self.name, at, reason.rstrip("."), said)
+
+
+def _reaches(time: float, other: float) -> bool:
+    """Whether a time is at or after another one, apart from rounding."""
+    return time >= other or (other < math.inf and other - time <= _CLOSE * max(abs(time), abs(other)))
+
+
+def _offsets(counts: Sequence[int]) -> tuple[list[int], int]:
+    """Return where the doubles of each member begin, in bytes, and how many doubles there are."""
+    ends = [0, *accumulate(counts)]
+    return [_BYTES * end for end in ends[:-1]], ends[-1]

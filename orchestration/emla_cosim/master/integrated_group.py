@@ -1,0 +1,316 @@
+"""Several FMUs that run as Model Exchange, connected with each other, with one integrator."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..base.arrays import Indices, Vector
+from ..base.errors import join_names
+from .algorithms.initialization import settle_initial_values
+from .algorithms.newton import Newton, NoSolutionError
+from .algorithms.scale import Scale
+from .instances.fmu_instance import FmuInstance
+from .instances.integrated_instance import MOST_ITERATIONS, IntegratedInstance
+from .instances.model_exchange_instance import ModelExchangeInstance
+from .network import Link, Network
+
+_SAME = 1e-9
+"""In an event, continuous inputs are unchanged if they differ by less, relative to their sizes."""
+
+
+class _Surroundings(FmuInstance):
+    """What drives the inputs of a group, as an instance in its network: its outputs are these inputs."""
+
+    name = ""
+
+    def __init__(self, nominals: Vector, continuous: np.ndarray) -> None:
+        self.inputs, self.outputs, self.nominals = np.empty(0), np.zeros(len(nominals)), nominals
+        self.continuous_inputs, self.continuous_outputs = np.empty(0, dtype=bool), continuous
+
+    def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
+        """Do nothing."""
+
+    exit_initialization = set_inputs = get_outputs = close = lambda self: None
+
+    def do_step(self, time: float, step: float) -> None:
+        """Do nothing."""
+
+
+class _Transfer:
+    """Reads signals from an FMU, or passes them to its inputs, during integration.
+
+    Args:
+        member: The instance.
+        references: Value references of its variables.
+        signals: Positions of the signals.
+        factors: Factors of its inputs.
+        offsets: Offsets of its inputs.
+    """
+
+    def __init__(
+        self,
+        member: ModelExchangeInstance,
+        references: Sequence[int],
+        signals: Sequence[int],
+        factors: Sequence[float] = (),
+        offsets: Sequence[float] = (),
+    ) -> None:
+        self._references = np.array(references, dtype=np.uint32)
+        self._values = np.zeros(len(references))
+        self._signals: Indices = np.array(signals, dtype=np.intp)
+        self._factors, self._offsets = np.array(factors), np.array(offsets)
+        self._arguments = (self._references.ctypes.data, len(references), self._values.ctypes.data)
+        self._member = member
+
+    def read(self, signals: Vector) -> None:
+        """Read outputs of the FMU into the signals."""
+        self._member.get_reals(*self._arguments)
+        signals[self._signals] = self._values
+
+    def write(self, signals: Vector) -> None:
+        """Pass signals to inputs of the FMU."""
+        signals.take(self._signals, out=self._values, mode="clip")
+        self._values *= self._factors
+        self._values += self._offsets
+        self._member.set_reals(*self._arguments)
+
+
+@dataclass
+class _Stage:
+    """Signals that depend on those of earlier stages only, or on each other in a loop without delay.
+
+    Attributes:
+        reads: Read the signals from the FMUs.
+        writes: Pass them to the inputs that they drive.
+        loop: Positions of the signals if they depend on each other, otherwise empty.
+    """
+
+    reads: list[_Transfer]
+    writes: list[_Transfer]
+    loop: Indices
+
+
+class IntegratedGroup(IntegratedInstance):
+    """Connected FMUs that run as Model Exchange, with one integrator.
+
+    Its inputs are those that other components drive, its outputs all those of its members. Connections inside
+    have their values at each evaluation of the derivatives; loops without delay are solved there. All members
+    take part in each event.
+    """
+
+    def __init__(self, members: Sequence[ModelExchangeInstance], inside: Sequence[Link]) -> None:
+        """Connect instances that have not been initialized yet.
+
+        Args:
+            members: The instances.
+            inside: Links between them, with their positions among the members.
+        """
+        super().__init__("+".join(m.name for m in members), members)
+        driven = {(x.target, x.input) for x in inside}
+        self.free = [
+            (i, k) for i, m in enumerate(members) for k in range(len(m.inputs)) if (i, k) not in driven
+        ]
+        """The member and the position in its inputs, by input of the group."""
+        self.inputs = np.array([members[i].inputs[k] for i, k in self.free])
+        self.continuous_inputs = np.array([members[i].continuous_inputs[k] for i, k in self.free], dtype=bool)
+        self.outputs = np.zeros(sum(len(m.outputs) for m in members))
+        self.nominals = np.concatenate([m.nominals for m in members])
+        self.continuous_outputs = np.concatenate([m.continuous_outputs for m in members])
+        self.differentiates = False
+        surroundings = _Surroundings(np.ones(len(self.free)), self.continuous_inputs)
+        outside = [Link(0, n, i + 1, k, direct=True) for n, (i, k) in enumerate(self.free)]
+        links = [replace(x, source=x.source + 1, target=x.target + 1) for x in inside]
+        names = [f"{members[i].name}.{members[i].read[k].name}" for i, k in self.free]
+        names += [f"{m.name}.{v.name}" for m in members for v in m.written]
+        self._network = Network([surroundings, *members], [*outside, *links], names)
+        self._scale = Scale(self._network)
+        self._external = self._writes([x for x in outside if self._is_continuous(x)])
+        self._is_continuous_input = np.concatenate([m.continuous_inputs for m in members])
+        self._continuous_links = [x for x in links if self._is_continuous(x)]
+        self._stages = self._plan()
+        self._begin(float("nan"))
+
+    def bind(self, inputs: Vector, outputs: Vector) -> None:
+        """Use this memory for inputs and outputs."""
+        FmuInstance.bind(self, inputs, outputs)
+
+    def find_direct_outputs(self, through: Collection[int], member: int) -> set[int]:
+        """Return the outputs of the group that depend on an input without delay.
+
+        Args:
+            through: The outputs of the input's own member that do, by position.
+            member: Position of this member.
+        """
+        first = self._network.parts[0].stop
+        found = {int(self._network.parts[member + 1].start) + k for k in through}
+        waiting = list(found)
+        while waiting:
+            for following in self._followers.get(waiting.pop(), ()):
+                if following not in found:
+                    found.add(following)
+                    waiting.append(following)
+        return {signal - first for signal in found}
+
+    def position(self, member: int, output: int) -> int:
+        """Return the position of an output of a member among the outputs of the group."""
+        return int(self._network.parts[member + 1].start - self._network.parts[0].stop) + output
+
+    def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
+        """Enter initialization mode; times in s, None without a fixed stop time."""
+        super().enter_initialization(start_time, stop_time)
+        self._network.signals[:] = 0.0
+        self.inputs[:] = [self.members[i].inputs[k] for i, k in self.free]
+        for i in range(len(self._network.instances)):
+            self._network.assume_inputs(i)
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode, and handle its events."""
+        self._network.signals[: len(self.inputs)] = self.inputs
+        for i in range(len(self._network.instances)):
+            self._network.pass_inputs(i)
+        super().exit_initialization()
+
+    def get_outputs(self) -> None:
+        """Read the outputs into `outputs`."""
+        if not self._is_integrating:
+            settle_initial_values(self._network, self._scale)
+        for member in self.members:
+            member.get_outputs()
+        self.outputs[:] = self._network.signals[len(self.inputs) :]
+
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """Return None: the derivative through several FMUs is not known."""
+
+    def _set_all_inputs(self) -> None:
+        self._network.signals[: len(self.inputs)] = self.inputs
+        if not self._is_integrating:
+            return  # `get_outputs` passes them in the order in which initial values depend on each other
+        for i in range(len(self._network.instances)):
+            self._network.pass_inputs(i)
+
+    def _set_continuous_inputs(self) -> None:
+        self._network.signals[: len(self.inputs)] = self.inputs
+        for transfer in self._external:
+            transfer.write(self._network.signals)
+        self._connect()
+
+    def _set_moving_inputs(self, values: Vector) -> None:
+        self._network.signals[: len(self.inputs)][self.continuous_inputs] = values
+        for transfer in self._external:
+            transfer.write(self._network.signals)
+
+    def _kept(self) -> list[Vector]:
+        return [self._passed, self._network.signals, self._network.inputs]
+
+    def _connect(self) -> None:
+        signals = self._network.signals
+        for stage in self._stages:
+            if len(stage.loop):
+                self._solve(stage)
+            else:
+                for transfer in stage.reads:
+                    transfer.read(signals)
+                for transfer in stage.writes:
+                    transfer.write(signals)
+
+    def _solve(self, stage: _Stage) -> None:
+        """Find the signals of a loop without delay."""
+        signals, loop = self._network.signals, stage.loop
+
+        def answer(guess: Vector) -> Vector:
+            signals[loop] = guess
+            for transfer in stage.writes:
+                transfer.write(signals)
+            for transfer in stage.reads:
+                transfer.read(signals)
+            return signals[loop]
+
+        def sizes(values: Vector) -> Vector:
+            return np.abs(values) + self._scale.floor[loop]
+
+        try:  # from the answer to the last values, so that what only seems to be a loop takes two calls
+            signals[loop] = Newton(answer, sizes).solve(answer(signals[loop]))
+        except NoSolutionError as error:
+            names = join_names([self._network.names[i] for i in loop])
+            raise self._integration_error(
+                f"{names} depend on each other without delay, and no solution was found"
+            ) from error
+
+    def _exchange(self) -> Collection[ModelExchangeInstance]:
+        network, before = self._network, self._network.inputs.copy()
+        for _ in range(MOST_ITERATIONS):
+            self._connect()
+            for member in self.members:
+                member.get_outputs()
+            held = network.inputs[~self._is_continuous_input]
+            for i in range(1, len(network.instances)):
+                network.pass_inputs(i)
+            if np.array_equal(held, network.inputs[~self._is_continuous_input]):
+                break
+        else:
+            raise self._integration_error(
+                f"the discrete values between its components do not settle in {MOST_ITERATIONS} iterations"
+            )
+        margin = np.where(self._is_continuous_input, _SAME * (np.abs(network.inputs) + _SAME), 0.0)
+        changed = np.abs(network.inputs - before) > margin
+        return [
+            m for m, part in zip(self.members, network.input_parts[1:], strict=True) if changed[part].any()
+        ]
+
+    def _is_continuous(self, link: Link) -> bool:
+        """Whether a link of the group's network passes continuous values."""
+        source, target = (self._network.instances[i] for i in (link.source, link.target))
+        return bool(source.continuous_outputs[link.output] and target.continuous_inputs[link.input])
+
+    @cached_property
+    def _followers(self) -> dict[int, list[int]]:
+        """Signals that depend on a signal without delay, by signal."""
+        found: dict[int, list[int]] = {}
+        for x in self._continuous_links:
+            first = int(self._network.parts[x.target].start)
+            found.setdefault(self._network.signal(x), []).extend(first + k for k in x.through)
+        return found
+
+    def _plan(self) -> list[_Stage]:
+        """Return the stages in which continuous signals pass between the members."""
+        import networkx  # slow to import, and rarely needed
+
+        read = {self._network.signal(x) for x in self._continuous_links}
+        graph = networkx.DiGraph((s, t) for s in read for t in self._followers[s] if t in read)
+        graph.add_nodes_from(read)
+        condensed = networkx.condensation(graph)
+        stages = []
+        for generation in networkx.topological_generations(condensed):
+            alone: list[int] = []
+            for c in generation:
+                members = sorted(condensed.nodes[c]["members"])
+                if len(members) > 1 or graph.has_edge(members[0], members[0]):
+                    stages.append(self._stage(members, is_loop=True))
+                else:
+                    alone += members
+            if alone:
+                stages.append(self._stage(sorted(alone), is_loop=False))
+        return stages
+
+    def _stage(self, signals: Sequence[int], is_loop: bool) -> _Stage:
+        reads, network = [], self._network
+        for member, part in zip(self.members, network.parts[1:], strict=True):
+            own = [s for s in signals if part.start <= s < part.stop]
+            if own:
+                references = [member.written[s - part.start].valueReference for s in own]
+                reads.append(_Transfer(member, references, own))
+        writes = self._writes([x for x in self._continuous_links if network.signal(x) in signals])
+        return _Stage(reads, writes, np.array(signals if is_loop else [], dtype=np.intp))
+
+    def _writes(self, links: Sequence[Link]) -> list[_Transfer]:
+        found = []
+        for i, member in enumerate(self.members, 1):
+            own = [x for x in links if x.target == i]
+            if own:
+                references = [member.read[x.input].valueReference for x in own]
+                signals = [self._network.signal(x) for x in own]
+                factors, offsets = [x.factor for x in own], [x.offset or -0.0 for x in own]
+                found.append(_Transfer(member, references, signals, factors, offsets))
+        return found
