@@ -1,5 +1,6 @@
 """Integers, Enumerations and Booleans on connections, as systems of other people have them."""
 
+from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.instances.described_instance import _nominal
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
 
@@ -137,6 +139,20 @@ def test_conversions_that_lose_values_are_refused(fmu: Path, wire: tuple[str, st
     message = f"{wire[0]} -> {wire[1]} joins the types {reason}"
     with pytest.raises(CommandError, match=message), Assembly(pair(wire), {"a": fmu, "b": fmu}):
         pass
+
+
+def test_lenient_sets_an_enumeration_by_an_integer(fmu: Path, tmp_path: Path) -> None:
+    lever = build(Lever, tmp_path / "Lever.fmu")
+    system = System((Component("a"), Component("lever")), (Connection("a", "count", "lever", "gear"),))
+    system = system.with_component(replace(system.component("a"), fmu=fmu))
+    system = system.with_component(replace(system.component("lever"), fmu=lever))
+    times = {"stop_time": 0.1, "step_size": 0.05}
+    with pytest.raises(CommandError, match="`--lenient` accepts this"):
+        load(system, **times).prepare()
+    with load(system, **times, lenient=True).prepare() as simulation:
+        result = simulation.run()
+    assert "a.count -> lever.gear" in str(result.record["accepted_faults"])
+    assert result["a.count"].tolist() == result["lever.seen"].tolist() == [0, 1, 2]
 
 
 def test_an_enumeration_without_a_value_of_the_source_is_refused(fmu: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..base.errors import CommandError
-from ..base.faults import convert_documents_units
+from ..base.faults import accept_if_lenient, convert_documents_units
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.interface import Interface
@@ -85,10 +85,13 @@ def _transformation(
     source = _type(system.component(connection.source), interfaces, connection.output, "output")
     target = _type(system.component(connection.target), interfaces, connection.input, "input")
     if (reason := _explain_loss(source, target)) is not None:
-        raise CommandError(
+        message = (
             f"the connection {connection} joins the types {source.kind} and {target.kind}: {reason}. Values "
-            "are converted only if nothing is lost: to Real or Integer."
+            "are converted only if nothing is lost: to Real or Integer"
         )
+        if (source.kind, target.kind) != ("Integer", "Enumeration"):
+            raise CommandError(f"{message}.")
+        accept_if_lenient(str(connection), "an Integer sets an Enumeration by its number", message)
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")

@@ -11,11 +11,13 @@ from ...base.errors import CommandError, join_names
 from ...base.faults import accept_faults
 from ...base.files import read_text
 from ...base.option import FileOrObject
+from ...fmu.interface import read_interface
 from ...ssp.reader.flat_document import SspDocument, read_ssp
 from ...system.model import System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
 from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, find_built_in
+from .default_times import Times, choose_times, read_times
 from .recorded import load_recorded_run
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
@@ -172,14 +174,15 @@ def _load_ssp(
     values = read_options(given)
     with accept_faults(of_file.merged(values).lenient) as faults:
         document = held.stack.enter_context(read_ssp(path))
-    options = Options().updated(_times(document))
+        times, notes = _times(document, of_file.merged(values))
+    options = Options().updated(times)
     options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
     return Scenario(
         name or document.name,
         read.description or document.description,
         document.system,
         options.merged(values),
-        tuple(document.notes),
+        (*document.notes, *notes),
         document.unpacked,
         held,
         origin.updated(values),
@@ -193,14 +196,16 @@ def _package_origin(path: Path) -> RunOrigin:
     return read_origin(path, file.read_bytes() if _is_file(file) else None)
 
 
-def _times(document: SspDocument) -> dict[str, float]:
-    """Return the times in an SSP as options."""
-    times = {
-        "start_time": document.start_time,
-        "stop_time": document.stop_time,
-        "step_size": document.step_size,
-    }
-    return {name: value for name, value in times.items() if value is not None}
+def _times(document: SspDocument, options: Options) -> tuple[dict[str, float], list[str]]:
+    """Return the times of an SSP as options, and remarks on those that it does not have."""
+    times, notes = Times(document.start_time, document.stop_time, document.step_size), list[str]()
+    chosen = ((times.stop, options.stop_time), (times.step, options.step_size))
+    if any(said is None and option is None for said, option in chosen):
+        files = [c.fmu for c in document.system.components if c.fmu is not None]
+        parts = [read_times(read_interface(file)) for file in dict.fromkeys(files)]
+        times, notes = choose_times(times, options, "package", parts)
+    all_times = {"start_time": times.start, "stop_time": times.stop, "step_size": times.step}
+    return {name: value for name, value in all_times.items() if value is not None}, notes
 
 
 class ResourceHolder:

@@ -5,17 +5,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ...fmu.interface import Interface, read_interface
 from ...system.model import Component, System
 from ..options import Options
-
-SPAN = 10.0
-"""Default run time in s of an FMU without a stop time."""
-
-STEPS = 1000
-"""Default number of steps of an FMU without a step size."""
+from .default_times import choose_times, read_times
 
 _LONGEST = 60
 """Most letters of a component's name."""
@@ -59,33 +53,15 @@ def make_component_name(model: str) -> str:
 
 def _times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
     """Return start, stop and step of the default experiment, and remarks on missing ones."""
-    experiment = interface.description.defaultExperiment
-    said = {name: _seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")}
-    notes = list[str]()
-    start = said["startTime"] or 0.0 if options.start_time is None else options.start_time
-    stop, end = options.stop_time, said["stopTime"]
-    if stop is None:
-        stop = end if end is not None and end > start else start + SPAN
-        if stop != end:
-            notes.append(f"the FMU has no stop time; without --stop-time it runs for {SPAN:g} s")
-    step = said["stepSize"]
-    if options.step_size is not None:
-        step = options.step_size
-    elif step is None or not 0.0 < step <= stop - start:
-        step = (stop - start) / STEPS
-        notes.append(f"the FMU has no step size; without --step-size it is {step:g} s")
-    elif options.start_time is None and options.stop_time is None and not _whole(stop - start, step):
+    said = read_times(interface)
+    times, notes = choose_times(said, options, "FMU")
+    start, stop, step = times.start or 0.0, times.stop or 0.0, times.step or 0.0
+    chosen = (options.start_time, options.stop_time, options.step_size)
+    if chosen == (None, None, None) and step == said.step and not _whole(stop - start, step):
         fitting = (stop - start) / math.ceil((stop - start) / step)
         notes.append(f"its steps of {step:g} s do not end at {stop:g} s; the run uses steps of {fitting:g} s")
         step = fitting
     return {"start_time": start, "stop_time": stop, "step_size": step}, notes
-
-
-def _seconds(experiment: Any, name: str) -> float | None:
-    """Return a time of a default experiment, or None if it is missing or no number."""
-    text = getattr(experiment, name, None)
-    seconds = math.nan if text is None else float(text)
-    return seconds if math.isfinite(seconds) else None
 
 
 def _whole(span: float, step: float) -> bool:
