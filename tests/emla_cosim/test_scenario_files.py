@@ -106,6 +106,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "follow_models": ("follow_models = true", "follow_models", True),
     "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),
     "fmi_tolerance": ("fmi_tolerance = 1e-5", "fmi_tolerance", 1e-5),
+    "integrate_together": ("integrate_together = false", "integrate_together", False),
     "integrator": ('integrator = "adams"', "integrator", "adams"),
     "integrator_step": ("integrator_step = 1e-3", "integrator_step_s", 1e-3),
     "kind": ('[kind]\n"lift.plant" = "cs"', "kind", {"lift.plant": "cs"}),
