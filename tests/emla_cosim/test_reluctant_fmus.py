@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import emla_cosim as ec
-from emla_cosim.base.errors import CommandError
+from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.cli.app import app
 from emla_cosim.sweeps.summary import status_line
@@ -150,6 +150,22 @@ def test_a_tolerance_that_is_none_is_left_out(declared: str, tmp_path: Path) -> 
     result = ec.load(str(fmu), **_options({})).prepare().run()
     assert result.record["components"]["Reluctant"]["tolerance"] is None
     assert set(result["Reluctant.tolerance"].tolist()) == {0.0}
+
+
+@pytest.mark.parametrize("isolate", [False, True])
+def test_a_rejected_value_is_named_although_all_later_ones_are_rejected_too(
+    reluctant: Path, isolate: bool
+) -> None:
+    with ec.load(str(reluctant), **_options({**VALUES, "share": 1e250}, isolate=isolate)).prepare() as run:
+        with pytest.raises(RunError, match=r"setting share = 1e\+250 with fmi2Error"):
+            run.run()
+        assert _not_taken(run.run(set={"Reluctant.share": 0.25})) == {}
+
+
+def test_an_fmu_is_not_called_after_a_fatal_answer(reluctant: Path) -> None:
+    chosen = _options({**VALUES, "guess": 1e250}, isolate=True)  # an abort would end the test, too
+    with ec.load(str(reluctant), **chosen).prepare() as run, pytest.raises(RunError, match="with fmi2Fatal"):
+        run.run()
 
 
 def test_a_sweep_says_which_variants_lost_a_value(reluctant: Path, tmp_path: Path) -> None:

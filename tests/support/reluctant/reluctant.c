@@ -2,7 +2,9 @@
  *
  * As FMUs of 20-sim do, it sets all variables back in fmi2SetupExperiment, and does not in fmi2Reset. If
  * `stubborn` is true it does not take other start values at all. It limits `share`, and keeps `angle`
- * in degrees. From the time `slow_from` on each step takes `pause` seconds.
+ * in degrees. From the time `slow_from` on each step takes `pause` seconds. It rejects a huge `gain` or
+ * `share` with fmi2Error, and all further values, too. After a huge `guess` it answers reading with
+ * fmi2Fatal, and aborts if it is called again.
  */
 #define _POSIX_C_SOURCE 199309L
 #include <math.h>
@@ -14,16 +16,18 @@
 
 enum { U, GAIN, SHARE, ANGLE, SLOW_FROM, PAUSE, X, GUESS, TOLERANCE, REALS };
 #define DEGREE (3.14159265358979323846 / 180.0)
+#define HUGE_VALUE 1e200
 
 typedef struct {
     double reals[REALS];
     int integers[2];
     int stubborn;
+    int failed;
     char label[64];
 } Instance;
 
 static void set_back(Instance *instance) {
-    const Instance first = {{1.0, 1.0, 0.5, 0.0, 1e300}, {1, 1}, 0, "none"};
+    const Instance first = {{1.0, 1.0, 0.5, 0.0, 1e300}, {1, 1}, 0, 0, "none"};
     *instance = first;
 }
 
@@ -61,6 +65,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
         instance->stubborn = 1, reals[TOLERANCE] = tolerance;
     }
     reals[SHARE] = fmin(fmax(reals[SHARE], 0.0), 1.0);
+    instance->failed = reals[GUESS] > HUGE_VALUE;
     reals[GUESS] = 42.0;
     return fmi2OK;
 }
@@ -69,7 +74,9 @@ fmi2Status fmi2Terminate(fmi2Component c) { return fmi2OK; }
 fmi2Status fmi2Reset(fmi2Component c) { return fmi2OK; }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
-    const Instance *instance = c;
+    Instance *instance = c;
+    if (instance->failed && instance->failed++ > 1) abort();
+    if (instance->failed) return fmi2Fatal;
     for (size_t i = 0; i < n; i++)
         value[i] = vr[i] == ANGLE ? instance->reals[ANGLE] * DEGREE : instance->reals[vr[i]];
     return fmi2OK;
@@ -77,6 +84,8 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
     Instance *instance = c;
+    for (size_t i = 0; i < n; i++) instance->failed |= (vr[i] == GAIN || vr[i] == SHARE) && value[i] > HUGE_VALUE;
+    if (instance->failed) return fmi2Error;
     for (size_t i = 0; i < n; i++) instance->reals[vr[i]] = vr[i] == ANGLE ? value[i] / DEGREE : value[i];
     return fmi2OK;
 }

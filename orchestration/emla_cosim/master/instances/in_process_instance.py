@@ -131,13 +131,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._start_values.update(values)
 
     def _set_start_values(self) -> None:
-        """Set start values; InstanceError if the FMU rejects one."""
-        status = self._start_values.set_numbers(self._component)
-        if status == FATAL:
-            raise self.error("setting start values", status)
-        for variable, value in self._start_values.all:  # each number alone only to tell which one is rejected
-            if variable.type == "String" or status not in FINE:
-                self.set_value(variable, value)
+        """Set each value alone: after an error, no further call could tell which one the FMU rejected."""
+        for variable, value in self._start_values.all:
+            self.set_value(variable, value)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -189,7 +185,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Leave initialization mode, and note which start values the FMU did not take."""
         super().exit_initialization()
         self._stepping = True
-        self.lost_values = self._start_values.find_lost(self._component, self._read_back)
+        status, present = self._start_values.read_numbers(self._component)
+        if status == FATAL:
+            raise self.error("reading start values", status)
+        told = present if status in FINE else None
+        self.lost_values = self._start_values.find_lost(told, self._read_back)
 
     def _read_back(self, variable: ModelVariable) -> Any:
         """Return the value of a variable; None if the FMU does not tell it, InstanceError after fmi2Fatal."""
