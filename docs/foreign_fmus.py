@@ -1,11 +1,15 @@
 """Run other people's FMUs in FMPy and in this master, compare the results, and write tables.
 
-    python docs/foreign_fmus.py FOLDER OUTPUT [--limit SECONDS] [--jobs N] [--only TEXT]
+    python docs/foreign_fmus.py FOLDER OUTPUT [--limit SECONDS] [--jobs N] [--only TEXT] [--kind ME]
     python -m docs.paste docs/tools.md foreign OUTPUT
 
-FOLDER is searched for FMUs; copies of one file count once. OUTPUT gets `fmus.csv`, a row for each FMU, and
-`comparison.md`, the summary by tool. Every run has its own process and folder, because FMUs are foreign
-programs. Start, stop and step are those of the FMU's default experiment, up to 1000 steps.
+FOLDER is searched for FMUs; copies of one file count once. OUTPUT gets `fmus.csv`, a row for each FMU and
+kind (co-simulation, Model Exchange), and `comparison.md`, the summary by tool. Every run has its own process
+and folder, because FMUs are foreign programs. Start, stop and step are those of the FMU's default experiment,
+up to 1000 steps. An FMU without a step size gets a power of two, and a decimal one if FMPy fails with it.
+
+Co-simulation has to agree with FMPy to 1e-9 of each signal's range. Model Exchange runs at two tolerances,
+and each has to agree within ten times the tolerance with FMPy at its tightest tolerance.
 """
 
 import argparse
@@ -23,7 +27,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -32,27 +36,23 @@ import fmpy
 import numpy as np
 
 MOST_STEPS = 1000
-MOST_LOCALS = 20
-"""Number of local variables to compare of an FMU without outputs."""
 AGREES = 1e-9
 """Largest difference relative to a signal's range that counts as agreement."""
-TOLERANCES = 1e-4, 1e-7
-"""Tolerances of the integrator for Model Exchange."""
-FINER = 1e-3
-"""FMPy's tolerance for Model Exchange divided by the master's: the difference is then the master's error."""
-MOST_TOLERANCES = 10.0
-"""Largest difference for Model Exchange that counts as agreement, in tolerances."""
 
+TOLERANCES = (1e-4, 1e-7)
+"""Tolerances of Model Exchange."""
+
+TIGHTEST = 1e-10
+"""Tolerance of FMPy, with which Model Exchange is compared."""
+
+KINDS = {"CS": "CoSimulation", "ME": "ModelExchange"}
 RUNS = "yes"
 HERE = Path(__file__).resolve()
 
 
 @dataclass
 class Row:
-    """One FMU: where it comes from, what ran it, and the largest difference relative to a signal's range.
-
-    FMUs for Model Exchange alone have a second difference, at the coarser one of the `TOLERANCES`.
-    """
+    """One kind of an FMU: its origin, what ran it, the largest difference relative to a signal's range."""
 
     fmu: str
     tool: str = ""
@@ -63,26 +63,13 @@ class Row:
     fmpy_unchecked: str = ""
     emla: str = ""
     emla_lenient: str = ""
+    step: float = 0.0
     signals: int = 0
     difference: float | None = None
-    coarse_difference: float | None = None
+    by_tolerance: str = ""
+    agrees: bool | None = None
     worst: str = ""
     reason: str = ""
-
-    @property
-    def compared(self) -> bool:
-        """Whether both tools ran the FMU."""
-        return RUNS in (self.fmpy, self.fmpy_unchecked) and RUNS in (self.emla, self.emla_lenient)
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the results agree; for Model Exchange within some tolerances, at two of them."""
-        if self.difference is None:
-            return False
-        if self.coarse_difference is None:
-            return self.difference <= AGREES
-        pairs = zip((self.coarse_difference, self.difference), TOLERANCES, strict=True)
-        return all(difference <= MOST_TOLERANCES * tolerance for difference, tolerance in pairs)
 
 
 def main() -> None:
@@ -93,12 +80,15 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=120.0, help="time for one run in s")
     parser.add_argument("--jobs", type=int, default=2, help="runs at the same time")
     parser.add_argument("--only", default="", help="only FMUs whose path contains this text")
+    parser.add_argument("--kind", choices=[*KINDS], help="only this kind")
     arguments = parser.parse_args()
     files = [(path, name) for path, name in find_fmus(arguments.folder) if arguments.only in name]
     arguments.output.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        rows = list(pool.map(lambda file: examine(*file, arguments.limit), files))
-    write_rows(rows, arguments.output / "fmus.csv")
+        rows = list[Row]()
+        for of_file in pool.map(lambda file: examine(*file, arguments.limit, arguments.kind), files):
+            rows += of_file
+            write_rows(rows, arguments.output / "fmus.csv")  # a stopped script keeps what it has
     (arguments.output / "comparison.md").write_text(summarize(rows), encoding="utf-8", newline="\n")
     print(summarize(rows))
 
@@ -113,8 +103,8 @@ def find_fmus(folder: Path) -> Iterator[tuple[Path, str]]:
             yield path, str(path.relative_to(folder))
 
 
-def examine(path: Path, name: str, limit: float) -> Row:
-    """Run an FMU in both tools and return its row."""
+def examine(path: Path, name: str, limit: float, only: str | None = None) -> list[Row]:
+    """Run an FMU in both tools; return a row for each of its kinds."""
     row = Row(name)
     try:
         with zipfile.ZipFile(path) as archive:
@@ -122,60 +112,73 @@ def examine(path: Path, name: str, limit: float) -> Row:
         description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:
         row.reason = f"not an FMU that FMPy can read: {one_line(error)}"
-        return row
+        return [row]
     row.tool, row.version = tool_name(description.generationTool), str(description.fmiVersion)
-    kinds = {"CS": description.coSimulation, "ME": description.modelExchange}
-    row.kind = "+".join(kind for kind, means in kinds.items() if means is not None)
     folders = [n.split("/")[1] for n in names if re.match(r"binaries/[^/]+/.", n)]
     sources = ["sources"] if any(re.match(r"sources/.+\.c", n) for n in names) else []
     row.platforms = " ".join([*dict.fromkeys(folders), *sources])
-    variables = {"variables": variables_of(description)}
-    for binary in (True, False):  # some FMUs accept only decimal step sizes
-        settings = {**times_of(description, binary), **variables}
-        if row.kind == "ME":
-            run_both(row, path, {**settings, **tolerances(TOLERANCES[0])}, limit)
-            row.coarse_difference = row.difference
-            settings |= tolerances(TOLERANCES[1])
-        run_both(row, path, settings, limit)
-        if row.compared:
-            break
+    kinds = {"CS": description.coSimulation, "ME": description.modelExchange}
+    return [
+        examine_kind(replace(row, kind=kind), path, description, limit)
+        for kind, means in kinds.items()
+        if means is not None and only in (None, kind)
+    ]
+
+
+def examine_kind(row: Row, path: Path, description: Any, limit: float) -> Row:
+    """Run one kind of an FMU in both tools, and fill its row."""
+    settings = {"fmi_type": KINDS[row.kind], "signals": signals_of(description)}
+    theirs_at = {"tolerance": TIGHTEST} if row.kind == "ME" else {}
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Path(scratch)
+        for times in dict.fromkeys(times_of(description, decimal) for decimal in (False, True)):
+            settings |= dict(zip(("start_time", "stop_time", "step_size"), times, strict=True))
+            row.step, row.fmpy_unchecked = settings["step_size"], ""
+            asked = {**settings, **theirs_at}
+            row.fmpy, theirs = run_apart("fmpy", path, {**asked, "validate": True}, work, limit)
+            if row.fmpy != RUNS:
+                row.fmpy_unchecked, theirs = run_apart(
+                    "fmpy", path, {**asked, "validate": False}, work, limit
+                )
+            if theirs is not None:
+                break
+        loosest = {"tolerance": TOLERANCES[0]} if row.kind == "ME" else {}
+        row.emla, ours = run_apart("emla", path, {**settings, **loosest}, work, limit)
+        lenient = {"lenient": True} if row.emla != RUNS else {}
+        if lenient:
+            row.emla_lenient, ours = run_apart("emla", path, {**settings, **loosest, **lenient}, work, limit)
+        if theirs is not None and ours is not None:
+            row.signals, row.difference, row.worst = compare(theirs, ours)
+            row.agrees = None if row.difference is None else row.difference <= AGREES
+            if row.kind == "ME" and row.difference is not None:
+                found = {TOLERANCES[0]: row.difference}
+                for tolerance in TOLERANCES[1:]:
+                    asked = {**settings, **lenient, "tolerance": tolerance}
+                    ours = run_apart("emla", path, asked, work, limit)[1]
+                    found[tolerance] = math.inf if ours is None else compare(theirs, ours)[1] or 0.0
+                row.by_tolerance = " ".join(f"{t:g}: {d:.1e}" for t, d in found.items())
+                row.agrees = all(d <= 10.0 * t for t, d in found.items())
     row.reason = reason_of(row)
-    print(f"{name}: {row.fmpy[:60]} | {row.emla[:90]} | {row.difference}", file=sys.stderr, flush=True)
+    print(
+        f"{row.fmu} {row.kind}: {row.fmpy[:60]} | {row.emla[:90]} | {row.difference} {row.by_tolerance}",
+        file=sys.stderr,
+        flush=True,
+    )
     return row
 
 
-def run_both(row: Row, path: Path, settings: Mapping[str, Any], limit: float) -> None:
-    """Run an FMU in both tools, and without their checks where these refuse it; compare the signals."""
-    with tempfile.TemporaryDirectory() as scratch:
-        work = Path(scratch)
-        row.fmpy, theirs = run_apart("fmpy", path, {**settings, "validate": True}, work, limit)
-        if row.fmpy != RUNS:
-            row.fmpy_unchecked, theirs = run_apart("fmpy", path, {**settings, "validate": False}, work, limit)
-        row.emla, ours = run_apart("emla", path, settings, work, limit)
-        if row.emla != RUNS:
-            row.emla_lenient, ours = run_apart("emla", path, {**settings, "lenient": True}, work, limit)
-        if theirs is not None and ours is not None:
-            row.signals, row.difference, row.worst = compare(theirs, ours)
+def signals_of(description: Any) -> list[str] | None:
+    """Return the signals to compare: None for all outputs, or numeric locals if there are no outputs."""
+    numeric = [v for v in description.modelVariables if v.type in ("Real", "Integer", "Boolean")]
+    if any(v.causality == "output" for v in numeric):
+        return None
+    moving = ("continuous", "discrete")
+    names = [v.name for v in numeric if v.causality == "local" and v.variability in moving]
+    return names[:200] or None
 
 
-def tolerances(tolerance: float) -> dict[str, float]:
-    """Return the tolerances of the integrators in both tools."""
-    return {"tolerance": tolerance, "finer_tolerance": FINER * tolerance}
-
-
-def variables_of(description: Any) -> list[str]:
-    """Return the outputs that are numbers; without any, some local variables."""
-    numbers = [v for v in description.modelVariables if v.type != "String"]
-    outputs = [v.name for v in numbers if v.causality == "output"]
-    return outputs or [v.name for v in numbers if v.causality == "local"][:MOST_LOCALS]
-
-
-def times_of(description: Any, binary: bool) -> dict[str, float]:
-    """Return start, stop and step of the default experiment, limited to the largest number of steps.
-
-    Without a step size there, choose a power of two or (not `binary`) of ten. Sums and multiples of powers of
-    two are exact, so that both tools pass the same times.
-    """
+def times_of(description: Any, decimal: bool) -> tuple[float, float, float]:
+    """Return start, stop and step of the default experiment, limited to the largest number of steps."""
     experiment = description.defaultExperiment
     said = {n: getattr(experiment, n, None) for n in ("startTime", "stopTime", "stepSize")}
     start = float(said["startTime"] or 0.0)
@@ -183,10 +186,12 @@ def times_of(description: Any, binary: bool) -> dict[str, float]:
     stop = stop if stop > start else start + 1.0
     step = float(said["stepSize"] or 0.0)
     if not 0.0 < step <= stop - start:
-        base = 2.0 if binary else 10.0
-        step = base ** math.floor(math.log((stop - start) / 500, base))
+        if decimal:
+            step = float(f"1e{math.floor(math.log10((stop - start) / 500))}")
+        else:  # sums and multiples of powers of two are exact, so that both tools pass the same times
+            step = 2.0 ** math.floor(math.log2((stop - start) / 500))
     steps = min(MOST_STEPS, max(1, math.floor((stop - start) / step + 1e-9)))
-    return {"start_time": start, "stop_time": float(f"{start + steps * step:.12g}"), "step_size": step}
+    return start, float(f"{start + steps * step:.12g}"), step
 
 
 def run_apart(
@@ -224,14 +229,10 @@ def compare(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> tuple[int, fl
     """Return the number of common signals, the largest difference relative to the range, and its signal."""
     worst, which = 0.0, ""
     common = [n for n in theirs if n in ours and n != "time"]
-    if len(theirs["time"]) != len(ours["time"]):
-        # one of them ended early: compare what both have
-        rows = min(len(theirs["time"]), len(ours["time"]))
-        which = f"{len(theirs['time'])} rows in FMPy, {len(ours['time'])} here"
-    else:
-        rows = len(theirs["time"])
+    if len(theirs["time"]) != len(ours["time"]):  # one of them ended early
+        return len(common), math.inf, f"{len(theirs['time'])} rows in FMPy, {len(ours['time'])} here"
     for name in common:
-        a, b = np.asarray(theirs[name][:rows], float), np.asarray(ours[name][:rows], float)
+        a, b = np.asarray(theirs[name], float), np.asarray(ours[name], float)
         same = (a == b) | (np.isnan(a) & np.isnan(b))
         if same.all():
             continue
@@ -241,17 +242,17 @@ def compare(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> tuple[int, fl
         size = size or 1.0
         apart = float(np.max(np.where(same, 0.0, np.nan_to_num(np.abs(a - b), nan=np.inf))) / size)
         if apart > worst:
-            worst, which = apart, f"{name} {which}".strip()
+            worst, which = apart, name
     return len(common), worst if common else None, which
 
 
 def reason_of(row: Row) -> str:
     """Return why an FMU does not run here, or where it differs."""
-    if RUNS in (row.emla, row.emla_lenient):
-        if row.difference is not None and not row.agrees:
-            return f"differs in {row.worst}"
-        return ""
-    return row.emla_lenient or row.emla
+    if RUNS not in (row.emla, row.emla_lenient):
+        return row.emla_lenient or row.emla
+    if row.agrees is False:
+        return f"differs in {row.worst} by {row.by_tolerance or f'{row.difference:.1e}'}"
+    return ""
 
 
 def tool_name(text: str | None) -> str:
@@ -265,31 +266,62 @@ def tool_name(text: str | None) -> str:
 
 
 def summarize(rows: Sequence[Row]) -> str:
-    """Return a table with a line for each tool, and a list of the reasons."""
+    """Return a table with a line for each tool and kind, and the FMUs that only FMPy runs, or that differ."""
+    files = {row.fmu for row in rows}
     lines = [
         f"Made on {datetime.now(UTC):%Y-%m-%d} with FMPy {fmpy.__version__} on {fmpy.platform}: "
-        f"{len(rows)} different FMUs.",
+        f"{len(files)} different FMUs. An FMU with both kinds counts in two lines.",
         "",
-        "| Made by | FMUs | Run in FMPy | Run here | With `--lenient` | Agree | Model Exchange |",
-        "|---|---|---|---|---|---|---|",
+        "| Made by | Kind | FMUs | Run in FMPy | with `validate=False` | Run here "
+        "| with `--lenient` | Agree |",
+        "|---|---|---|---|---|---|---|---|",
     ]
-    tools = Counter(row.tool or "unreadable" for row in rows)
-    for tool, count in sorted(tools.items(), key=lambda item: (-item[1], item[0])):
-        lines.append(_line(tool, count, [r for r in rows if (r.tool or "unreadable") == tool]))
-    lines.append(_line("all", len(rows), rows))
+    groups = Counter((row.tool or "unreadable", row.kind) for row in rows)
+    for kind in ("CS", "ME", ""):
+        of_kind = {tool: n for (tool, k), n in groups.items() if k == kind}
+        for tool in sorted(of_kind, key=lambda tool: (-of_kind[tool], tool)):
+            lines.append(
+                _line(tool, kind, [r for r in rows if (r.tool or "unreadable", r.kind) == (tool, kind)])
+            )
+        if of_kind and kind:
+            lines.append(_line("all", kind, [r for r in rows if r.kind == kind]))
+    open_ones = [r for r in rows if _runs_in_fmpy(r) and (r.agrees is False or not _runs_here(r))]
+    if open_ones:
+        lines += [
+            "",
+            "FMPy runs these, and they do not run or agree here:",
+            "",
+            "| FMU | Kind | Reason |",
+            "|---|---|---|",
+        ]
+        lines += [f"| `{Path(r.fmu).name}` ({r.tool}) | {r.kind} | {_cell(r)} |" for r in open_ones]
     return "\n".join(lines) + "\n"
 
 
-def _line(tool: str, count: int, rows: Sequence[Row]) -> str:
-    theirs = sum(RUNS in (r.fmpy, r.fmpy_unchecked) for r in rows)
-    lenient = sum(r.emla_lenient == RUNS for r in rows)
-    ours = sum(r.emla == RUNS for r in rows) + lenient
-    exact, integrated = (
-        [r.agrees for r in rows if r.difference is not None and (r.coarse_difference is not None) == me]
-        for me in (False, True)
+def _cell(row: Row) -> str:
+    """Return the reason of a row without the name of the file, for a table."""
+    return re.sub(r"^'[^']*' ", "", row.reason).replace("|", "\\|")
+
+
+def _runs_in_fmpy(row: Row) -> bool:
+    return RUNS in (row.fmpy, row.fmpy_unchecked)
+
+
+def _runs_here(row: Row) -> bool:
+    return RUNS in (row.emla, row.emla_lenient)
+
+
+def _line(tool: str, kind: str, rows: Sequence[Row]) -> str:
+    compared = [r.agrees for r in rows if r.agrees is not None]
+    counts = (
+        len(rows),
+        sum(map(_runs_in_fmpy, rows)),
+        sum(r.fmpy_unchecked == RUNS for r in rows),
+        sum(map(_runs_here, rows)),
+        sum(r.emla_lenient == RUNS for r in rows),
+        f"{sum(compared)} of {len(compared)}",
     )
-    agree = [f"{sum(found)} of {len(found)}" for found in (exact, integrated)]
-    return f"| {tool} | {count} | {theirs} | {ours} | {lenient} | {agree[0]} | {agree[1]} |"
+    return f"| {tool} | {kind} | {' | '.join(map(str, counts))} |"
 
 
 def write_rows(rows: Sequence[Row], path: Path) -> None:

@@ -21,8 +21,9 @@ def run_fmpy(asked: Mapping[str, Any]) -> dict[str, Any]:
         step_size=asked["step_size"],
         remote_platform=None,
         record_events=False,
-        output=asked["variables"],
-        relative_tolerance=asked.get("finer_tolerance"),
+        fmi_type=asked["fmi_type"],
+        relative_tolerance=asked.get("tolerance"),
+        output=asked["signals"],
     )
     return {n: result[n] for n in result.dtype.names or () if result[n].dtype.kind in "fiub"}
 
@@ -31,15 +32,14 @@ def run_emla(asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the signals of a run in this master by the names of the FMU's variables."""
     import emla_cosim as ec
 
-    names = ("start_time", "stop_time", "step_size", *(["lenient"] if "lenient" in asked else []))
-    options = {n: asked[n] for n in names}
+    options = {n: asked[n] for n in ("start_time", "stop_time", "step_size", "lenient") if n in asked}
+    options["kind"] = {"*": "me" if asked["fmi_type"] == "ModelExchange" else "cs"}
     if "tolerance" in asked:
         options["fmi_tolerance"] = asked["tolerance"]
-    wanted = [f"*.{name}" for name in asked["variables"]]
-    loaded = ec.load(asked["fmu"], output_interval=asked["step_size"], signals=wanted, **options)
-    with loaded.prepare() as simulation:
+    with ec.load(asked["fmu"], output_interval=asked["step_size"], **options).prepare() as simulation:
         component = simulation.system.components[0].name
-        result = simulation.run()
+        more = {"signals": [f"{component}.{n}" for n in asked["signals"]]} if asked["signals"] else {}
+        result = simulation.run(**more)
     read = result.read(["time", *result.names])
     kept = {n.removeprefix(f"{component}."): values for n, values in read.items()}
     return {n: v for n, v in kept.items() if np.asarray(v).dtype.kind in "fiub"}

@@ -229,6 +229,8 @@ def test_the_only_fmu_needs_no_name(fmu: Path) -> None:
             CommandError, match=r"no signal matches .AllTypes\.hal.; did you mean AllTypes\.half"
         ):
             simulation.run(signals=["hal"])
+        with pytest.raises(CommandError, match=r"no signal matches .AllTypes\.hal."):
+            simulation.run(signals=["AllTypes.hal"])
 
 
 def test_metrics_and_signals_of_a_sweep_name_locals(fmu: Path, tmp_path: Path) -> None:

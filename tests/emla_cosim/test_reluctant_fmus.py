@@ -183,3 +183,17 @@ def test_a_sweep_says_which_variants_lost_a_value(reluctant: Path, tmp_path: Pat
         None,
     ]
     assert "In 1 of them, FMUs did not take start values" in status_line(result).plain
+
+
+def test_a_sweep_says_it_of_variants_that_failed(reluctant: Path, tmp_path: Path) -> None:
+    result = ec.sweep(
+        str(reluctant),
+        stop_time=1.0,
+        step_size=0.125,
+        require=["run.steps < 8"],
+        vary={"Reluctant.share": [2.0]},
+        output=tmp_path / "out",
+    )
+    (problem,), (status,) = result.variants["problem"].to_list(), result.variants["status"].to_list()
+    assert status == "failed" and "run.steps" in problem
+    assert "did not take 1 start value: share is 1.0 instead of 2.0." in problem

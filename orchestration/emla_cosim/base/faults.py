@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from .errors import CommandError
 from .units import IDENTITY, LinearTransformation, SiUnit, UndefinedUnitError, find_conversion
@@ -94,19 +95,20 @@ def note_fault(where: str, *problems: str) -> None:
         current.add(where, problems)
 
 
-def accept_if_lenient(where: str, problem: str, message: str) -> None:
+def accept_if_lenient(where: str, problem: str, message: str, **fields: Any) -> None:
     """Accept a problem with the option `lenient`.
 
     Args:
         where: The name of the file.
         problem: The problem, without a full stop.
         message: The error message without the option, without a full stop.
+        **fields: The fields of the error.
 
     Raises:
         CommandError: If the option is not set.
     """
     if not is_lenient():
-        raise CommandError(f"{message}. {ADVICE}.")
+        raise CommandError(f"{message}. {ADVICE}.", **fields)
     note_fault(where, problem)
 
 

@@ -71,12 +71,13 @@ def connect(
     """
     position = {name: i for i, name in enumerate(instances)}
     place = {position[n]: (u, i) for u, names_ in enumerate(arranged) for i, n in enumerate(names_)}
+    everyone = list(instances.values())
     joined = {u for u, members in enumerate(arranged) if members in groups}
     inside: dict[int, list[Link]] = {u: [] for u in joined}
     outside = []
     for x in links:
         (u, i), (v, k) = place[x.source], place[x.target]
-        source, target = (list(instances.values())[end] for end in (x.source, x.target))
+        source, target = (everyone[end] for end in (x.source, x.target))
         sampled = source.continuous_outputs[x.output] and not target.continuous_inputs[x.input]
         if u == v and u in joined and not sampled:
             inside[u].append(replace(x, source=i, target=k))

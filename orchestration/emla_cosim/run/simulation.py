@@ -158,7 +158,10 @@ class Simulation:
         further = self.further_names if patterns else []
         if len(self.system.components) == 1:
             own, known = f"{self.system.components[0].name}.", [*self.names, *further]
-            patterns = [p if any(matches_pattern(n, p) for n in known) else own + p for p in patterns]
+            patterns = [
+                p if p.startswith(own) or any(matches_pattern(n, p) for n in known) else own + p
+                for p in patterns
+            ]
         return select_signals(patterns, self.names, further)
 
     def further_units(self) -> dict[str, SiUnit | None]:

@@ -216,9 +216,8 @@ def _record(
     plan = design.plan
     own = format_arguments(plan.options)
     base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
-    units = {f.name: f.unit for f in design.factors} | {
-        name: {**described.further, **described.units}[name] for name in measures.signals
-    }
+    known = {**described.further, **described.units}
+    units = {f.name: f.unit for f in design.factors} | {name: known[name] for name in measures.signals}
     return {
         "identity": dict(identity),
         "name": plan.name,

@@ -193,12 +193,12 @@ def _run(
             result = simulation.run(
                 recorders=recorders, signals=measures.reading(simulation.names), **variant.options
             )
-            remarks = (reason_not_held(result), *describe_lost_values(result.record))
-            problem = " ".join(filter(None, remarks)) or None
+            problem = reason_not_held(result)
         except RunError as error:
             if "result" not in error.fields:
                 raise
             result, status, problem = error.fields["result"], _status(error), str(error)
+        problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
         try:
             figures = measures.of(result)
         except MeasureError as error:

@@ -79,9 +79,11 @@ def _parameter(component: Component, interface: Interface, name: str) -> SsvPara
         return None
     accept_if_lenient(
         f"{component.name}.{name}",
-        f"not all tools read {_PLURALS[variable.type]} from a package, and those run with {start}",
+        f"not all tools read {_PLURALS[variable.type]} from a package, and others run with another value",
         f"{component.name}.{name} = {value} cannot be exported: not all tools read {_PLURALS[variable.type]} "
         "from a package, and those would run with another value. Build the FMU with this start value",
+        component=component.name,
+        variable=variable.name,
     )
     number = variable.type == "Enumeration"  # OMSimulator reads the number, and no tool the name
     return SsvParameter(name, "Integer" if number else "String", typed)
