@@ -172,6 +172,8 @@ def test_end_and_failure_are_reported(fmu: Path) -> None:
         run(fmu, set={"Integrated.end": 3.0})
     with pytest.raises(RunError, match="cannot be integrated at t = "):
         run(fmu, set={"Integrated.fails": 0.5})
+    with pytest.raises(RunError, match=r"newDiscreteStates at t = 0 s with nextEventTime = NaN"):
+        run(fmu, set={"Integrated.end": -1.0})
 
 
 def test_the_kind_is_chosen_and_recorded(fmu: Path) -> None:

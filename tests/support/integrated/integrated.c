@@ -131,11 +131,11 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     if (m->time >= m->next) s[STAIR] += 1, m->next = m->next + 0.1, changed = 1;
     if (s[X] > s[LIMIT]) s[X] = 0, s[RESETS] += 1, changed = 1;
     info->newDiscreteStatesNeeded = changed;
-    info->terminateSimulation = s[STAIR] >= s[END];
+    info->terminateSimulation = s[END] >= 0 && s[STAIR] >= s[END];
     info->nominalsOfContinuousStatesChanged = 0;
     info->valuesOfContinuousStatesChanged = changed;
     info->nextEventTimeDefined = 1;
-    info->nextEventTime = m->next;
+    info->nextEventTime = s[END] < 0 ? NAN : m->next; /* a fault */
     return fmi2OK;
 }
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {

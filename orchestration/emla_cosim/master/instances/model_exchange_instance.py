@@ -83,6 +83,9 @@ class ModelExchangeInstance(InProcessInstance):
         self._check_end("newDiscreteStates", bool(info.terminateSimulation))
         self.has_new_nominals |= bool(info.nominalsOfContinuousStatesChanged)
         self.next_event = info.nextEventTime if info.nextEventTimeDefined else math.inf
+        if math.isnan(self.next_event):  # it would compare as never
+            at = f"newDiscreteStates at t = {self._time:.9g} s"
+            raise InstanceError(self.name, at, "nextEventTime = NaN", self.messages())
         return bool(info.newDiscreteStatesNeeded)
 
     def enter_continuous_time_mode(self) -> None:
