@@ -131,9 +131,13 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._start_values.update(values)
 
     def _set_start_values(self) -> None:
-        """Set each value alone: after an error, no further call could tell which one the FMU rejected."""
-        for variable, value in self._start_values.all:
-            self.set_value(variable, value)
+        """Set start values; InstanceError if the FMU rejects one."""
+        values = self._start_values
+        if (rejected := values.set_numbers(self._component)) is not None:
+            (variable, value), status = rejected
+            raise self._rejection(variable, value, status)
+        for i in values.texts:
+            self.set_value(*values.all[i])
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -145,7 +149,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             place = _REAL(value) if kind == "Real" else _INTEGER(value)
             status = self._functions[f"set{kind}"](self._component, reference, 1, place)
         if status not in FINE:
-            raise self.error(f"setting {variable.name} = {value}", status)
+            raise self._rejection(variable, value, status)
+
+    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> InstanceError:
+        return self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a variable."""

@@ -1,4 +1,4 @@
-"""Start values that an FMU did not take: what was set, compared with what is read after initialization."""
+"""Start values of an instance: set them, and find those that the FMU did not take."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -8,6 +8,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
+from ...fmu.instance import FINE
 from ...fmu.variables import TypedValue
 from .typed_values import TypedValues
 
@@ -32,10 +33,11 @@ class LostValue(NamedTuple):
 class StartValues:
     """The start values of an instance.
 
-    Only inputs, and variables that are `exact`, must keep them. Numbers are read back with one call per type.
+    Only inputs, and variables that are `exact`, must keep them. Numbers are set one by one, because after an
+    error no further call can tell which one was rejected. They are read back with one call per type.
 
     Args:
-        functions: The FMI functions by their short names, such as `getReal`.
+        functions: The FMI functions by their short names, such as `setReal`.
     """
 
     def __init__(self, functions: Mapping[str, Callable[..., int]]) -> None:
@@ -50,10 +52,25 @@ class StartValues:
         if variables == self._variables:  # most runs differ in values alone
             return
         self._variables = variables
+        self.texts = [i for i, v in enumerate(variables) if v.type == "String"]
+        """Positions of the Strings."""
+        self._setters = [
+            (i, TypedValues("set", [v], self._functions).groups[0])
+            for i, v in enumerate(variables)
+            if v.type != "String"
+        ]
         last = {v.name: i for i, v in enumerate(variables) if v.causality == "input" or v.initial == "exact"}
-        self._texts = [i for i in last.values() if variables[i].type == "String"]
+        self._kept_texts = [i for i in last.values() if variables[i].type == "String"]
         self._numbers = [i for i in last.values() if variables[i].type != "String"]
         self._getters = TypedValues("get", [variables[i] for i in self._numbers], self._functions)
+
+    def set_numbers(self, component: Any) -> tuple[TypedValue, int] | None:
+        """Set all values but Strings; return the first one that the FMU rejects, with its status."""
+        for i, setter in self._setters:
+            setter.values[0] = self.all[i][1]
+            if (status := setter.function(component, *setter.arguments)) not in FINE:
+                return self.all[i], status
+        return None
 
     def read_numbers(self, component: Any) -> tuple[int, Vector]:
         """Return the worst status, and the present numbers."""
@@ -67,11 +84,11 @@ class StartValues:
             present: The numbers from `read_numbers`; None if the FMU did not tell all of them.
             read: Returns the present value of one variable; None if the FMU does not tell it.
         """
-        doubtful = [*self._numbers, *self._texts]
+        doubtful = self._numbers
         if present is not None:
             wanted = np.array([self.all[i][1] for i in self._numbers], dtype=np.float64)
-            doubtful = [*(self._numbers[k] for k in np.flatnonzero(wanted != present)), *self._texts]
-        values = [(*self.all[i], read(self.all[i][0])) for i in sorted(doubtful)]
+            doubtful = [self._numbers[k] for k in np.flatnonzero(wanted != present)]
+        values = [(*self.all[i], read(self.all[i][0])) for i in sorted([*doubtful, *self._kept_texts])]
         return [LostValue(str(v.name), *pair) for v, *pair in values if not _is_equal(*pair)]
 
 
