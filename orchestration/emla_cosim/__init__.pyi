@@ -16,6 +16,10 @@ from .inspection.info_parts import ConnectionInfo as ConnectionInfo
 from .inspection.info_parts import FmuInfo as FmuInfo
 from .inspection.info_parts import VariableInfo as VariableInfo
 from .inspection.system_info import Info as Info
+from .linearization.margins import Margins as Margins
+from .linearization.response import FrequencyResponse as FrequencyResponse
+from .linearization.result import LinearizeResult as LinearizeResult
+from .linearization.runner import linearize as linearize
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit
 from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel

@@ -13,7 +13,7 @@ SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 """The groups of options in the help of the command line."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
-BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
+BUILD, PLOT, TRAJECTORY, VERIFY, LINEARIZE = "build", "plot", "trajectory", "verify", "linearize"
 """The commands that take options."""
 
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"

@@ -20,6 +20,7 @@ from ..base.option import (
     EXPORT,
     INFO,
     LEFT_OUT,
+    LINEARIZE,
     LOADING,
     OUTPUT,
     PLOT,
@@ -56,7 +57,7 @@ from ..system.model import Replacement, Value
 
 _Kind = TypeVar("_Kind")
 
-ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
+ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE)
 
 
 def read_threads(text: str) -> int | None:
@@ -127,7 +128,7 @@ class Options:
         metavar="[COMPONENT=]cs|me",
         identity="kind",
         parse=read_kinds,
-        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT),
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE),
         in_sweep=SAME,
     )
     fault: Sequence[Fault] = _prepared(
@@ -146,13 +147,13 @@ class Options:
     controller: str | type | None = _prepared(
         takes=type,
         help="Controller of all joints: a name from `emla list`, your FMU, or your block as FILE.py:BLOCK.",
-        commands=(RUN, EXPORT, SWEEP, INFO),
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE),
         makes="gains",
     )
     gains: str | None = _prepared(
         help="Gain set of controller and observer; `emla list` lists them. Default: the first of the "
         "controller.",
-        commands=(RUN, EXPORT, SWEEP, INFO),
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE),
         makes="gains",
     )
     trajectory: Path | None = _prepared(
@@ -239,6 +240,7 @@ class Options:
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
+        commands=(RUN, SWEEP, COMPARE, LINEARIZE),
         takes=Algorithm,
     )
     step_size_control: str | StepSizeControl | None = _stepping(
@@ -263,7 +265,7 @@ class Options:
         False,
         help="Accept FMUs and packages that violate their standard where other tools accept them. The "
         "violations are listed.",
-        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO),
+        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE),
         stage=LOADING,
         in_sweep=SAME,
     )

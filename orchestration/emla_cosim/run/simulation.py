@@ -447,6 +447,13 @@ class Simulation:
             return self.options.start_time or 0.0
         return self._run.run.stepping.time
 
+    @property
+    def stepping(self) -> Stepping:
+        """What does the steps of the current run; raise CommandError if there is no run."""
+        if self._run is None:
+            raise CommandError("there is no current run; call `start` first.")
+        return self._run.run.stepping
+
     def __getitem__(self, name: str) -> Any:
         """Return the current value of a variable, in its unit.
 

@@ -39,7 +39,20 @@ _SAMPLE = ("disturbance", "observer")
 """Components that compute at communication points, like the controller: the disturbance draws random numbers.
 """
 
+_SENSOR_FAULTS = ("sensor.sigma", "sensor.resolution", "sensor.current.sigma", "sensor.current.resolution")
+
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
+
+
+def ideal_sensors(system: System) -> dict[str, Value]:
+    """Return start values that switch off noise and steps of the sensors in the plants of joints."""
+    own = (EmlaMotor.__name__, EmlaPlant.__name__)
+    return {f"{c.name}.{p}": 0.0 for c in system.components if c.model in own for p in _SENSOR_FAULTS}
+
+
+def position_loop(joint: str) -> str:
+    """Return the connection at which the position loop of a joint is opened: its measured position."""
+    return f"{joint}.plant.x_measured -> {joint}.observer.y"
 
 
 @dataclass(frozen=True)

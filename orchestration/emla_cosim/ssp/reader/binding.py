@@ -22,14 +22,11 @@ from .wiring import Node, Path_, Wiring, node_name
 
 @dataclass(frozen=True)
 class _GivenValue:
-    """A value for a connector or variable; of several, the one with the highest rank applies.
-
-    The rank consists of the height of the system with the binding, and of the position in the file.
-    """
+    """The last value for a connector or variable; `height` is that of the system with its binding."""
 
     parameter: SsvParameter
     entry: MappingEntry | None
-    rank: tuple[int, int]
+    height: int
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,11 @@ class BoundValue:
 def resolve_bindings(
     root: SystemElement, wiring: Wiring
 ) -> tuple[dict[Path_, dict[str, BoundValue]], list[str]]:
-    """Return the start values of each FMU by path and variable, and the unused parameters.
+    """Return the start values of each FMU by path and variable, and notes about unused parameters.
 
-    A variable that is connected to an output gets no value.
+    A variable that is connected to an output gets no value. Of several values, the one from the highest
+    system applies. Among values of one system it is the one at the source of the connections: a variable
+    that is connected to a parameter always has its value, as in OMSimulator.
 
     Raises:
         CommandError: If units do not match.
@@ -60,6 +59,7 @@ def resolve_bindings(
     collected = _CollectedBindings(wiring)
     collected.element(root, ())
     values: dict[Path_, dict[str, BoundValue]] = {path: {} for path in wiring.fmus}
+    overridden: list[str] = []
     for path, fmu in wiring.fmus.items():
         for name in filter(fmu.interface.is_settable, fmu.interface.variables):
             chain = list(wiring.chain((path, name)))
@@ -67,11 +67,21 @@ def resolve_bindings(
                 continue  # connected to an output
             given = [(collected.given[node], node) for node in chain if node in collected.given]
             if given:
-                best, node = max(given, key=lambda g: g[0].rank)
-                own = best.entry if best.rank[0] == -len(path) else None
+                height = max(g.height for g, _ in given)
+                highest = [pair for pair in given if pair[0].height == height]
+                best, node = highest[-1]  # the chain ends at the source
+                overridden += [_override(other, n, node) for other, n in highest[:-1]]
+                own = best.entry if best.height == -len(path) else None
                 value = _value(wiring, best, node, (path, name))
                 values[path][name] = BoundValue(value, best.parameter, own)
-    return values, collected.unused()
+    return values, [f"{name} matches no variable" for name in collected.unused()] + overridden
+
+
+def _override(given: _GivenValue, node: Node, source: Node) -> str:
+    return (
+        f"{node_name(node)} = {given.parameter.value} has no effect: it is connected to {node_name(source)}, "
+        "which has a value too"
+    )
 
 
 class _CollectedBindings:
@@ -82,7 +92,6 @@ class _CollectedBindings:
         self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
-        self._count = 0
 
     def element(self, element: Element, path: Path_) -> None:
         """Add the bindings of an element and its content; outer bindings override inner ones."""
@@ -112,8 +121,7 @@ class _CollectedBindings:
                 node = self._node(element, path, target)
                 if node is not None:
                     matched.add(parameter.name)
-                    self._count += 1
-                    self.given[node] = _GivenValue(parameter, entry, (-len(path), self._count))
+                    self.given[node] = _GivenValue(parameter, entry, -len(path))
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """Return the connector or variable of a hierarchical name, relative to an element."""

@@ -68,7 +68,7 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 def _document(structure: Structure, package: Package) -> SspDocument:
     wired = collect_wiring(structure.system, package.name)
-    values, unused = resolve_bindings(structure.system, wired)
+    values, without_effect = resolve_bindings(structure.system, wired)
     names, samples = _names(wired), set(structure.samples)
     components = (
         replace(_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
@@ -84,7 +84,7 @@ def _document(structure: Structure, package: Package) -> SspDocument:
         stop_time=structure.stop_time,
         step_size=structure.step_size,
         notes=[
-            *(f"the parameter {name} matches no variable" for name in unused),
+            *(f"the parameter {text}" for text in without_effect),
             *_unknown_in_annotation(structure, system, wired.fmus.values()),
         ],
         unpacked=package.unpacked,

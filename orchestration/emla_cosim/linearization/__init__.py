@@ -1,0 +1,1 @@
+"""Frequency responses and stability margins at a time of a run."""

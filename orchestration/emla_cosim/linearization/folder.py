@@ -1,0 +1,29 @@
+"""The output folder of a linearization."""
+
+from ..base.files import report_write_errors
+from ..base.ownership import has_format
+from ..views.folder import Folder
+from ..views.pages.plain import to_plain
+from .pictures import draw_bode, draw_nyquist
+from .result import LinearizeResult
+
+RECORD, TABLE, BODE, NYQUIST = "linearize.json", "responses.csv", "bode.png", "nyquist.png"
+
+
+class LinearizeFolder(Folder):
+    """`linearize.json` with the margins, `responses.csv`, `bode.png` and `nyquist.png`."""
+
+    what = "linearization"
+    files = (RECORD, TABLE)
+    pictures = (BODE, NYQUIST)
+    record_file, is_record = RECORD, has_format("emla-linearization")
+
+    def keep(self, result: LinearizeResult, plots: bool) -> None:
+        """Write all files. Raises RunError."""
+        with report_write_errors(self.path):
+            self.write_json(RECORD, to_plain(result.record))
+            self.write(TABLE, result.table.write_csv().encode())
+            if plots:
+                self.draw(BODE, draw_bode(result))
+            if plots and result.margins:
+                self.draw(NYQUIST, draw_nyquist(result))

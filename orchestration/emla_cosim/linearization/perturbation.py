@@ -1,0 +1,156 @@
+"""Perturb one input of a running system, and return how signals change because of it."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError, RunError
+from ..master.algorithms.operation_table import OperationTableAlgorithm
+from ..master.algorithms.snapshot import Snapshot
+from ..master.instances.described_instance import DescribedInstance
+from ..master.network import Network
+from ..master.stepping.fixed_steps import FixedSteps
+from ..run.simulation import Simulation
+from .places import Place, ResolvedPlace, resolve_place
+
+
+class Perturbation:
+    """Repeats a stretch of a run, with and without a pulse on an input.
+
+    Both repetitions begin from the same state, with the same random numbers, so noise cancels in their
+    difference. The state is restored where all FMUs can do that; otherwise the run is repeated from its
+    start.
+
+    Attributes:
+        at: Time of the operating point in s.
+        count: Number of steps of the stretch.
+        step: Step size in s.
+        rolls_back: Whether the state is restored.
+    """
+
+    def __init__(self, simulation: Simulation, at: float, count: int) -> None:
+        """Run up to the operating point.
+
+        Args:
+            simulation: The prepared system.
+            at: Time of the operating point in s.
+            count: Number of steps of the stretch.
+
+        Raises:
+            CommandError: The steps are not all of one length for all components.
+            RunError: The run fails before the operating point.
+        """
+        self._simulation, self.at, self.count = simulation, at, count
+        self._begin()
+        stepping = simulation.stepping
+        algorithm = stepping.algorithm
+        slow = isinstance(algorithm, OperationTableAlgorithm) and (algorithm.multiples > 1).any()
+        if not isinstance(stepping, FixedSteps) or slow:
+            raise CommandError(
+                "a frequency response needs steps of one length for all components; leave out step-size "
+                "control and step multiples."
+            )
+        self.step = stepping.times.step
+        self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
+        self._snapshot = Snapshot(algorithm) if self.rolls_back else None
+        if self._snapshot is not None:
+            self._snapshot.take()
+        self._moved = False
+        self._undisturbed: dict[ResolvedPlace, Vector] = {}
+
+    def close(self) -> None:
+        """Free the saved state."""
+        if self._snapshot is not None:
+            self._snapshot.close()
+
+    @property
+    def duration(self) -> float:
+        """Length of the stretch in s."""
+        return self.count * self.step
+
+    @property
+    def _network(self) -> Network:
+        return self._simulation.stepping.algorithm.network
+
+    def resolve(self, place: Place) -> ResolvedPlace:
+        """Return the positions of a place; CommandError if it does not exist, or is not Real."""
+        return resolve_place(self._simulation.system, self._network, place)
+
+    def unit(self, place: Place) -> str:
+        """Return the unit of a response: that of the output per unit of the input."""
+        system, units = self._simulation.system, []
+        for name in (place.output, place.input):
+            component, variable = system.split(name)
+            instance = next(s for s in self._network.instances if s.name == component.name)
+            assert isinstance(instance, DescribedInstance)
+            units.append(instance.file.interface.unit(component.alias(variable).variable))
+        return "/".join(
+            "1" if unit is None else f"({unit})" if "/" in str(unit) else str(unit) for unit in units
+        )
+
+    def scale(self, place: ResolvedPlace) -> float:
+        """Return the size of an input: its largest value in the stretch, at least its nominal value."""
+        values = self.undisturbed(replace(place, output=None))
+        instance = self._network.instances[place.instance]
+        assert isinstance(instance, DescribedInstance)
+        nominal = instance.read[place.input].nominal
+        return max(float(np.abs(values).max()), abs(float(nominal or 1.0)))
+
+    def undisturbed(self, place: ResolvedPlace) -> Vector:
+        """Return the signal at a place without a pulse, shape (count,). Raise RunError if a step fails."""
+        if place not in self._undisturbed:
+            self._undisturbed[place] = self._repeat(place, 0.0, 0)
+        return self._undisturbed[place]
+
+    def respond(self, place: ResolvedPlace, amplitude: float, at: int = 0) -> Vector:
+        """Return the change of the signal at a place by a pulse that lasts one step.
+
+        Args:
+            place: Input to perturb, and signal to read.
+            amplitude: Height of the pulse in the unit of the input.
+            at: Step of the pulse.
+
+        Returns:
+            Change during each step for an input; after each step for an output. Shape (count,).
+
+        Raises:
+            RunError: A step fails.
+        """
+        before = self.undisturbed(place)
+        return self._repeat(place, amplitude, at) - before
+
+    def _begin(self) -> None:
+        self._simulation.start(recorders=[])
+        self._simulation.advance(self.at)
+        failed = self._simulation.time < self.at - 1e-9 * max(1.0, abs(self.at))
+        if failed:
+            raise RunError(f"the run did not reach the operating point at t = {self.at:g} s.")
+
+    def _rewind(self) -> None:
+        if self._snapshot is not None:
+            self._snapshot.restore()
+        elif self._moved:
+            self._begin()
+        self._moved = True
+
+    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
+        self._rewind()
+        stepping = self._simulation.stepping
+        algorithm, times, network = stepping.algorithm, stepping.times, stepping.algorithm.network
+        offsets, i, j = network.offsets[place.instance], place.instance, place.input
+        before, transformed = offsets[j], network.transforms[i]
+        values, first = np.empty(self.count), algorithm.steps
+        network.transforms[i] = True
+        try:
+            for k in range(self.count):
+                n = first + k
+                offsets[j] = before + amplitude if k == at else before
+                algorithm.step(times.point(n), times.span(n, 1), partial(times.stretch, n + 1))
+                network.check_finite(times.point(n + 1))
+                is_input = place.output is None
+                values[k] = network.instances[i].inputs[j] if is_input else network.signals[place.output]
+        finally:
+            offsets[j], network.transforms[i] = before, transformed
+        return values

@@ -1,0 +1,100 @@
+"""The result of a linearization."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import polars
+
+from .margins import Margins
+from .response import FrequencyResponse
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured frequency response.
+
+    Attributes:
+        response: Loop gain of an opened loop, otherwise from input to output.
+        amplitude: Height of the pulse, in the unit of the input.
+        nonlinearity: Difference between the responses to two pulses of other size and sign, relative.
+        drift: Difference between the responses to two pulses, the second one a step later, relative.
+        margins: Margins of an opened loop; None for other responses.
+    """
+
+    response: FrequencyResponse
+    amplitude: float
+    nonlinearity: float
+    drift: float
+    margins: Margins | None = None
+
+
+@dataclass(frozen=True)
+class LinearizeResult:
+    """Frequency responses of a system at a time of a run.
+
+    Attributes:
+        name: Name of the scenario.
+        at: Time of the operating point in s.
+        step: Sample time in s.
+        rolled_back: Whether FMUs were set back to the operating point; otherwise runs were repeated.
+        responses: What was measured, by name.
+        remarks: What limits the validity of the responses.
+    """
+
+    name: str
+    at: float
+    step: float
+    rolled_back: bool
+    responses: Mapping[str, Measured]
+    remarks: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> FrequencyResponse:
+        """Return a response by name."""
+        return self.responses[name].response
+
+    @property
+    def margins(self) -> dict[str, Margins]:
+        """Margins of the opened loops, by name."""
+        return {n: m.margins for n, m in self.responses.items() if m.margins is not None}
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of `linearize.json`."""
+        return {
+            "format": "emla-linearization",
+            "scenario": self.name,
+            "at_s": self.at,
+            "sample_time_s": self.step,
+            "rolled_back": self.rolled_back,
+            "responses": {n: _record(m) for n, m in self.responses.items()},
+            "remarks": list(self.remarks),
+        }
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """All responses: name, frequency, real and imaginary part, gain, phase and estimated error."""
+        return polars.concat(
+            polars.DataFrame(
+                {
+                    "response": [name] * len(m.response.frequency),
+                    "frequency [Hz]": m.response.frequency,
+                    "real": m.response.value.real,
+                    "imag": m.response.value.imag,
+                    "gain [dB]": m.response.gain_dB,
+                    "phase [deg]": m.response.phase_deg,
+                    "error": m.response.error,
+                }
+            )
+            for name, m in self.responses.items()
+        )
+
+
+def _record(measured: Measured) -> dict[str, Any]:
+    return {
+        "amplitude": measured.amplitude,
+        "nonlinearity": measured.nonlinearity,
+        "drift": measured.drift,
+        "unit": measured.response.unit,
+        "margins": None if measured.margins is None else asdict(measured.margins),
+    }

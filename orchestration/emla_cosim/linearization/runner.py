@@ -1,0 +1,183 @@
+"""Compute frequency responses of a system at a time of a run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Unpack
+
+from ..base.errors import CommandError
+from ..base.progress import Progress
+from ..run.option_types import LoadOptions
+from ..run.run_setup import run_times
+from ..run.scenarios.scenario import Scenario
+from ..run.simulation import Simulation
+from ..study.joint import ideal_sensors
+from ..study.loading import load
+from ..system.fault import Fault
+from ..system.model import System
+from .folder import LinearizeFolder
+from .measurement import measure
+from .perturbation import Perturbation
+from .places import Place, parse_opening
+from .response import choose_frequencies
+from .result import LinearizeResult, Measured
+
+SAMPLES = 2000
+"""Default length of a response in steps."""
+
+_LEAST_SAMPLES, _POINTS = 20, 400
+
+_SUSPECT_NONLINEARITY, _SUSPECT_DRIFT = 0.01, 0.02
+
+
+def linearize(
+    source: str | Path | System,
+    *,
+    open: str | Sequence[str] = (),
+    perturb: str | Sequence[str] = (),
+    read: str | Sequence[str] = (),
+    at: float | None = None,
+    duration: float | None = None,
+    amplitude: float | None = None,
+    output: str | Path | None = None,
+    plots: bool = True,
+    progress: Progress | None = None,
+    **options: Unpack[LoadOptions],
+) -> LinearizeResult:
+    """Compute frequency responses and stability margins of a system at a time of a run.
+
+    The system runs to the operating point. From there it runs repeatedly, once undisturbed, then with pulses
+    of one step on an input; the differences are the responses. They belong to the system as it is simulated,
+    with its sampling, hold and delays. Noise and steps of the sensors in joints are switched off, unless you
+    set their parameters.
+
+    Args:
+        source: scenario, as for `load`.
+        open: where to open a loop: a connection `a.output->b.input`, a path inside of a component
+            `a.input->a.output`, or the name of a joint, for its measured position.
+        perturb: full names of inputs of responses, connected or not.
+        read: full names of outputs of responses.
+        at: time of the operating point in s. Default: the stop time less the duration.
+        duration: length of the responses in s. Default: 2000 steps, at most half of the run.
+        amplitude: height of the pulses, in the unit of the input. Default: the height with the most linear
+            effect.
+        output: folder for results.
+        plots: draw Bode and Nyquist plots into the folder.
+        progress: receives the progress.
+        **options: options as for `load`.
+
+    Returns:
+        The responses, and the margins of the loops.
+
+    Raises:
+        CommandError: a name or a time does not fit.
+        RunError: the system is unstable or not linear at this time, or a run fails.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.linearize("lift", open="lift.controller.u_q->lift.plant.u_q", stop_time=0.1)
+        >>> margins = result.margins["lift.controller.u_q -> lift.plant.u_q"]
+        >>> 30.0 < margins.phase_deg < 90.0
+        True
+    """
+    scenario, told = load(source, **options), progress or Progress()
+    places = _places(scenario.system, _texts(open), _texts(perturb), _texts(read))
+    folder = None
+    if output is not None:
+        folder = LinearizeFolder(Path(output), scenario.options.overwrite)
+    start, count = _stretch(scenario, at, duration)
+    free = [Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)]
+    faults = [*scenario.options.fault, *{f.signal: f for f in free}.values()]
+    values = ideal_sensors(scenario.system) | dict(scenario.options.set)
+    with scenario.prepare(told, fault=faults, set=values) as simulation:
+        result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+    if folder is not None:
+        with folder.alone():
+            folder.keep(result, plots)
+            folder.settle()
+    return result
+
+
+def _texts(given: str | Sequence[str]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
+
+
+def _places(
+    system: System, openings: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> list[Place]:
+    if bool(inputs) != bool(outputs):
+        raise CommandError(
+            "a frequency response needs an input and an output; set both 'perturb' and 'read'."
+        )
+    pairs = [Place(f"{a} to {b}", a, b) for a in inputs for b in outputs]
+    places = [*(parse_opening(system, text) for text in openings), *pairs]
+    if not places:
+        raise CommandError("there is nothing to compute; set 'open', or 'perturb' and 'read'.")
+    return list({p.label: p for p in places}.values())
+
+
+def _is_free(system: System, place: Place) -> bool:
+    """Return whether nothing drives the input of a place."""
+    component, variable = system.split(place.input)
+    own = component.alias(variable).variable
+    return all(x.input != own for x in system.into(component.name))
+
+
+def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, int]:
+    """Return the operating point in s, on a communication point, and the number of steps after it."""
+    times = run_times(scenario.options, scenario.name)
+    default = min(SAMPLES, times.steps // 2)
+    count = default if duration is None else round(duration / times.step)
+    first = times.steps - count if at is None else round((at - times.start) / times.step)
+    if count < _LEAST_SAMPLES:
+        raise CommandError(
+            f"a response of {count * times.step:g} s has {count} steps; it needs at least {_LEAST_SAMPLES}. "
+            "Choose a longer duration or a later stop time."
+        )
+    if not 0 <= first <= times.steps - count:
+        raise CommandError(
+            f"the run is too short: responses from t = {times.point(max(first, 0)):g} s last "
+            f"{count * times.step:g} s, and the run lasts from {times.start:g} s to {times.stop:g} s. Choose "
+            "another time, a shorter duration or a later stop time."
+        )
+    return times.point(first), count
+
+
+def _measure_all(
+    name: str,
+    simulation: Simulation,
+    places: Sequence[Place],
+    at: float,
+    count: int,
+    amplitude: float | None,
+    told: Progress,
+) -> LinearizeResult:
+    perturbation = Perturbation(simulation, at, count)
+    try:
+        for place in places:
+            perturbation.resolve(place)  # report wrong names before anything is measured
+        frequency = choose_frequencies(perturbation.step, count, _POINTS)
+        told.begin("measuring", len(places))
+        found = dict[str, Measured]()
+        for place in places:
+            found[place.label] = measure(perturbation, place, frequency, amplitude)
+            told.advance(1)
+        remarks = tuple(text for label, m in found.items() for text in _remarks(label, m))
+        return LinearizeResult(name, at, perturbation.step, perturbation.rolls_back, found, remarks)
+    finally:
+        perturbation.close()
+
+
+def _remarks(label: str, measured: Measured) -> list[str]:
+    found = []
+    if measured.nonlinearity > _SUSPECT_NONLINEARITY:
+        found.append(
+            f"{label} is not quite linear: effects of two pulses differ by "
+            f"{100.0 * measured.nonlinearity:.2g} %."
+        )
+    if measured.drift > _SUSPECT_DRIFT:
+        found.append(
+            f"{label} changes with time: a pulse one step later has an effect that differs by "
+            f"{100.0 * measured.drift:.2g} %. A component may sample more slowly than the step size, or the "
+            "system moves quickly."
+        )
+    return found

@@ -1,0 +1,157 @@
+"""Frequency responses and margins, compared with closed forms and with an injected sine."""
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.fmu.file import FmuFile
+from emla_cosim.linearization.margins import compute_margins
+from emla_cosim.linearization.response import count_integrators, transform_response
+from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, State
+
+STEP = 1e-2
+
+
+class LinearizedCart(Block):
+    """A mass of 1 kg."""
+
+    default_experiment = DefaultExperiment(stop_time=4.0, step_size=STEP)
+    force = Input(0.0, unit="N")
+    x = State(0.1, unit="m")
+    v = State(0.0, unit="m/s")
+    position = Output(unit="m")
+    speed = Output(unit="m/s")
+
+    def derivatives(self, v):
+        return {"x": v.v, "v": v.force}
+
+    def outputs(self, v):
+        return {"position": v.x, "speed": v.v}
+
+
+class LinearizedGain(Block):
+    """State feedback, with an input that is added to its output."""
+
+    default_experiment = DefaultExperiment(stop_time=4.0, step_size=STEP)
+    position = Input(0.0, unit="m")
+    speed = Input(0.0, unit="m/s")
+    feed = Input(0.0, unit="N")
+    before = DiscreteState(0.0)
+    force = Output(unit="N")
+
+    def update(self, v):
+        return {"before": v.position}
+
+    def outputs(self, v):
+        return {"force": 2.0 * v.feed - 4.0 * v.position - 4.0 * v.speed}
+
+
+def closed() -> ec.System:
+    wires = ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force")
+    return ec.System.of({"cart": LinearizedCart, "gain": LinearizedGain}, wires)
+
+
+def loop_gain(frequency: np.ndarray) -> np.ndarray:
+    """L of the sampled double integrator with a zero-order hold, and state feedback."""
+    z = np.exp(2j * np.pi * frequency * STEP)
+    position = STEP**2 / 2.0 * (z + 1.0) / (z - 1.0) ** 2
+    return 4.0 * position + 4.0 * STEP / (z - 1.0)
+
+
+OPTIONS = {"stop_time": 20.0, "step_size": STEP, "at": 2.0, "duration": 15.0}
+
+
+@pytest.mark.parametrize("place", ["gain.force->cart.force", "gain.feed->gain.force"])
+@pytest.mark.parametrize("flavour", ["native"])
+def test_the_loop_gain_is_that_of_the_sampled_system(place: str, flavour: str) -> None:
+    result = ec.linearize(closed(), open=place, flavour=flavour, **OPTIONS)
+    (response,) = (m.response for m in result.responses.values())
+    expected = loop_gain(response.frequency)
+    assert np.abs(response.value / expected - 1.0).max() < 1e-2
+    found, right = next(iter(result.margins.values())), compute_margins(response.frequency, expected)
+    assert found.phase_deg == pytest.approx(right.phase_deg, abs=0.1)
+    assert found.Ms == pytest.approx(right.Ms, rel=1e-2)
+    assert result.rolled_back
+
+
+def test_the_response_to_a_free_input_has_two_integrators() -> None:
+    system = ec.System.of({"cart": LinearizedCart})
+    result = ec.linearize(system, perturb="cart.force", read="cart.position", **OPTIONS)
+    response = result["cart.force to cart.position"]
+    z = np.exp(2j * np.pi * response.frequency * STEP)
+    expected = STEP**2 / 2.0 * (z + 1.0) / (z - 1.0) ** 2
+    below = response.frequency < 49.0  # a zero at half the sample rate
+    assert np.abs(response.value / expected - 1.0)[below].max() < 1e-6
+    assert response.unit == "m/N"
+
+
+def test_margins_of_a_delayed_double_integrator() -> None:
+    """L = (k_p + k_d s) exp(-s T) / s^2: crossing and phase in closed form."""
+    k_p, k_d, T = 4.0, 4.0, 0.05
+    f = np.geomspace(0.01, 20.0, 20000)
+    s = 2j * np.pi * f
+    margins = compute_margins(f, (k_p + k_d * s) * np.exp(-s * T) / s**2)
+    w = np.sqrt((k_d**2 + np.sqrt(k_d**4 + 4.0 * k_p**2)) / 2.0)
+    phase = np.arctan2(k_d * w, k_p) - w * T
+    assert margins.phase_deg == pytest.approx(np.degrees(phase), abs=1e-3)
+    assert margins.delay_s == pytest.approx(phase / w, rel=1e-4)
+    assert margins.gain_up_dB > 0.0 > margins.gain_down_dB
+
+
+def test_responses_with_integrators_are_transformed() -> None:
+    f = np.array([1.0, 10.0])
+    z = np.exp(2j * np.pi * f * STEP)
+    ramp = np.arange(500.0)
+    order = count_integrators(ramp)
+    assert order == 2
+    assert transform_response(ramp, order, f, STEP) == pytest.approx(z / (z - 1.0) ** 2)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"open": "cart.position->gain.speed"}, "there is no connection"),
+        ({"open": "nonsense"}, "write a.output->b.input"),
+        ({"open": "gain.force->card.force"}, "card"),
+        ({"open": "gain.force->cart.forse"}, "did you mean gain.force->cart.force"),
+        ({"open": "gain.force->cart.nothing"}, "there is no connection"),
+        ({"open": "cart.force->cart.position"}, "without delay"),
+        ({"perturb": "cart.force"}, "set both"),
+        ({}, "nothing to compute"),
+        ({"perturb": "cart.position", "read": "cart.speed"}, "is no input"),
+        ({"perturb": "cart.force", "read": "cart.nothing"}, "no Real output"),
+        ({"open": "gain.force->cart.force", "at": 19.0}, "too short"),
+        ({"open": "gain.force->cart.force", "duration": 0.05}, "at least 20"),
+    ],
+)
+def test_wrong_input_gets_one_message(given: dict, message: str) -> None:
+    with pytest.raises(ec.CommandError, match=message):
+        ec.linearize(closed(), **{**OPTIONS, **given})
+
+
+def test_an_unstable_operating_point_is_refused() -> None:
+    class LinearizedRunaway(LinearizedGain):
+        def outputs(self, v):
+            return {"force": 4.0 * v.position + 4.0 * v.speed}
+
+    system = ec.System.of(
+        {"cart": LinearizedCart, "gain": LinearizedRunaway},
+        ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force"),
+    )
+    with pytest.raises(ec.RunError, match="unstable"):
+        ec.linearize(system, open="gain.force->cart.force", stop_time=6.0, step_size=STEP, duration=3.0)
+
+
+def test_runs_are_repeated_where_states_cannot_be_restored(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = FmuFile.has_capability
+    monkeypatch.setattr(FmuFile, "has_capability", lambda f, c: c != "canGetAndSetFMUstate" and known(f, c))
+    result = ec.linearize(closed(), open="gain.force->cart.force", **OPTIONS)
+    assert not result.rolled_back
+    (response,) = (m.response for m in result.responses.values())
+    assert np.abs(response.value / loop_gain(response.frequency) - 1.0).max() < 1e-2
+
+
+def test_the_folder_has_all_files(tmp_path) -> None:
+    ec.linearize(closed(), open="gain.force->cart.force", output=tmp_path / "out", **OPTIONS)
+    names = {"linearize.json", "responses.csv", "bode.png", "nyquist.png"}
+    assert names <= {p.name for p in (tmp_path / "out").iterdir()}

@@ -1,0 +1,124 @@
+"""Margins of a joint, compared with its equations, and frequency responses with an injected sine."""
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.linearization.margins import compute_margins
+from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
+from tests.support.long import mostly_long
+
+AT, DURATION = 0.35, 0.15
+DELAY = {"lift.plant.inverter.delay": STEP}
+GAINS = {"rsba": "compensated", "foc": "tuned"}
+PLACES = {
+    POSITION: "lift.plant.x_measured -> lift.observer.y",
+    CURRENT: "lift.controller.a_d -> lift.controller.i_q_ref",
+}
+
+
+def drive(controller: str) -> LinearDrive:
+    """Return the drive at its operating point."""
+    options = {"gains": GAINS[controller], "set": DELAY, "stop_time": 0.5}
+    with ec.load("lift", controller=controller, **options).prepare() as simulation:
+        simulation.advance(AT)
+        v, i_q, i_d = (simulation[f"lift.plant.{n}"] for n in ("v_L", "i_q_measured", "i_d_measured"))
+    return LinearDrive(controller, v, i_q, i_d)
+
+
+@pytest.mark.parametrize("controller", GAINS)
+def test_the_loop_of_a_joint_is_that_of_its_equations(controller: str) -> None:
+    result = ec.linearize(
+        "lift",
+        controller=controller,
+        gains=GAINS[controller],
+        set=DELAY,
+        open=list(PLACES.values()),
+        at=AT,
+        duration=DURATION,
+        stop_time=0.5,
+    )
+    expected = drive(controller)
+    for opened_at, name in PLACES.items():
+        response, found = result[name], result.margins[name]
+        right = expected.loop_gain(opened_at, response.frequency)
+        assert np.abs(response.value / right - 1.0).max() < 0.02
+        margins = compute_margins(response.frequency, right)
+        assert found.phase_deg == pytest.approx(margins.phase_deg, abs=0.1)
+        assert found.gain_up_dB == pytest.approx(margins.gain_up_dB, abs=0.05)
+        assert found.gain_down_dB == pytest.approx(margins.gain_down_dB, abs=0.05)
+        assert found.Ms == pytest.approx(margins.Ms, rel=0.01)
+
+
+@pytest.mark.parametrize("controller", GAINS)
+def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controller: str) -> None:
+    """The viscous friction and the back-EMF, which do not change with the inertia, are small."""
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    loop = LinearDrive(controller, 0.05, 33.0, 0.0)
+    margins = compute_margins(frequency, loop.loop_gain(POSITION, frequency))
+    for margin in (margins.gain_up_dB, margins.gain_down_dB):
+        limit = 10.0 ** (-margin / 20.0)
+        assert LinearDrive(controller, 0.05, 33.0, 0.0, limit**0.9).is_stable()
+        assert not LinearDrive(controller, 0.05, 33.0, 0.0, limit**1.1).is_stable()
+
+
+@pytest.mark.parametrize("opened_at", PLACES)
+def test_python_control_finds_the_same_margins(opened_at: str) -> None:
+    control = pytest.importorskip("control")
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    L = LinearDrive("rsba", 0.05, 33.0, 0.0).loop_gain(opened_at, frequency)
+    response = ec.FrequencyResponse(opened_at, frequency, L, np.zeros(len(L)), STEP, "1")
+    gains, phases, distances, *_ = control.stability_margins(response.to_control(), returnall=True)
+    margins = compute_margins(frequency, L)
+    assert margins.phase_deg == pytest.approx(np.abs(phases).min(), abs=0.01)
+    assert margins.gain_up_dB == pytest.approx(20.0 * np.log10(gains[gains > 1.0].min()), abs=0.01)
+    down = gains[gains < 1.0]
+    assert margins.gain_down_dB == pytest.approx(
+        20.0 * np.log10(down.max()) if len(down) else -np.inf, abs=0.01
+    )
+    assert 1.0 / margins.Ms == pytest.approx(distances.min(), rel=1e-3)
+
+
+PERIOD = 0.1  # s: whole periods of all frequencies
+FREQUENCIES = (20.0, 50.0, 100.0, 190.0, 290.0, 500.0, 1000.0, 2000.0, 4000.0)
+FORCE, POSITION_OUT = "lift.plant.F_L", "lift.plant.x_L"
+OPTIONS = {"gains": "compensated", "set": DELAY}
+
+
+@pytest.fixture(scope="module")
+def compliance() -> ec.FrequencyResponse:
+    """From the load to the position."""
+    result = ec.linearize(
+        "lift", perturb=FORCE, read=POSITION_OUT, at=AT, duration=DURATION, stop_time=0.5, **OPTIONS
+    )
+    return result[f"{FORCE} to {POSITION_OUT}"]
+
+
+@pytest.mark.parametrize("frequency", mostly_long(FREQUENCIES, (50.0, 190.0, 1000.0)))
+def test_an_injected_sine_has_the_same_gain_and_phase(
+    compliance: ec.FrequencyResponse, frequency: float
+) -> None:
+    """Half the difference of two runs, whose sines have opposite signs; its transient ends before AT.
+
+    What drives an input during a step is its value at the step's end. A window keeps slow changes of the
+    effect, with the joint's speed, from what is 1e-7 of them at high frequencies.
+    """
+    time = STEP * np.arange(round((AT + PERIOD) / STEP) + 1)
+    wave = np.exp(2j * np.pi * frequency * time)
+    height = 2e3  # N, of 57 kN
+    up, down = (_move(time, 57e3 + part * height * wave.imag) for part in (1.0, -1.0))
+    periods = slice(round(AT / STEP), -1)
+    effect, window = 0.5 * (up - down)[periods], 1.0 - np.cos(2.0 * np.pi * (time[periods] - AT) / PERIOD)
+    found = 2j * np.mean(effect * window * (wave * wave[1]).conj()[periods]) / height
+    expected = np.exp(np.interp(np.log(frequency), np.log(compliance.frequency), np.log(compliance.value)))
+    assert abs(found) == pytest.approx(abs(expected), rel=0.01)
+    assert abs(np.degrees(np.angle(found / expected))) < 1.0
+
+
+def _move(time: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the position under a load force."""
+    load = ec.Input(data={"time": time, "force": force}, signals={FORCE: "force"}, interpolation="held")
+    result = (
+        ec.load("lift", stop_time=time[-1], input=[load], output_interval=STEP, **OPTIONS).prepare().run()
+    )
+    return result[POSITION_OUT]
