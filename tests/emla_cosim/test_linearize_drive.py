@@ -64,7 +64,7 @@ def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controll
 
 @pytest.mark.parametrize("opened_at", PLACES)
 def test_python_control_finds_the_same_margins(opened_at: str) -> None:
-    control = pytest.importorskip("control")
+    control = pytest.importorskip("control", reason="python-control is not installed.")
     frequency = np.geomspace(20.0, 4999.0, 4000)
     L = LinearDrive("rsba", 0.05, 33.0, 0.0).loop_gain(opened_at, frequency)
     response = ec.FrequencyResponse(opened_at, frequency, L, np.zeros(len(L)), STEP, "1")

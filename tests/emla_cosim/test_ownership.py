@@ -44,6 +44,7 @@ CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SH
 TUNE = ("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m")
 TUNE = (*TUNE, "--evaluations", "4", "--validation", "0", *SHORT)
 VERIFY = ("verify", "read.fmu", "--only", "archive")
+LINEARIZE = ("linearize", "lift", "--open", "lift", "--stop-time", "0.02")
 TRAJECTORY = ("trajectory", "--knots", "10", "--points", "5")
 
 PICTURES = [f"{name}.png" for name in FIGURES]
@@ -122,6 +123,12 @@ ATTEMPTS: dict[str, list[Attempt]] = {
     ],
     "tune fmus": [Attempt((*TUNE, "--output", "o"), "--fmus", **FMUS)],
     "trajectory output": [Attempt(TRAJECTORY, "--output")],
+    "linearize output": [
+        Attempt(
+            LINEARIZE, "--output", ["linearize.json", "responses.csv", "bode.png", "nyquist.png", MANIFEST]
+        )
+    ],
+    "linearize fmus": [Attempt((*LINEARIZE, "--no-plots", "--output", "o"), "--fmus", **FMUS)],
     "verify junit": [Attempt(VERIFY, "--junit")],
     "verify json": [Attempt(VERIFY, "--json")],
     "verify html": [Attempt(VERIFY, "--html")],

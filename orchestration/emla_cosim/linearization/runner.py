@@ -6,6 +6,7 @@ from typing import Unpack
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
+from ..base.values import convert_value
 from ..run.option_types import LoadOptions
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
@@ -83,7 +84,10 @@ def linearize(
     places = _places(scenario.system, _texts(open), _texts(perturb), _texts(read))
     folder = None
     if output is not None:
-        folder = LinearizeFolder(Path(output), scenario.options.overwrite)
+        folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
+        if plots:
+            folder.check_files(folder.pictures)
+        folder.check_unread([scenario.options.files_read()])
     start, count = _stretch(scenario, at, duration)
     free = [Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)]
     faults = [*scenario.options.fault, *{f.signal: f for f in free}.values()]
