@@ -54,6 +54,22 @@ RUNS: dict[str, tuple[dict[str, Any], float, float]] = {
         0.1,
         2e-3,
     ),
+    "EmlaCompliantPlant": (
+        {
+            "u_q": 30.0,
+            "u_d": -5.0,
+            "F_L": 1e3,
+            "v_L": 0.02,
+            "i_q": 5.0,
+            "load.v": 0.01,
+            "load.m": 2e3,
+            "transmission.stiffness": 1e6,
+            "transmission.damping": 1e3,
+            "motor.i_N": 30.0,
+        },
+        0.1,
+        2e-3,
+    ),
     "EmlaMotor": (
         {"u_q": 30.0, "u_d": -5.0, "x_L": 0.24, "v_L": 0.02, "d_3": 1.0, "i_q": 5.0, "motor.L_q": 3e-3},
         0.1,

@@ -39,6 +39,22 @@ MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
         },
         {"u_q": (200.0, -1e3), "u_d": (-40.0,), "F_L": (1e3, 1e4, 1e5), "d_2": (2.0,), "d_3": (1.0, 2.0)},
     ),
+    "EmlaCompliantPlant": (
+        {
+            "u_q": 30.0,
+            "F_L": 1e3,
+            "v_L": 0.02,
+            "i_q": 5.0,
+            "i_d": 1.0,
+            "start.x_L": 0.01,
+            "load.v": 0.01,
+            "transmission.stiffness": 1e6,
+            "transmission.damping": 1e3,
+            "start.deflection": 1e-3,
+            "motor.i_N": 30.0,
+        },
+        {"u_q": (200.0, -1e3), "u_d": (-40.0,), "F_L": (1e3, 1e4, 1e5), "d_2": (2.0,), "d_3": (1.0, 2.0)},
+    ),
     "EmlaMotor": (
         {"u_q": 30.0, "u_d": -5.0, "i_q": 5.0, "i_d": 1.0, "motor.L_q": 3e-3, "x_L": 0.01, "v_L": 0.02},
         {"u_q": (200.0, -1e3), "u_d": (-40.0,), "x_L": (0.02, 0.3), "v_L": (0.3, 2.0), "d_3": (1.0, 2.0)},

@@ -25,6 +25,13 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "uncertainty.F_2": 0.1,
         "motor.L_q": 3e-3,
     },
+    "EmlaCompliantPlant": {
+        "sensor.sigma": 1e-5,
+        "sensor.at_load": True,
+        "transmission.backlash": 1e-3,
+        "start.deflection": 1e-3,
+        "inverter.delay": 3e-3,
+    },
     "EmlaMotor": {"sensor.sigma": 1e-5, "sensor.current.sigma": 0.1, "inverter.delay": 3e-3},
     "EmlaObserver": {"H_0": 2.0, "start.eta_hat": 3.0},
     "RsbaController": {"limit_acceleration": True, "limit_current": True, "freeze_adaptation": True},

@@ -12,6 +12,7 @@ Examples:
     0.14
 """
 
+from .compliant_plant import EmlaCompliantPlant
 from .disturbance import Disturbance
 from .motor import EmlaMotor
 from .observer import EmlaObserver
@@ -19,11 +20,12 @@ from .plant import EmlaPlant
 from .reference import Reference
 from .signal_fault import SignalFault
 
-BLOCKS = (EmlaPlant, EmlaMotor, EmlaObserver, Reference, Disturbance, SignalFault)
+BLOCKS = (EmlaPlant, EmlaCompliantPlant, EmlaMotor, EmlaObserver, Reference, Disturbance, SignalFault)
 
 __all__ = [
     "BLOCKS",
     "Disturbance",
+    "EmlaCompliantPlant",
     "EmlaMotor",
     "EmlaObserver",
     "EmlaPlant",

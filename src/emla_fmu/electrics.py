@@ -6,7 +6,7 @@ that half is the torque. Quantities are amplitude-invariant d-q quantities.
 
 from typing import Any
 
-from fmublock import where
+from fmublock import sin, where
 
 from . import inverter, motion_law, sensors, thermal
 
@@ -15,8 +15,9 @@ def derivatives(v: Any) -> dict[str, Any]:
     """Return the derivatives of the currents (9) with (26) and (84), and of the winding's temperature."""
     u_q, u_d, _ = terminal_voltage(v)
     omega_e = v.N_p * motion_law.alpha_RL(v) * v.v_L
-    g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
-    g_4 = (-v.R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
+    R_s = thermal.resistance(v)
+    g_3 = (-R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
+    g_4 = (-R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
     return {
         "i_q": u_q / v.L_q + (1.0 + v.F_3) * g_3,
         "i_d": u_d / v.L_d + (1.0 + v.F_4) * g_4,
@@ -67,8 +68,14 @@ def torque(v: Any) -> Any:
 
 
 def magnet_torque(v: Any) -> Any:
-    """Return the part of tau_m in N m from the permanent magnet with i_q or i_q*."""
-    return 1.5 * v.N_p * v.Phi_PM * where(v.use_commanded_current, v.i_q_ref, v.i_q)
+    """Return the part of tau_m in N m from the permanent magnet: with i_q or i_q*, and cogging."""
+    return 1.5 * v.N_p * v.Phi_PM * where(v.use_commanded_current, v.i_q_ref, v.i_q) + cogging_torque(v)
+
+
+def cogging_torque(v: Any) -> Any:
+    """Return the torque in N m between the magnets and the slots of the stator, without current."""
+    angle = motion_law.alpha_RL(v) * v.x_L
+    return where(v.tau_cog > 0.0, v.tau_cog * sin(v.n_cog * angle), 0.0)
 
 
 def reluctance_torque(v: Any) -> Any:

@@ -23,20 +23,25 @@ def friction_force(v: Any) -> Any:
     return where(logical_or(v.F_C > 0.0, v.F_S > 0.0), force, 0.0)
 
 
-def load_torque(v: Any) -> Any:
-    """Return the load torque at the motor in N m: D_eq F_L, or one that depends on the power direction."""
-    return where(v.directional, directional_load(v) / motion_law.alpha_RL(v), motion_law.D_eq(v) * v.F_L)
+def load_torque(v: Any, force: Any) -> Any:
+    """Return the torque at the motor in N m for a force on the screw in N.
+
+    It is D_eq times the force, or depends on the direction of power.
+    """
+    return where(
+        v.directional, directional_load(v, force) / motion_law.alpha_RL(v), motion_law.D_eq(v) * force
+    )
 
 
-def directional_load(v: Any) -> Any:
-    """Return the load at the motor in N.
+def directional_load(v: Any, force: Any) -> Any:
+    """Return the load at the motor in N for a force F on the screw.
 
-    It is F_L / eta_GB if the motor drives the load, eta_back F_L if the load drives the motor, and F_L at
-    rest. The difference from F_L always acts against the speed, so that no energy is gained.
+    It is F / eta_GB if the motor drives the load, eta_back F if the load drives the motor, and F at
+    rest. The difference from F always acts against the speed, so that no energy is gained.
     """
     forward, backward = 1.0 / v.eta_GB - 1.0, 1.0 - back_driving_efficiency(v)
     s = direction(v)
-    return v.F_L + 0.5 * (forward + backward) * abs(v.F_L) * s + 0.5 * (forward - backward) * v.F_L * s * s
+    return force + 0.5 * (forward + backward) * abs(force) * s + 0.5 * (forward - backward) * force * s * s
 
 
 def back_driving_efficiency(v: Any) -> Any:

@@ -23,9 +23,12 @@ class EmlaMotor(Block):
     v_L = Input(unit="m/s", nominal=0.1, description="Screw speed", terminal="motion")
     d_3, d_4, sag = EmlaPlant.d_3, EmlaPlant.d_4, EmlaPlant.sag
 
-    R_s, L_d, L_q = EmlaPlant.R_s, EmlaPlant.L_d, EmlaPlant.L_q
+    R_s, alpha_R = EmlaPlant.R_s, EmlaPlant.alpha_R
+    L_d, L_q = EmlaPlant.L_d, EmlaPlant.L_q
     Phi_PM, N_p = EmlaPlant.Phi_PM, EmlaPlant.N_p
+    tau_cog, n_cog = EmlaPlant.tau_cog, EmlaPlant.n_cog
     rho, lead = EmlaPlant.rho, EmlaPlant.lead
+    lead_error, wobble = EmlaPlant.lead_error, EmlaPlant.wobble
     i_range, i_N = EmlaPlant.i_range, EmlaPlant.i_N
     permitted_rise, tau_th = EmlaPlant.permitted_rise, EmlaPlant.tau_th
     u_max, delay = EmlaPlant.u_max, EmlaPlant.delay
@@ -33,6 +36,7 @@ class EmlaMotor(Block):
     use_commanded_current = EmlaPlant.use_commanded_current
     F_3, F_4 = EmlaPlant.F_3, EmlaPlant.F_4
     sigma, resolution, seed = EmlaPlant.sigma, EmlaPlant.resolution, EmlaPlant.seed
+    eccentricity = EmlaPlant.eccentricity
     sigma_i, resolution_i, seed_i = EmlaPlant.sigma_i, EmlaPlant.resolution_i, EmlaPlant.seed_i
 
     i_q, i_d, temperature_rise = EmlaPlant.i_q, EmlaPlant.i_d, EmlaPlant.temperature_rise

@@ -14,8 +14,9 @@ class EmlaPlant(Block):
     Amplitude-invariant d-q quantities; x_L grows as the actuator extends.
 
     Further properties of drives are off by default, each with its own parameters: computing delay and
-    dead time of the inverter, noise and resolution of the sensors, friction, end stops, and the
-    temperature of the winding. The efficiency can depend on the direction of power.
+    dead time of the inverter, noise, resolution and eccentricity of the sensors, errors of the screw's
+    lead, cogging, friction, end stops, and the temperature of the winding, which the resistance can follow.
+    The efficiency can depend on the direction of power.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -52,12 +53,35 @@ class EmlaPlant(Block):
     R_s = Parameter(
         0.14, unit="Ohm", minimum=0.0, name="motor.R_s", description="Stator resistance per phase"
     )
+    alpha_R = Parameter(
+        0.0,
+        unit="1/K",
+        minimum=0.0,
+        name="motor.alpha_R",
+        symbol=r"\alpha_R",
+        description="Relative growth of R_s with the temperature rise of the winding; copper has 0.00393",
+    )
     L_d = Parameter(2.4e-3, unit="H", minimum=1e-9, name="motor.L_d", description="d-axis inductance")
     L_q = Parameter(2.4e-3, unit="H", minimum=1e-9, name="motor.L_q", description="q-axis inductance")
     Phi_PM = Parameter(
         0.15, unit="Wb", minimum=1e-9, name="motor.Phi_PM", description="Permanent magnet flux linkage (peak)"
     )
     N_p = Parameter(8, minimum=1, name="motor.N_p", description="Number of pole pairs")
+    tau_cog = Parameter(
+        0.0,
+        unit="N.m",
+        minimum=0.0,
+        name="motor.cogging.amplitude",
+        symbol=r"\tau_{cog}",
+        description="Amplitude of the cogging torque; 0 is none",
+    )
+    n_cog = Parameter(
+        48,
+        minimum=1,
+        name="motor.cogging.periods",
+        symbol="n_{cog}",
+        description="Periods of the cogging torque per motor turn",
+    )
     J_m = Parameter(0.016, unit="kg.m2", minimum=0.0, name="motor.J_m", description="Rotor inertia")
     B_m = Parameter(
         1.67e-3, unit="N.m.s/rad", minimum=0.0, name="motor.B_m", description="Viscous friction of the rotor"
@@ -89,6 +113,20 @@ class EmlaPlant(Block):
     )
     lead = Parameter(
         0.02, unit="m", minimum=1e-9, name="screw.lead", symbol="l", description="Screw travel per turn"
+    )
+    lead_error = Parameter(
+        0.0,
+        name="screw.lead_error",
+        symbol=r"\epsilon_l",
+        description="Fraction by which the mean lead is longer than the motor's encoder assumes",
+    )
+    wobble = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="screw.wobble",
+        symbol="w",
+        description="Amplitude of the travel error that repeats with each turn of the screw",
     )
     M_BS = Parameter(156.5, unit="kg", minimum=0.0, name="screw.M_BS", description="Mass moved by the screw")
     B_BS = Parameter(
@@ -224,6 +262,14 @@ class EmlaPlant(Block):
         symbol="q",
         description="Position step of the sensor; 0 is none",
     )
+    eccentricity = Parameter(
+        0.0,
+        unit="rad",
+        minimum=0.0,
+        name="sensor.eccentricity",
+        symbol=r"\epsilon_e",
+        description="Amplitude of the angle error that repeats with each turn of the encoder, at the motor",
+    )
     seed = Parameter(
         20240901, minimum=1, maximum=2147483646, name="sensor.seed", description="Start of the noise sequence"
     )
@@ -344,7 +390,7 @@ class EmlaPlant(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Return (9) with the disturbances of (26) and the uncertainties of (84)."""
-        return {"x_L": v.v_L, "v_L": self.acceleration(v), **electrics.derivatives(v)}
+        return {"x_L": v.v_L, "v_L": screw_acceleration(v, v.F_L), **electrics.derivatives(v)}
 
     def update(self, v: Any) -> dict[str, Any]:
         """Return the sampled values."""
@@ -352,13 +398,18 @@ class EmlaPlant(Block):
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return sensors, torque, voltages after the inverter, powers, phase currents, and acceleration."""
-        return {**electrics.outputs(v), "a_L": self.acceleration(v), "P_L": v.F_L * v.v_L}
+        a_L = screw_acceleration(v, v.F_L)
+        return {**electrics.outputs(v), "a_L": a_L, "P_L": v.F_L * v.v_L}
 
-    def acceleration(self, v: Any) -> Any:
-        """Return the second line of (9) in m/s2, with F_2, d_2, friction and end stops."""
-        A_eq = motion_law.A_eq(v)
-        g_2 = (electrics.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
-        magnet = electrics.magnet_torque(v) / A_eq
-        a_L = magnet + (1.0 + v.F_2) * g_2 + v.d_2 - friction.load_torque(v) / A_eq
-        contact = end_stops.stop_force(v) - friction.friction_force(v)
-        return a_L + contact / (motion_law.alpha_RL(v) * A_eq)
+
+def screw_acceleration(v: Any, force: Any) -> Any:
+    """Return the second line of (9) in m/s2, with F_2, d_2, friction and end stops.
+
+    The screw pushes the load with `force` in N.
+    """
+    A_eq = motion_law.A_eq(v)
+    g_2 = (electrics.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
+    magnet = electrics.magnet_torque(v) / A_eq
+    a_L = magnet + (1.0 + v.F_2) * g_2 + v.d_2 - friction.load_torque(v, force) / A_eq
+    contact = end_stops.stop_force(v) - friction.friction_force(v)
+    return a_L + contact / (motion_law.alpha_RL(v) * A_eq)

@@ -6,6 +6,8 @@ from typing import Any
 from fmublock import cos, floor, log, sin, sqrt, where
 from fmublock.noise import lehmer, normal, uniform
 
+from . import motion_law
+
 
 def drawn(v: Any) -> dict[str, Any]:
     """Draw the noise of the next communication step: one value for the position, one for each current.
@@ -30,8 +32,25 @@ def drawn(v: Any) -> dict[str, Any]:
 
 
 def measured_position(v: Any) -> Any:
-    """Return the measured screw position in m."""
-    return quantized(v.x_L + v.sigma * v.noise, v.resolution)
+    """Return the position in m that the encoder at the motor measures for the screw."""
+    return with_noise(v, v.x_L + encoder_error(v) - travel_error(v))
+
+
+def with_noise(v: Any, position: Any) -> Any:
+    """Return a position in m with the noise and the resolution of the position sensor."""
+    return quantized(position + v.sigma * v.noise, v.resolution)
+
+
+def encoder_error(v: Any) -> Any:
+    """Return the error of an eccentric encoder in m of the screw: a sine of the motor angle."""
+    alpha = motion_law.alpha_RL(v)
+    return where(v.eccentricity > 0.0, v.eccentricity * sin(alpha * v.x_L) / alpha, 0.0)
+
+
+def travel_error(v: Any) -> Any:
+    """Return by how much more the screw travels than its nominal lead says, in m; 0 at x_L = 0."""
+    turn = where(v.wobble > 0.0, v.wobble * sin(2.0 * math.pi * v.x_L / v.lead), 0.0)
+    return v.lead_error * v.x_L + turn
 
 
 def measured_currents(v: Any) -> tuple[Any, Any]:

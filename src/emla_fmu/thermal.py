@@ -14,7 +14,11 @@ def load(v: Any) -> Any:
 def heating(v: Any) -> Any:
     """Return the time derivative of the winding's temperature rise in K/s, for one thermal body.
 
-    Its thermal resistance is such that the rated current leads to the permitted rise. R_s does not
-    change with temperature.
+    Its thermal resistance is such that the rated current leads to the permitted rise.
     """
     return (load(v) * v.permitted_rise - v.temperature_rise) / v.tau_th
+
+
+def resistance(v: Any) -> Any:
+    """Return the stator resistance in Ohm at the temperature of the winding (IEC 60034-1 for copper)."""
+    return v.R_s * (1.0 + v.alpha_R * v.temperature_rise)

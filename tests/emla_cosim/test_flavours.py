@@ -44,6 +44,18 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2}
         | {"supply.sag": 0.1},
     ),
+    "EmlaCompliantPlant": (
+        start_values(
+            MODELS["EmlaCompliantPlant"],
+            TILT,
+            asdict(joint_data.DRIVES["tilt"]),
+            {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001, "m_load": 1.5e4},
+            {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4, "tau_cog": 0.5, "alpha_R": 4e-3},
+            {"eccentricity": 1e-4, "lead_error": 1e-4, "wobble": 4e-6},
+        ),
+        {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2}
+        | {"supply.sag": 0.1},
+    ),
     "EmlaMotor": (
         start_values(
             MODELS["EmlaMotor"],

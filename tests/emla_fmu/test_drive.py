@@ -172,7 +172,7 @@ def test_nothing_gives_power(
     v = SimpleNamespace(**values, **fixed, **acting, q_LB=-0.1, q_UB=0.1)
     rounding = 1e-9
     assert friction.friction_force(v) * v.v_L >= 0.0
-    assert (friction.directional_load(v) - v.F_L) * v.v_L >= -rounding
+    assert (friction.directional_load(v, v.F_L) - v.F_L) * v.v_L >= -rounding
     e_q, e_d = inverter.dead_time_error(v)
     assert e_q * v.i_q + e_d * v.i_d <= rounding
     depth = max(v.q_LB - v.x_L, v.x_L - v.q_UB, 0.0)
@@ -217,7 +217,7 @@ def test_efficiency_by_the_direction_of_power() -> None:
 
     def felt(F_L: float, v_L: float) -> float:
         v.F_L, v.v_L = F_L, v_L
-        return friction.directional_load(v)
+        return friction.directional_load(v, v.F_L)
 
     assert felt(1e4, 0.1) == pytest.approx(1e4 / 0.8)
     assert felt(-1e4, -0.1) == pytest.approx(-1e4 / 0.8)

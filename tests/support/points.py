@@ -66,6 +66,12 @@ def plant_points(draw: Draw) -> Point:
         "d_3": signed(draw, 0.1, 10.0),
         "d_4": signed(draw, 0.1, 10.0),
         "motor.R_s": magnitude(draw, 0.05, 0.5),
+        "motor.alpha_R": magnitude(draw, 1e-4, 5e-3),
+        "motor.cogging.amplitude": magnitude(draw, 0.1, 2.0),
+        "motor.cogging.periods": draw(st.integers(2, 12)),
+        "screw.lead_error": signed(draw, 1e-3, 1e-2),
+        "screw.wobble": magnitude(draw, 1e-4, 1e-2),
+        "sensor.eccentricity": magnitude(draw, 1e-3, 1e-1),
         "motor.L_d": magnitude(draw, 1e-3, 5e-3),
         "motor.L_q": magnitude(draw, 1e-3, 5e-3),
         "motor.Phi_PM": magnitude(draw, 0.05, 0.3),
@@ -120,6 +126,23 @@ def plant_points(draw: Draw) -> Point:
     }
     kinks = {"inverter.delay", "sensor.current.resolution"}
     return Point(values, kinks=kinks if quantized else kinks | {"sensor.resolution"})
+
+
+@st.composite
+def compliant_points(draw: Draw) -> Point:
+    """As the plant, in contact or within the play, or without any play."""
+    plant, backlash = draw(plant_points()), draw(st.sampled_from([0.0, 1e-3]))
+    values = {
+        **plant.values,
+        "load.m": magnitude(draw, 100.0, 1e4),
+        "load.v": signed(draw, 1e-3, 0.3),
+        "transmission.stiffness": magnitude(draw, 1e5, 1e7),
+        "transmission.damping": magnitude(draw, 1.0, 100.0),
+        "transmission.backlash": backlash,
+        "start.deflection": signed(draw, 2e-3, 4e-3) if backlash else signed(draw, 1e-4, 4e-3),
+        "sensor.at_load": draw(st.booleans()),
+    }
+    return Point(values, kinks=plant.kinks | {"transmission.backlash"})
 
 
 @st.composite
@@ -537,6 +560,7 @@ def toy_points(draw: Draw) -> Point:
 
 POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "EmlaPlant": plant_points,
+    "EmlaCompliantPlant": compliant_points,
     "EmlaMotor": motor_points,
     "EmlaObserver": observer_points,
     "RsbaController": controller_points,

@@ -62,6 +62,8 @@ class Winding:
     i_N: float
     permitted_rise: float
     time_constant: float
+    alpha_R: float = 0.0
+    """Growth of the resistance in 1/K."""
 
     def load(self, i_q: float, i_d: float) -> float:
         return (i_q**2 + i_d**2) / self.i_N**2
@@ -74,8 +76,59 @@ class Winding:
 
 
 @dataclass(frozen=True)
+class Cogging:
+    """Torque in N m that repeats so many times in a turn of the motor."""
+
+    amplitude: float
+    periods: int
+
+    def torque(self, turns: float) -> float:
+        return self.amplitude * math.sin(2.0 * math.pi * self.periods * turns)
+
+
+@dataclass(frozen=True)
+class MotorEncoder:
+    """An eccentric encoder behind a screw of another lead: an angle in rad, a fraction, and a length in m."""
+
+    eccentricity: float
+    lead_error: float
+    wobble: float
+
+    def reads(self, x: float, motor_turns: float, lead: float) -> float:
+        """The position in m that the drive computes from the angle with the nominal lead."""
+        travelled_too_far = self.lead_error * x + self.wobble * math.sin(2.0 * math.pi * x / lead)
+        turns_read = motor_turns + self.eccentricity * math.sin(2.0 * math.pi * motor_turns) / (2.0 * math.pi)
+        return x * turns_read / motor_turns - travelled_too_far
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """What is between the screw and a load of the mass m; b is the whole play."""
+
+    m: float
+    k: float
+    c: float
+    b: float
+
+    def force(self, deflection: float, speed: float) -> float:
+        """On the load, positive where the screw pushes."""
+        if self.b == 0.0:
+            return self.k * deflection + self.c * speed
+        if deflection < 0.0:  # the other contact is its mirror image
+            return -self.force(-deflection, -speed)
+        depth = deflection - self.b / 2.0
+        if depth <= 0.0:
+            return 0.0
+        c = self.c if depth > self.b / 2.0 else self.c * depth / (self.b / 2.0)
+        return max(self.k * depth + c * speed, 0.0)
+
+
+@dataclass(frozen=True)
 class Drive:
     """All effects, each off unless given."""
+
+    cogging: Cogging | None = None
+    encoder: MotorEncoder | None = None
 
     dead_time: DeadTime | None = None
     friction: Friction | None = None

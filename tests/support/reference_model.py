@@ -9,7 +9,7 @@ deterministic is here: no sensor, no random part of (82). What a drive has besid
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tests.support.reference_drive import NO_DRIVE, Drive
+from tests.support.reference_drive import NO_DRIVE, Drive, Transmission
 
 Vector = NDArray[np.floating[Any]]
 Four = tuple[float, float, float, float]
@@ -146,14 +146,21 @@ def force_against(p: Actuator, x: Vector, F_L: float) -> float:
     return force - (d.end_stops.force(x_L, v_L) if d.end_stops is not None else 0.0)
 
 
-def plant_rates(p: Actuator, x: Vector, u: PlantInputs) -> Vector:
-    """(26) with d_1 = 0, the load of Table I and the uncertainties (84)."""
+def cogging_torque(p: Actuator, x_L: float) -> float:
+    """In N m, without current."""
+    return 0.0 if p.drive.cogging is None else p.drive.cogging.torque(x_L / (p.rho * p.lead))
+
+
+def plant_rates(p: Actuator, x: Vector, u: PlantInputs, rise: float = 0.0) -> Vector:
+    """(26) with d_1 = 0, the load of Table I and the uncertainties (84); rise is that of the winding in K."""
     u_q, u_d, _ = motor_voltage(p, x, u)
-    A, g = p.known.A, p.known.g(x)
+    warm = 1.0 if p.drive.winding is None else 1.0 + p.drive.winding.alpha_R * rise
+    A, g = p.known.A, replace(p.known, R_s=warm * p.R_s).g(x)
     F = np.array([0.0, *p.F]) * g
     drive = np.array([x[1], u.i_q_ref if p.torque_from_command else x[2], u_q, u_d])
     load = force_against(p, x, u.F_L) / (p.known.alpha_RL * p.known.A_eq)
-    d = np.array([0.0, u.d_2 - load, u.d_3 / p.L_q, u.d_4 / p.L_d])
+    cogging = cogging_torque(p, float(x[0])) / p.known.A_eq
+    d = np.array([0.0, u.d_2 - load + cogging, u.d_3 / p.L_q, u.d_4 / p.L_d])
     return A * drive + g + F + d
 
 
@@ -163,8 +170,13 @@ def heating(p: Actuator, x: Vector, rise: float) -> float:
     return 0.0 if winding is None else winding.rate(float(x[2]), float(x[3]), rise, p.R_s)
 
 
+def measured(p: Actuator, x_L: float) -> float:
+    """The position in m that the encoder at the motor measures."""
+    return x_L if p.drive.encoder is None else p.drive.encoder.reads(x_L, x_L / (p.rho * p.lead), p.lead)
+
+
 def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
-    """What can be seen of the plant, by the names of its FMU; sensors are ideal."""
+    """What can be seen of the plant, by the names of its FMU; sensors have no noise."""
     x_L, v_L, i_q, i_d = (float(value) for value in x)
     u_q, u_d, saturated = motor_voltage(p, x, u)
     magnet_current = u.i_q_ref if p.torque_from_command else i_q
@@ -174,12 +186,13 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
         "v_L": v_L,
         "i_q": i_q,
         "i_d": i_d,
-        "x_measured": x_L,
+        "x_measured": measured(p, x_L),
         "i_q_measured": i_q,
         "i_d_measured": i_d,
         "inverter.u_available": (1.0 - u.sag) * p.u_max,
         "a_L": float(plant_rates(p, x, u)[1]),
-        "tau_m": 1.5 * p.N_p * (i_q * i_d * p.L_d + magnet_current * p.Phi_PM - i_d * i_q * p.L_q),
+        "tau_m": 1.5 * p.N_p * (i_q * i_d * p.L_d + magnet_current * p.Phi_PM - i_d * i_q * p.L_q)
+        + cogging_torque(p, x_L),
         "omega_m": p.known.alpha_RL * v_L,
         "inverter.u_q": u_q,
         "inverter.u_d": u_d,
@@ -188,6 +201,27 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
         "P_el": 1.5 * ((u_q + u.d_3) * i_q + (u_d + u.d_4) * i_d),
         "P_L": u.F_L * v_L,
         **dict(zip(("phase.i_a", "phase.i_b", "phase.i_c"), phase_currents(p, x), strict=True)),
+    }
+
+
+def compliant_rates(p: Actuator, t: Transmission, x: Vector, u: PlantInputs, rise: float = 0.0) -> Vector:
+    """x = (x_L, v_L, i_q, i_d, deflection, speed of the load): the transmission loads the screw."""
+    force = t.force(float(x[4]), float(x[1] - x[5]))
+    own = plant_rates(p, x[:4], replace(u, F_L=force), rise)
+    return np.array([*own, x[1] - x[5], (force - u.F_L) / t.m])
+
+
+def compliant_outputs(p: Actuator, t: Transmission, x: Vector, u: PlantInputs) -> dict[str, float]:
+    """What can be seen of the plant with a second mass, by the names of its FMU."""
+    force = t.force(float(x[4]), float(x[1] - x[5]))
+    return {
+        **plant_outputs(p, x[:4], replace(u, F_L=force)),
+        "P_L": float(u.F_L * x[5]),
+        "transmission.deflection": float(x[4]),
+        "transmission.force": force,
+        "load.x": float(x[0] - x[4]),
+        "load.v": float(x[5]),
+        "load.a": (force - u.F_L) / t.m,
     }
 
 

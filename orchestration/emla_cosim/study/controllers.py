@@ -85,7 +85,7 @@ def _in_files(*names: str) -> Mapping[str, Gains]:
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        _in_files("compensated", "robust", "published"),
+        _in_files("compensated", "robust", "published", "compliant"),
         gains.RsbaGains,
         {"robust": gains.robust, "compensated": gains.compensated},
     ),

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from emla_fmu import Disturbance, EmlaMotor, EmlaObserver, EmlaPlant, Reference
+from emla_fmu import Disturbance, EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant, Reference
 from fmublock import Block
 from fmublock.variables import Variable
 
@@ -46,7 +46,7 @@ _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 def ideal_sensors(system: System) -> dict[str, Value]:
     """Return start values that switch off noise and steps of the sensors in the plants of joints."""
-    own = (EmlaMotor.__name__, EmlaPlant.__name__)
+    own = tuple(block.__name__ for block in (EmlaMotor, EmlaPlant, EmlaCompliantPlant))
     return {f"{c.name}.{p}": 0.0 for c in system.components if c.model in own for p in _SENSOR_FAULTS}
 
 
@@ -80,6 +80,7 @@ def build_joint(
     estimate: float,
     true_feedback: bool = False,
     electrical: bool = False,
+    compliant: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Build a joint from its parameters, with a block or an FMU as controller.
@@ -99,13 +100,14 @@ def build_joint(
         estimate: The observer's start in m.
         true_feedback: Whether the controller gets the plant's true position and speed.
         electrical: Whether the plant is only its electrical half, `motor`.
+        compliant: Whether the plant has a load that is not rigid.
         elsewhere: Full names of variables of other components that replace ends such as reference.x_d; None
             leaves an end open.
 
     Raises:
         CommandError: The controller lacks u_q or u_d.
     """
-    driven = EmlaMotor if electrical else EmlaPlant
+    driven = EmlaMotor if electrical else EmlaCompliantPlant if compliant else EmlaPlant
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
         driven: ("motor" if electrical else "plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),

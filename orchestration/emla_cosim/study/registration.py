@@ -20,6 +20,7 @@ from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.schema import KEYS, KIND
+from .loads import load_metrics
 from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
 from .roles import find_tracked_joints
@@ -31,6 +32,9 @@ from .tuning_plans import list_tuning_plans
 
 JOINTS = "joints"
 """Key of the joints' figures in metrics.json."""
+
+LOADS = "loads"
+"""Key of the figures of loads that are not rigid."""
 
 
 def register() -> None:
@@ -53,6 +57,7 @@ def register() -> None:
         PLANS[name] = _text("plans", name)
     TUNINGS.update(list_tuning_plans())
     METRICS[JOINTS] = joint_metrics
+    METRICS[LOADS] = load_metrics
     TRACKED[JOINTS] = find_tracked_joints
     RENAMED.update(RENAMED_FIGURES)
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)

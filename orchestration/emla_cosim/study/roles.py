@@ -21,6 +21,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "v_d": ("{joint}.reference.v_d", "machine.trajectory.v_d[{element}]"),
     "a_d": ("{joint}.reference.a_d", "machine.trajectory.a_d[{element}]"),
     "F_L": ("machine.manipulator.F_L[{element}]", "machine.plant.F_L[{element}]", "{joint}.disturbance.F_L"),
+    "x_load": ("{joint}.plant.load.x",),
     "x_hat": ("{joint}.observer.x_hat",),
     "v_hat": ("{joint}.observer.v_hat",),
     "i_q_ref": ("{joint}.controller.i_q_ref",),

@@ -48,6 +48,7 @@ def study_joint(
     drive: bool = False,
     on_machine: bool = False,
     electrical: bool = False,
+    compliant: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Return the components of a joint, alone or on the manipulator.
@@ -65,10 +66,11 @@ def study_joint(
         drive: Whether to use a realistic drive (`emla_fmu.drive`).
         on_machine: Whether to use the gains of a joint that moves the manipulator.
         electrical: See `build_joint`.
+        compliant: Whether to use the load of `[compliance]`, which is not rigid.
         elsewhere: See `build_joint`.
 
     Raises:
-        CommandError: The joint has no gains for the controller.
+        CommandError: The joint has no gains for the controller, or no `[compliance]`.
     """
     other = actuators.get(own.name)
     actuator, x_L = other or own.actuator, own.start.x_L
@@ -88,6 +90,8 @@ def study_joint(
     if electrical:
         settable = {x.attribute for x in EmlaMotor.layout().parameters}
         plant = {name: value for name, value in plant.items() if name in settable}
+    if compliant:
+        plant |= own.compliant_load.parameters(load["level"][0])
     found = choose_controller(controller, gains if gains is None else str(gains))
     of_controller, of_observer, estimate = _gains(own, found, on_machine)
     return build_joint(
@@ -102,6 +106,7 @@ def study_joint(
         estimate=estimate + ahead,
         true_feedback=true_feedback,
         electrical=electrical,
+        compliant=compliant,
         elsewhere=elsewhere,
     )
 
@@ -183,6 +188,7 @@ _three_joints = partial(_side_by_side, tuple(STUDY))
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
+    "study-compliant": partial(_three_joints, drive=True, compliant=True),
     **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from emla_fmu import Disturbance, EmlaPlant, observer_gains
+from emla_fmu import Disturbance, EmlaPlant, motion_law, observer_gains
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.drive import DriveParameters
 from emla_fmu.observer_gains import ObserverGains
@@ -135,6 +135,41 @@ class Load:
         return found | {name: value for name, value in given.items() if value is not None}
 
 
+_STIFFNESS = EntryFormat("stiffness", "N/m", "1e9", positive=True)
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """A load that is not rigid: its mass, what is in series between it and the motor, and backlash.
+
+    `damping_ratio` is that of the load swinging against a screw that is held. `backlash` is the whole play.
+    """
+
+    mass: Annotated[float, EntryFormat("mass of the load", "kg", "5e3", positive=True)]
+    bearing: Annotated[float, _STIFFNESS]
+    screw: Annotated[float, _STIFFNESS]
+    nut: Annotated[float, _STIFFNESS]
+    structure: Annotated[float, _STIFFNESS]
+    damping_ratio: Annotated[float, EntryFormat("damping ratio of the load", "", "0.02")] = 0.0
+    backlash: Annotated[float, EntryFormat("backlash", "m", "3e-6")] = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """The stiffness of all parts in series, N/m (7)."""
+        return motion_law.k_L(self.bearing, self.screw, self.nut, self.structure)
+
+    def parameters(self, force: float) -> dict[str, Any]:
+        """Return the parameters of the plant, for a load that rests under `force` in N at the start."""
+        k = self.stiffness
+        return {
+            "m_load": self.mass,
+            "stiffness": k,
+            "damping": 2.0 * self.damping_ratio * math.sqrt(k * self.mass),
+            "backlash": self.backlash,
+            "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
+        }
+
+
 @dataclass(frozen=True)
 class JointExperiment:
     """Motion and load of a joint in an experiment of the paper."""
@@ -180,6 +215,7 @@ class JointFile:
         plant: Parameters by attribute of the block.
         realistic: The actuator with the entries of `[drive]`.
         is_realistic: Whether the joint runs with it.
+        compliance: The load of scenarios in which it is not rigid; None if the file has none.
         experiments: Motion and load by scenario.
         printed: Figures of the paper by scenario and controller.
     """
@@ -198,6 +234,7 @@ class JointFile:
     load: Load
     disturbance: Mapping[str, Any]
     plant: Mapping[str, Any]
+    compliance: Compliance | None
     observers: Mapping[str, ObserverSet]
     gains: Mapping[str, Mapping[str, GainSet]]
     tuning: Tuning | None
@@ -209,6 +246,13 @@ class JointFile:
     def emla(self) -> EmlaParameters:
         """The parameters of the joint's actuator."""
         return self.actuator.emla
+
+    @property
+    def compliant_load(self) -> Compliance:
+        """The load that is not rigid; raise CommandError if the file lacks it."""
+        if self.compliance is None:
+            raise CommandError(f"{self.label} lacks the table [compliance].", joint=self.name)
+        return self.compliance
 
     def gain_set(self, controller: str, name: str) -> GainSet:
         """Return a set of gains; raise CommandError if the file lacks it for the controller."""
@@ -281,6 +325,7 @@ _TOP = {
     "load": "the load force",
     "disturbance": "",
     "plant": "",
+    "compliance": "",
     "observer": "",
     "gains": "",
     "tuning": "",
@@ -345,6 +390,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
         load=_load(tables["load"]),
         disturbance=read_block(Disturbance, tables["disturbance"], _DISTURBANCE_ELSEWHERE),
         plant=read_block(EmlaPlant, tables["plant"], _PLANT_ELSEWHERE),
+        compliance=read_call(Compliance, tables["compliance"]) if "compliance" in content else None,
         observers=observers,
         gains=_gains(tables["gains"], observers),
         tuning=read_call(Tuning, tables["tuning"], ["noisy"]) if "tuning" in content else None,

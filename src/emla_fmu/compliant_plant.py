@@ -1,0 +1,105 @@
+"""The electromechanical linear actuator with a load that is not rigid."""
+
+from typing import Any
+
+from fmublock import DefaultExperiment, Output, Parameter, State, where
+
+from . import electrics, sensors, transmission
+from .plant import EmlaPlant, screw_acceleration
+
+
+class EmlaCompliantPlant(EmlaPlant):
+    """An `EmlaPlant` that moves a second mass, the load, through a spring, a damper and backlash.
+
+    The first mass is all that the `EmlaPlant` has: motor, gearbox and `screw.M_BS`. The load force acts on
+    the second mass, friction and end stops on the first. The encoder is at the motor, as in most drives. It
+    can be at the load instead. With a very stiff spring, this is an `EmlaPlant` with the sum of both masses.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+
+    m_load = Parameter(
+        1000.0, unit="kg", minimum=1e-3, name="load.m", symbol="m", description="Mass of the load"
+    )
+    stiffness = Parameter(
+        1e8,
+        unit="N/m",
+        minimum=0.0,
+        name="transmission.stiffness",
+        symbol="k",
+        description="Stiffness between screw and load",
+    )
+    damping = Parameter(
+        0.0,
+        unit="N.s/m",
+        minimum=0.0,
+        name="transmission.damping",
+        symbol="c",
+        description="Damping between screw and load",
+    )
+    backlash = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="transmission.backlash",
+        symbol="b",
+        description="Play between screw and load, from one contact to the other",
+    )
+    at_load = Parameter(
+        False,
+        name="sensor.at_load",
+        description="Whether the position sensor is at the load, not at the motor",
+    )
+    deflection_start = Parameter(
+        0.0, unit="m", name="start.deflection", description="Initial deflection of the transmission"
+    )
+
+    deflection = State(
+        deflection_start,
+        unit="m",
+        nominal=1e-3,
+        name="transmission.deflection",
+        symbol=r"\delta",
+        description="Position of the screw minus that of the load",
+    )
+    v_load = State(0.0, unit="m/s", nominal=0.1, name="load.v", symbol="v_m", description="Speed of the load")
+
+    x_load = Output(unit="m", nominal=0.1, name="load.x", symbol="x_m", description="Position of the load")
+    a_load = Output(unit="m/s2", name="load.a", symbol="a_m", description="Acceleration of the load")
+    F_T = Output(
+        unit="N",
+        nominal=1e4,
+        name="transmission.force",
+        description="Force of the screw on the load, positive if it pushes",
+    )
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """Return (9) with the force of the transmission as load, and the motion of the load."""
+        force = transmission.force(v)
+        return {
+            "x_L": v.v_L,
+            "v_L": screw_acceleration(v, force),
+            **electrics.derivatives(v),
+            "deflection": v.v_L - v.v_load,
+            "v_load": load_acceleration(v, force),
+        }
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Return those of the `EmlaPlant`, and position, acceleration and force of the load."""
+        force, x_load = transmission.force(v), v.x_L - v.deflection
+        shown = electrics.outputs(v)
+        at_load = sensors.with_noise(v, x_load)
+        return {
+            **shown,
+            "x_measured": where(v.at_load, at_load, shown["x_measured"]),
+            "a_L": screw_acceleration(v, force),
+            "P_L": v.F_L * v.v_load,
+            "x_load": x_load,
+            "a_load": load_acceleration(v, force),
+            "F_T": force,
+        }
+
+
+def load_acceleration(v: Any, force: Any) -> Any:
+    """Return the acceleration of the load in m/s2, which the screw pushes with `force` in N."""
+    return (force - v.F_L) / v.m_load
