@@ -96,11 +96,13 @@ class Findings:
     """Version of EMLA-Cosim."""
     started: str
     """Start time in ISO 8601."""
+    complete: bool = True
+    """Whether all checks ran; false after an interruption."""
 
     @property
     def passed(self) -> bool:
-        """Whether all FMUs passed."""
-        return all(one.passed for one in self.examined)
+        """Whether all checks ran, and all FMUs passed."""
+        return self.complete and all(one.passed for one in self.examined)
 
     @property
     def failures(self) -> list[tuple[Path, Finding]]:

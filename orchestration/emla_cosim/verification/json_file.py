@@ -4,6 +4,7 @@
       "format": "emla-verify", "version": 1,           increases if a field changes or is removed
       "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
       "passed": true,                                  all FMUs passed
+      "complete": true,                                false after an interruption
       "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
       "examined": [
         {
@@ -61,6 +62,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
             "made_by": f"emla-cosim {report.version}",
             "started": report.started,
             "passed": report.passed,
+            "complete": report.complete,
             "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
             "examined": [_examined(one) for one in report.examined],
         }

@@ -114,6 +114,11 @@ def _word(name: str) -> str:
 
 
 def _headline(report: Findings) -> str:
+    said = _verdict_of_all(report)
+    return said if report.complete else f"Interrupted: {said[0].lower()}{said[1:]}"
+
+
+def _verdict_of_all(report: Findings) -> str:
     count, thing = len(report.examined), _thing(report)
     bad = sum(not one.passed for one in report.examined)
     how = "failed" if bad else "passed"

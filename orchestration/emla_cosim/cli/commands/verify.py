@@ -16,6 +16,7 @@ from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import read_tolerances
+from ...sandbox.interruption import catch_interrupts
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
 from ...verification.marks import is_json, is_junit, is_page
@@ -177,7 +178,7 @@ def command(
         (html, "the page", is_page),
     ]
     _check_places(reports, named.values(), overwrite)
-    with BarProgress() as progress:
+    with catch_interrupts() as interrupted, BarProgress() as progress:
         ours = _ours(progress) if all_ else {}
         known = documents_root() / "fmus" if all_ and reference is None else reference
         report = verify(
@@ -192,6 +193,7 @@ def command(
             fail_on=fail_on or [],
             must_run=must_run or [],
             progress=progress,
+            interrupted=interrupted,
         )
     for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
         if path is not None:
@@ -206,6 +208,8 @@ def command(
 
 def _describe_verdict(report: Report) -> str:
     """Return why the report is not passed."""
+    if not report.complete:
+        return "interrupted before all checks were done; the reports have what was finished."
     failures = len(report.failures)
     others = sum(bool(one.objections) for one in report.examined)
     said = [f"{format_count(failures, 'check')} failed"] if failures else []
