@@ -55,13 +55,13 @@ def list_gaps() -> Iterator[str]:
     version = _version()
     if version == 0:
         yield (
-            "This system cannot confine an FMU (Linux 5.13 with Landlock can): it could change files outside of "
-            "its temporary folder."
+            "Files outside: this system cannot confine an FMU (Linux 5.13 with Landlock can). It can "
+            "change files outside of its temporary folder."
         )
     elif version < _TRUNCATE_SINCE:
-        yield "This system cannot keep an FMU from emptying files outside of its temporary folder (Linux 6.2 can)."
+        yield "Files outside: this system cannot keep an FMU from emptying them (Linux 6.2 can)."
     if 0 < version < _SIGNALS_SINCE:
-        yield "This system cannot keep an FMU from sending signals to other processes (Linux 6.12 can)."
+        yield "Other processes: this system cannot keep an FMU from sending them signals (Linux 6.12 can)."
 
 
 def can_confine() -> bool:

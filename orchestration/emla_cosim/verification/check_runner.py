@@ -1,5 +1,6 @@
 """Run checks of one subject in a subprocess."""
 
+import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,6 +14,9 @@ from .scratch import list_writable, use_scratch
 from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
 from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
+
+_LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
+"""A word in messages of FMUs that do not run without a license of their tool."""
 
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
@@ -54,7 +58,7 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> F
     if check.advisory and outcome.verdict == Verdict.FAILED:
         outcome = replace(outcome, verdict=Verdict.WARNING, clause=None)
     clause, hint = outcome.clause or check.clause, outcome.hint or check.hint
-    return Finding(check.name, check.title, outcome, clause, hint, seconds)
+    return Finding(check.name, check.title, outcome, clause, hint, seconds, check.done)
 
 
 def _do(check: Check, subject: Any) -> CheckOutcome:
@@ -64,6 +68,9 @@ def _do(check: Check, subject: Any) -> CheckOutcome:
     try:
         return check.examine(subject)
     except CallError as error:
+        if _LICENSE.search(str(error)):
+            said = f"It needs a license that this machine lacks. {error}"
+            return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
         return failed(str(error))
     except EndedError as error:
         return failed(str(error), clause=RETURNS)

@@ -19,6 +19,7 @@ class Finding:
         clause: section of the standard that the check is based on.
         hint: what to do about it.
         seconds: duration in s.
+        done: what was done to find it.
     """
 
     check: str
@@ -27,6 +28,7 @@ class Finding:
     clause: Clause
     hint: str
     seconds: float
+    done: str = ""
 
     @property
     def verdict(self) -> Verdict:
@@ -51,6 +53,7 @@ class Examined:
         name: name that the report uses; empty for the path.
         objections: why it does not pass, in addition to failed checks.
         not_examined: what could not be judged, as sentences.
+        options: options of `emla verify` that a command needs to repeat a check.
     """
 
     path: Path
@@ -60,6 +63,7 @@ class Examined:
     name: str = ""
     objections: tuple[str, ...] = ()
     not_examined: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:

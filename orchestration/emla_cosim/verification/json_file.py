@@ -19,6 +19,8 @@
             {
               "check": "reference.tube", "title": "...", "verdict": "passed",
               "sentence": "...", "details": ["..."], "hint": "...", "seconds": 0.2,
+              "done": "...",                           what was done
+              "repeat": "emla verify ...",             the command that repeats the check
               "clause": {"document": "FMI 2.0.4", "section": "4.2.2", "sentence": "..."},
               "figures": {"steps": 1000, ...},         numbers that the check measures
               "comparisons": [
@@ -47,6 +49,7 @@ from ..views.pages.plain import to_plain
 from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import JSON_FORMAT, is_json
+from .repetition import format_command
 from .verdict import Verdict
 
 VERSION = 1
@@ -85,20 +88,22 @@ def _examined(one: Examined) -> dict[str, Any]:
         "not_examined": one.not_examined,
         "seconds": one.seconds,
         "facts": one.facts,
-        "findings": [_finding(finding) for finding in one.findings],
+        "findings": [_finding(one, finding) for finding in one.findings],
     }
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _finding(one: Examined, finding: Finding) -> dict[str, Any]:
     clause, outcome = finding.clause, finding.outcome
     return {
         "check": finding.check,
         "title": finding.title,
         "verdict": finding.verdict.value,
         "sentence": finding.sentence,
+        "done": finding.done,
         "details": outcome.details,
         "clause": {"document": clause.document, "section": clause.section, "sentence": clause.sentence},
         "hint": finding.hint,
+        "repeat": format_command(one, finding),
         "seconds": finding.seconds,
         "figures": outcome.figures,
         "comparisons": [_comparison(one) for one in outcome.comparisons],

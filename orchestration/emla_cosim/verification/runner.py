@@ -27,6 +27,7 @@ from .examiner import ExaminerJob
 from .findings import Examined, Finding
 from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
+from .repetition import list_options
 from .report import Report
 from .settings import Recording, Settings
 from .verdict import RETURNS, CheckOutcome, Verdict, failed
@@ -248,7 +249,7 @@ class _ExaminerPool:
                 while isinstance(answer := server.receive(), Finding):
                     done.append(answer)
                     self._advance()
-                return replace(answer, path=job.given, name=job.name)
+                return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
             except ServerEndedError as error:
                 del self._own.server
                 if self._ended:
@@ -276,7 +277,15 @@ def _report_interrupted(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
     shown = tuple(f for f in done if f.check in selected or f.verdict == Verdict.FAILED)
     said = f"The examination was interrupted: {count - len(done)} of {count} checks did not run."
     seconds = sum(f.seconds for f in done)
-    return Examined(job.given, {}, shown, seconds, job.name, (*find_objections(shown, job.settings), said))
+    return Examined(
+        job.given,
+        {},
+        shown,
+        seconds,
+        job.name,
+        (*find_objections(shown, job.settings), said),
+        options=list_options(job.settings),
+    )
 
 
 def _find_lost_check(job: ExaminerJob, done: Sequence[Finding]) -> Check | None:
@@ -294,4 +303,4 @@ def _describe_loss(how: str) -> CheckOutcome:
 def _report_without_examiner(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
     """Return the findings of an FMU whose examiner ended after the last check."""
     objections = find_objections(done, job.settings)
-    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections)
+    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections, options=list_options(job.settings))

@@ -97,6 +97,10 @@ def _less(one: dict[str, int], other: dict[str, int]) -> dict[str, int]:
     return {name: one[name] - other[name] for name in one}
 
 
+_NOTHING = "nothing"
+"""What a setting is that does not exist."""
+
+
 @check(
     "process.settings",
     "The settings of the process are unchanged",
@@ -108,12 +112,14 @@ def settings(subject: Subject) -> CheckOutcome:
     """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
     before, steps, after = in_fresh_process(_settings_of_run, subject)
     changed = {
-        name: found[name]
+        name: found.get(name, _NOTHING)
         for found in (steps, after)
-        for name in before
-        if found.get(name, before[name]) != before[name]
+        for name in {**before, **found}
+        if found.get(name, _NOTHING) != before.get(name, _NOTHING)
     }
-    problems = [f"It changes {name} from {before[name]} to {value}." for name, value in changed.items()]
+    problems = [
+        f"It changes {name} from {before.get(name, _NOTHING)} to {value}." for name, value in changed.items()
+    ]
     return judge_problems((), f"{len(before)} settings of the process are unchanged.", problems)
 
 
@@ -140,6 +146,7 @@ def files(subject: Subject) -> CheckOutcome:
         places = {name: Path(folder, name) for name in ("working", "home")}
         for place in places.values():
             place.mkdir()
+            (place / _BAIT).write_text("This file belongs to the user.\n")
         try:
             in_fresh_process(_run_in, subject, places["working"], places["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
@@ -147,11 +154,20 @@ def files(subject: Subject) -> CheckOutcome:
         problems = [
             f"It writes {join_few_names(names)} into the {name} folder."
             for name, place in places.items()
-            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if not p.is_dir()))
+            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if p.name != _BAIT))
+        ]
+        problems += [
+            f"It removes files from the {name} folder."
+            for name, place in places.items()
+            if not (place / _BAIT).is_file()
         ]
     if own := _changed_files(subject):
-        problems.append(f"It writes {join_few_names(own)} into its own folder.")
+        problems.append(f"It changes files in its own folder: {join_few_names(own)}.")
     return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
+
+
+_BAIT = "notes.txt"
+"""A file in the working and the home folder that an FMU must not touch."""
 
 
 def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
@@ -169,9 +185,10 @@ def _changed_files(subject: Subject) -> list[str]:
     for path in sorted(p for p in subject.folder.rglob("*") if p.is_file()):
         name = path.relative_to(subject.folder).as_posix()
         size, total = sums.get(name, (-1, 0))
+        sums.pop(name, None)
         if path.stat().st_size != size or _checksum(path) != total:
             found.append(name)
-    return found
+    return [*found, *(f"{name} (removed)" for name in sums)]
 
 
 def _checksum(path: Path) -> int:
