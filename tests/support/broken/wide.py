@@ -1,14 +1,12 @@
-"""FMUs with variables of all types and variabilities, in which any variable, or what is around it, is wrong."""
+"""FMUs with variables of all types, in which any variable, or what is around it, is wrong."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 import fmpy
 
-from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
-from tests.support.broken.broken import Broken
 from tests.support.handwritten_fmu import compile_library
 
 _FOLDER = Path(__file__).parent
@@ -132,7 +130,8 @@ def _describe(name: str, outputs: Dependencies, initial: Dependencies) -> str:
 
     variables = "".join(
         f'<ScalarVariable name="{variable}" valueReference="{reference[1:]}" causality="{causality}" '
-        f'variability="{variability}"{_initial(variable, causality, variability)}>{element}</ScalarVariable>\n'
+        f'variability="{variability}"{_initial(variable, causality, variability)}>{element}'
+        "</ScalarVariable>\n"
         for variable, (reference, causality, variability, element) in VARIABLES.items()
     )
     return f"""<?xml version="1.0" encoding="UTF-8"?>
@@ -140,8 +139,8 @@ def _describe(name: str, outputs: Dependencies, initial: Dependencies) -> str:
   variableNamingConvention="structured" description="A lag with variables of all types">
 <CoSimulation modelIdentifier="{name}" canInterpolateInputs="true"
   canNotUseMemoryManagementFunctions="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
-<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="slow" value="1"/><Item name="fast" value="2"/>
-</Enumeration></SimpleType></TypeDefinitions>
+<TypeDefinitions><SimpleType name="Mode"><Enumeration>
+<Item name="slow" value="1"/><Item name="fast" value="2"/></Enumeration></SimpleType></TypeDefinitions>
 <LogCategories><Category name="logStatusError"/></LogCategories>
 <DefaultExperiment startTime="0" stopTime="1" stepSize="0.02"/>
 <ModelVariables>

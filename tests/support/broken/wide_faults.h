@@ -63,6 +63,7 @@ static void *text_on_the_stack(const char *text) {
 
 static void misbehave_with_value(char type, int reference, void *value, double time) {
     const int *number = value;
+    if (type == 's' && is("one_buffer")) *(char **)value = text_in_one_buffer(*(char **)value);
     if (target[0] != type || atoi(target + 1) != reference) return;
     if (is("number_42")) *(int *)value = *number ? 42 : 0;
     if (is("number_minus_1")) *(int *)value = *number ? -1 : 0;
@@ -80,7 +81,6 @@ static void misbehave_with_value(char type, int reference, void *value, double t
     if (is("cut")) *text = cut;
     if (is("surrogate")) *text = surrogate;
     if (is("overlong")) *text = overlong;
-    if (is("one_buffer")) *text = text_in_one_buffer(*text);
     if (is("freed")) *text = text_freed(*text);
     if (is("unmapped")) *text = text_unmapped(*text);
     if (is("on_the_stack")) *text = text_on_the_stack(*text);
