@@ -221,7 +221,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
         Instance *i = c;                                                                               \
         for (size_t k = 0; k < n; k++) {                                                               \
             if (r[k] >= (count)) return refuse(i, "There is no such variable.");                       \
-            if (i->phase != RUNNING) calculate(i);                                                     \
+            if (i->phase != RUNNING || !is("step_stale")) calculate(i);                                \
             v[k] = wrong("shared", letter[0], (int)r[k]) ? shared.field[r[k]] : i->now.field[r[k]];    \
             misbehave_with_value(letter[0], (int)r[k], &v[k], i->now.r[T]);                            \
         }                                                                                              \

@@ -1,12 +1,15 @@
 """FMUs with variables of all types, in which any variable, or what is around it, is wrong."""
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 import fmpy
 
+from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
+from tests.support.broken.broken import Broken
 from tests.support.handwritten_fmu import compile_library
 
 _FOLDER = Path(__file__).parent
@@ -157,3 +160,72 @@ def _initial(variable: str, causality: str, variability: str) -> str:
         return ""
     exact = causality == "parameter" or variability == "constant" or variable in ("x", "count")
     return f' initial="{"exact" if exact else "calculated"}"'
+
+
+def _fails(fault: str, target: str, check: str, what: str, verdict: Verdict = Verdict.FAILED) -> Broken:
+    words = re.split(r"[:_ .()]+", f"{fault} {target}")
+    name = "".join(word.capitalize() for word in words)
+    return Broken(
+        name, what, check, lambda folder: build_wide_fmu(folder, fault, target, name), verdict=verdict
+    )
+
+
+def _warns(fault: str, target: str, check: str, what: str) -> Broken:
+    return _fails(fault, target, check, what, Verdict.WARNING)
+
+
+def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken:
+    """Return an FMU whose dependencies lack one: of an output while it runs (`later`), or in both places."""
+    outputs, initial = (
+        {
+            name: " ".join(k for k in on.split() if (name, k) != (output, known))
+            for name, on in declared.items()
+        }
+        for declared in (OUTPUTS, INITIAL)
+    )
+    name = f"Lack{output.capitalize()}{known.capitalize()}".replace("_", "")
+    if later:
+        initial = dict(INITIAL)
+    return Broken(
+        name,
+        what,
+        "dependencies.observed",
+        lambda folder: build_wide_fmu(folder, name=name, outputs=outputs, initial=initial),
+    )
+
+
+WIDE: list[Broken] = [
+    _fails("version", "3.0", "binaries.version", "`fmi2GetVersion` returns 3.0"),
+    _fails("version_null", "", "binaries.version", "`fmi2GetVersion` returns NULL"),
+    _fails("start", "mode_p", "values.start", "an Enumeration starts with another value than declared"),
+    _fails("start", "label", "values.start", "a String input starts with another value than declared"),
+    _fails("start", "g", "values.start", "a constant has another value than declared"),
+    _fails("not_set", "p", "values.kept", "`fmi2SetInteger` ignores a parameter without an error"),
+    _fails("not_set", "latch", "values.kept", "`fmi2SetBoolean` ignores a parameter without an error"),
+    _fails("number_256", "flag", "values.booleans", "a Boolean is 256"),
+    _fails("number_0_later", "mode", "values.enumerations", "an Enumeration becomes 0, which is no item"),
+    _fails("null_later", "text", "values.strings", "a String becomes NULL after a time"),
+    _fails("cut", "text", "values.strings", "a String ends within a character of UTF-8"),
+    _fails("surrogate", "text", "values.strings", "a String has a surrogate, which UTF-8 excludes"),
+    _fails("one_buffer", "", "values.strings", "all Strings of one call are in one buffer"),
+    _fails("reset", "d", "values.reset", "`fmi2Reset` keeps a tunable parameter"),
+    _fails("reset", "mode_in", "values.reset", "`fmi2Reset` keeps an Enumeration"),
+    _fails("reset", "on", "values.reset", "`fmi2Reset` keeps a Boolean input"),
+    _fails("shared", "enabled", "values.shared", "all instances share a Boolean parameter"),
+    _fails("shared", "tag", "values.shared", "all instances share a String parameter"),
+    _fails("state", "k", "values.state", "a state lacks a fixed parameter"),
+    _fails("state", "tag", "values.state", "a state lacks a fixed String"),
+    _fails("state", "mode_p", "values.state", "a state lacks an Enumeration"),
+    _fails("bytes", "enabled", "values.state", "the bytes of a state lack a fixed Boolean"),
+    _fails("state_null_crash", "", "state.freed", "`fmi2FreeFMUstate` of a NULL pointer crashes"),
+    _lacks("sum", "n", "a dependency on an Integer is missing in Outputs alone", later=True),
+    _lacks("echo", "label", "a dependency on a String is missing in Outputs alone", later=True),
+    _lacks("mode_2", "mode_p", "a dependency on an Enumeration is not declared"),
+    _fails("y_of_name", "", "dependencies.observed", "a Real depends on a String, and does not declare it"),
+    _fails(
+        "text_of_on", "", "dependencies.observed", "a String depends on a Boolean, and does not declare it"
+    ),
+    _warns("unused", "n", "exchange.inputs", "one of several inputs is not used"),
+    _warns("step_double", "", "steps.integrate", "steps are twice as long as they should be"),
+]
+"""Some of the faults, of each class."""
