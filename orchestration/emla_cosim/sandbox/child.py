@@ -109,7 +109,7 @@ def _called(
 
 def _restore_signals() -> None:
     """Let signals end this process, whatever the process that started it does with them."""
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ("SIGTERM", "SIGHUP", "SIGINT"):
         if number := getattr(signal, name, None):
             signal.signal(number, signal.SIG_DFL)
 

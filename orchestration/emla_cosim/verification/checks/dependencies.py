@@ -38,9 +38,10 @@ Pairs = dict[tuple[str, str], str]
 def observed(subject: Subject) -> CheckOutcome:
     """Check that no output changes with an input or parameter that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
+    of_all_types = _excluded_of_all_types(subject)  # first: threads of the library end in a fork
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
     excluded, seen, declared = _together(found, _of_model(subject))
-    excluded = {**_excluded_of_all_types(subject), **excluded}
+    excluded = {**of_all_types, **excluded}
     if excluded:
         lines = tuple(
             f"{unknown} changes with {known} {where}, which its dependencies exclude."

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import signal
 import tempfile
 import zipfile
 import zlib
@@ -125,6 +126,9 @@ def settings(subject: Subject) -> CheckOutcome:
 
 def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Return the settings before the FMU is loaded, after some steps, and after the instance is freed."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # so that a change shows
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     before = read_settings()
     instance = HostedInstance(subject)
     run_instance(instance, make_experiment(subject, _STEPS))
@@ -242,17 +246,42 @@ def _written(subject: Subject) -> dict[str, tuple[int, str]]:
 @check(
     "process.unload",
     "The library can be unloaded",
-    _own_clause("process.unload", "A host that unloads the library continues."),
+    _own_clause("process.unload", "A host that unloads the library continues, and can end normally."),
     "Keep functions that run at the end of the library free of what no longer exists.",
     needs=("run.completes",),
 )
 def unload(subject: Subject) -> CheckOutcome:
-    """Check that the process goes on after the library is unloaded."""
+    """Check that the process goes on after the library is unloaded, and can end normally after a run."""
     try:
         in_fresh_process(_run_and_unload, subject)
     except EndedError as error:
         return warned(str(error))
+    without, after = (_how_it_ends(do, subject) for do in (_end, _run_and_end))
+    if after != without == _ENDS_WELL:
+        return warned(f"A process that ends normally after a run ends with {after}.")
     return passed("The library was unloaded after a run.")
+
+
+_ENDS_WELL = "exit code 0"
+
+
+def _how_it_ends(do: Callable[[Subject], None], subject: Subject) -> str:
+    try:
+        in_fresh_process(do, subject)
+    except EndedError as error:
+        return error.how
+    return ""
+
+
+def _end(subject: Subject) -> None:
+    """End this process as a program in C does."""
+    note("ending the process")
+    ctypes.CDLL(None).exit(0)
+
+
+def _run_and_end(subject: Subject) -> None:
+    _run(subject)
+    _end(subject)
 
 
 def _run_and_unload(subject: Subject) -> None:

@@ -22,6 +22,8 @@ from ..messages import judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 
+_TINY = 1e-6
+
 _REFUSED = "It refuses other valid values of its parameters and inputs."
 _NOTHING = "It has no parameter and no input with another valid value."
 
@@ -45,12 +47,18 @@ def starts(subject: Subject) -> CheckOutcome:
         if (start := start_of(v)) is not None and not same(found[v.name], start)
     }
     certain = {v.name for v in firm} | {v.name for v in loose if v.variability == "constant"}
+    certain -= {name for name in found if _is_bound(start_of(subject.variables[name]), found[name])}
     # events of the initialization may change the others
     return judge_problems(
         [text for name, text in wrong.items() if name in certain],
         f"{len(variables)} variables have their start values.",
         [text for name, text in wrong.items() if name not in certain],
     )
+
+
+def _is_bound(start: Any, value: Any) -> bool:
+    """Return whether a start value of 0 became a tiny one, as FMUs do that divide by it."""
+    return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _TINY
 
 
 def _is_exact(variable: Any) -> bool:
