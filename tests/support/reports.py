@@ -56,7 +56,7 @@ def comparison(
 
 
 def finding(check: str, outcome: CheckOutcome, title: str = "Something is as it should be") -> Finding:
-    return Finding(check, title, outcome, CLAUSE, "Do it right.", 0.1234)
+    return Finding(check, title, outcome, CLAUSE, "Do it right.", 0.1234, "Look at it.")
 
 
 def examined(path: str, findings: Sequence[Finding], **facts: str) -> Examined:

@@ -4,11 +4,12 @@ import contextlib
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from .confinement import confine
 from .processes import describe_exit, watch_parent
 from .shield import end_with_parent, shield
 
@@ -28,13 +29,23 @@ class Child:
         *arguments: The other arguments.
         apart: Whether the child gets a process group of its own, so that `close` also ends the processes it
             started, and a parent of its own, so that a signal to its parent reaches no other process.
+        writable: Folders and files that the child may change, if the system can confine it; default: all.
+            Requires `apart`.
     """
 
     answers: Connection
 
-    def __init__(self, do: Callable[..., None], *arguments: Any, apart: bool = False) -> None:
+    def __init__(
+        self,
+        do: Callable[..., None],
+        *arguments: Any,
+        apart: bool = False,
+        writable: Sequence[Path] | None = None,
+    ) -> None:
         self.answers, theirs = _CONTEXT.Pipe(duplex=False)
-        self._process = _CONTEXT.Process(target=_called, args=(do, arguments, theirs, apart), daemon=False)
+        self._process = _CONTEXT.Process(
+            target=_called, args=(do, arguments, theirs, apart, writable), daemon=False
+        )
         self._process.start()
         theirs.close()
 
@@ -67,10 +78,18 @@ class Child:
         self.answers.close()
 
 
-def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connection, apart: bool) -> None:
+def _called(
+    do: Callable[..., None],
+    arguments: tuple[Any, ...],
+    answers: Connection,
+    apart: bool,
+    writable: Sequence[Path] | None,
+) -> None:
     if apart and hasattr(os, "setsid"):
         os.setsid()
         _restore_signals()
+        if writable is not None:
+            confine(writable)  # before there are other threads, and a parent to signal
         starter = os.getppid()
 
         def release() -> None:
@@ -90,7 +109,7 @@ def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connec
 
 def _restore_signals() -> None:
     """Let signals end this process, whatever the process that started it does with them."""
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ("SIGTERM", "SIGHUP", "SIGINT"):
         if number := getattr(signal, name, None):
             signal.signal(number, signal.SIG_DFL)
 

@@ -82,6 +82,7 @@ DYNAMIC: tuple[Check, ...] = (
     runs.ranges,
     runs.deterministic,
     values.starts,
+    values.kept,
     typed_values.booleans,
     typed_values.enumerations,
     typed_values.strings,

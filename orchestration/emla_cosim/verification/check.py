@@ -1,5 +1,6 @@
 """A check: its name, the clause of the standard, the checks that it needs, and its function."""
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -45,6 +46,11 @@ class Check:
     def group(self) -> str:
         """The first part of the name: `state`."""
         return self.name.partition(".")[0]
+
+    @property
+    def done(self) -> str:
+        """What the check does, as one paragraph."""
+        return " ".join(inspect.cleandoc(self.examine.__doc__ or "").partition("\n\n")[0].split())
 
 
 def check(

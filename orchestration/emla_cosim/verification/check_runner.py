@@ -1,18 +1,22 @@
 """Run checks of one subject in a subprocess."""
 
-import os
+import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
+from .catalogue import RECORDED
 from .check import Check
 from .findings import Finding
 from .host.fresh_process import EndedError
+from .scratch import list_writable, use_scratch
 from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
 from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
+
+_LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
+"""A word in messages of FMUs that do not run without a license of their tool."""
 
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
@@ -30,7 +34,8 @@ def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Ite
         round(checks[0].memory_factor * settings.memory),
     )
     began = time.monotonic()
-    outcomes = run_each_in_subprocess(_do, [(check, subject) for check in checks], seconds, memory)
+    items, places = [(check, subject) for check in checks], list_writable(subject, checks[0] is RECORDED)
+    outcomes = run_each_in_subprocess(_do, items, seconds, memory, places)
     for check, outcome in zip(checks, outcomes, strict=True):
         ended = time.monotonic()
         yield make_finding(check, outcome, ended - began)
@@ -53,26 +58,19 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> F
     if check.advisory and outcome.verdict == Verdict.FAILED:
         outcome = replace(outcome, verdict=Verdict.WARNING, clause=None)
     clause, hint = outcome.clause or check.clause, outcome.hint or check.hint
-    return Finding(check.name, check.title, outcome, clause, hint, seconds)
+    return Finding(check.name, check.title, outcome, clause, hint, seconds, check.done)
 
 
 def _do(check: Check, subject: Any) -> CheckOutcome:
     from .host.hosted_instance import CallError  # loads fmpy.fmi2
 
-    _leave_working_folder(subject)
+    use_scratch(subject)
     try:
         return check.examine(subject)
     except CallError as error:
+        if _LICENSE.search(str(error)):
+            said = f"It needs a license that this machine lacks. {error}"
+            return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
         return failed(str(error))
     except EndedError as error:
         return failed(str(error), clause=RETURNS)
-
-
-def _leave_working_folder(subject: Any) -> None:
-    """Work in a temporary folder, so that an FMU that writes files there does not write into the user's."""
-    settings = getattr(subject, "settings", None)
-    folder: Path | None = getattr(subject, "folder", None)
-    if folder is not None and folder.parent.is_dir() and getattr(settings, "recording", None) is None:
-        working = folder.parent / "working"
-        working.mkdir(exist_ok=True)
-        os.chdir(working)

@@ -42,9 +42,9 @@ def main() -> None:
 
 
 def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
-    if job.system:
-        return examine_system(job.path, job.settings, tell)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
+        if job.system:
+            return examine_system(job.path, job.settings, Path(folder).resolve(), tell)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
         return examine_fmu(subject, tell, job.done)
 

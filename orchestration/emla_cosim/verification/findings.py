@@ -19,6 +19,7 @@ class Finding:
         clause: section of the standard that the check is based on.
         hint: what to do about it.
         seconds: duration in s.
+        done: what was done to find it.
     """
 
     check: str
@@ -27,6 +28,7 @@ class Finding:
     clause: Clause
     hint: str
     seconds: float
+    done: str = ""
 
     @property
     def verdict(self) -> Verdict:
@@ -51,6 +53,7 @@ class Examined:
         name: name that the report uses; empty for the path.
         objections: why it does not pass, in addition to failed checks.
         not_examined: what could not be judged, as sentences.
+        options: options of `emla verify` that a command needs to repeat a check.
     """
 
     path: Path
@@ -60,6 +63,7 @@ class Examined:
     name: str = ""
     objections: tuple[str, ...] = ()
     not_examined: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -96,11 +100,13 @@ class Findings:
     """Version of EMLA-Cosim."""
     started: str
     """Start time in ISO 8601."""
+    complete: bool = True
+    """Whether all checks ran; false after an interruption."""
 
     @property
     def passed(self) -> bool:
-        """Whether all FMUs passed."""
-        return all(one.passed for one in self.examined)
+        """Whether all checks ran, and all FMUs passed."""
+        return self.complete and all(one.passed for one in self.examined)
 
     @property
     def failures(self) -> list[tuple[Path, Finding]]:

@@ -4,6 +4,7 @@
       "format": "emla-verify", "version": 1,           increases if a field changes or is removed
       "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
       "passed": true,                                  all FMUs passed
+      "complete": true,                                false after an interruption
       "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
       "examined": [
         {
@@ -18,6 +19,8 @@
             {
               "check": "reference.tube", "title": "...", "verdict": "passed",
               "sentence": "...", "details": ["..."], "hint": "...", "seconds": 0.2,
+              "done": "...",                           what was done
+              "repeat": "emla verify ...",             the command that repeats the check
               "clause": {"document": "FMI 2.0.4", "section": "4.2.2", "sentence": "..."},
               "figures": {"steps": 1000, ...},         numbers that the check measures
               "comparisons": [
@@ -46,6 +49,7 @@ from ..views.pages.plain import to_plain
 from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import JSON_FORMAT, is_json
+from .repetition import format_command
 from .verdict import Verdict
 
 VERSION = 1
@@ -61,6 +65,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
             "made_by": f"emla-cosim {report.version}",
             "started": report.started,
             "passed": report.passed,
+            "complete": report.complete,
             "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
             "examined": [_examined(one) for one in report.examined],
         }
@@ -83,20 +88,22 @@ def _examined(one: Examined) -> dict[str, Any]:
         "not_examined": one.not_examined,
         "seconds": one.seconds,
         "facts": one.facts,
-        "findings": [_finding(finding) for finding in one.findings],
+        "findings": [_finding(one, finding) for finding in one.findings],
     }
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _finding(one: Examined, finding: Finding) -> dict[str, Any]:
     clause, outcome = finding.clause, finding.outcome
     return {
         "check": finding.check,
         "title": finding.title,
         "verdict": finding.verdict.value,
         "sentence": finding.sentence,
+        "done": finding.done,
         "details": outcome.details,
         "clause": {"document": clause.document, "section": clause.section, "sentence": clause.sentence},
         "hint": finding.hint,
+        "repeat": format_command(one, finding),
         "seconds": finding.seconds,
         "figures": outcome.figures,
         "comparisons": [_comparison(one) for one in outcome.comparisons],

@@ -1,7 +1,6 @@
 """Write the report as JUnit XML for CI systems: a suite for each FMU, a case for each check."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from ..views.pages.text import make_visible
 from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings
 from .marks import is_junit
+from .repetition import format_command
 from .short_names import shorten_names
 from .verdict import Verdict
 
@@ -50,7 +50,7 @@ def _suite(one: Examined, name: str, report: Findings) -> Any:
     facts = {"emla-cosim": report.version, **one.facts}
     properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
     suite.append(properties)
-    suite.extend(_case(finding, _class_name(name)) for finding in one.findings)
+    suite.extend(_case(one, finding, _class_name(name)) for finding in one.findings)
     suite.extend(_objection(objection, _class_name(name)) for objection in one.objections)
     if one.not_examined:
         suite.append(_element("system-out", "\n".join(["Not examined:", *one.not_examined])))
@@ -69,14 +69,14 @@ def _class_name(label: str) -> str:
     return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
 
 
-def _case(finding: Finding, class_name: str) -> Any:
+def _case(one: Examined, finding: Finding, class_name: str) -> Any:
     case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
     if finding.verdict == Verdict.FAILED:
-        case.append(_element("failure", _explain(finding), type=finding.check, message=finding.sentence))
+        case.append(_element("failure", _explain(one, finding), type=finding.check, message=finding.sentence))
     elif finding.verdict == Verdict.SKIPPED:
         case.append(_element("skipped", message=finding.sentence))
     elif finding.verdict == Verdict.WARNING:
-        case.append(_element("system-out", f"Warning: {_explain(finding)}"))
+        case.append(_element("system-out", f"Warning: {_explain(one, finding)}"))
     return case
 
 
@@ -84,14 +84,13 @@ def _time(seconds: float) -> str:
     return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
 
 
-def _explain(finding: Finding) -> str:
-    """Return message, details, clause and hint as paragraphs."""
+def _explain(one: Examined, finding: Finding) -> str:
+    """Return message, details, clause, what was done, hint and the command to repeat it, as paragraphs."""
     clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
-    return "\n\n".join(_paragraphs(finding.sentence, finding.outcome.details, clause, finding.hint))
-
-
-def _paragraphs(sentence: str, details: Iterable[str], clause: str, hint: str) -> list[str]:
-    return [part for part in (sentence, "\n".join(details), clause, hint) if part]
+    done = f"What was done: {finding.done}" if finding.done else ""
+    repeat = f"Repeat it: {format_command(one, finding)}"
+    parts = (finding.sentence, "\n".join(finding.outcome.details), clause, done, finding.hint, repeat)
+    return "\n\n".join(part for part in parts if part)
 
 
 def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from ..fmu.shared_library import missing_bytes
+from .binary_headers import wanted_target
 from .subject import Subject
 
 _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
 """Bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT."""
 
-_SUFFIXES = (".so", ".dll", ".dylib")
+_OF_SYSTEM = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
+_SUFFIXES = tuple(_OF_SYSTEM.values())
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,15 @@ def list_libraries(subject: Subject) -> list[Library]:
         name = subject.tree.find(kind).get("modelIdentifier")
         for folder in list_platforms(subject):
             for path in sorted(folder.iterdir()):
-                if path.is_file() and path.stem == name and path.suffix in _SUFFIXES:
+                if path.is_file() and path.stem == name and path.suffix in _find_suffixes(folder.name):
                     by_path.setdefault(path, []).append(kind)
     return [Library(path, tuple(kinds)) for path, kinds in by_path.items()]
+
+
+def _find_suffixes(folder: str) -> tuple[str, ...]:
+    """Return the suffixes of libraries in the folder of a platform."""
+    target = wanted_target(folder)
+    return _SUFFIXES if target is None else (_OF_SYSTEM[target[0]],)
 
 
 def list_platforms(subject: Subject) -> list[Path]:

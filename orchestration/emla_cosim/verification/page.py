@@ -14,6 +14,7 @@ from ..views.pages.page import Plots, render_template
 from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import is_page
+from .repetition import format_command
 from .short_names import shorten_names
 from .verdict import Verdict
 
@@ -52,7 +53,9 @@ class _FmuPart:
 
     def __init__(self, index: int, one: Examined, name: str, plots: Plots) -> None:
         self.id, self.one, self.name = f"fmu-{index}", one, name
-        self.rows = [_FindingRow(f"{self.id}-{_word(f.check)}", f, plots) for f in one.findings]
+        self.rows = [
+            _FindingRow(f"{self.id}-{_word(f.check)}", f, plots, format_command(one, f)) for f in one.findings
+        ]
 
     @property
     def verdict(self) -> Verdict:
@@ -94,8 +97,8 @@ class _CheckGroup:
 class _FindingRow:
     """One finding."""
 
-    def __init__(self, name: str, finding: Finding, plots: Plots) -> None:
-        self.id, self.finding, self.outcome = name, finding, finding.outcome
+    def __init__(self, name: str, finding: Finding, plots: Plots, repeat: str) -> None:
+        self.id, self.finding, self.outcome, self.repeat = name, finding, finding.outcome, repeat
         self.signals = build_comparison_rows(self.outcome.comparisons, plots)
 
     @property
@@ -114,6 +117,11 @@ def _word(name: str) -> str:
 
 
 def _headline(report: Findings) -> str:
+    said = _verdict_of_all(report)
+    return said if report.complete else f"Interrupted: {said[0].lower()}{said[1:]}"
+
+
+def _verdict_of_all(report: Findings) -> str:
     count, thing = len(report.examined), _thing(report)
     bad = sum(not one.passed for one in report.examined)
     how = "failed" if bad else "passed"

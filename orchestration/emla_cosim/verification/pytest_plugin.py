@@ -173,10 +173,20 @@ class FmuItem(pytest.Item):
         if found.verdict == Verdict.FAILED:
             needed = "" if found.check == self.name else f"It needs {found.check}, which failed. "
             raise FmuFailure(needed + explain_finding(found))
+        if found.verdict == Verdict.SKIPPED and found.outcome.blocked and not self._has_cause(found):
+            raise FmuFailure(f"It could not run. {explain_finding(found)}")
         if found.verdict == Verdict.SKIPPED:
             raise pytest.skip.Exception(f"{self.name}: {found.sentence}", _use_item_location=True)
         if found.verdict == Verdict.WARNING:
             warnings.warn_explicit(FmuWarning(explain_finding(found)), None, str(self.path), 0)
+
+    def _has_cause(self, found: Finding) -> bool:
+        """Return whether a check could not run because of another one that has a test."""
+        return any(
+            found.sentence.startswith(f"It needs {item.name},")
+            for item in self.session.items
+            if item.parent is self.parent
+        )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Show the finding without a traceback."""
@@ -225,7 +235,8 @@ def explain_finding(found: Finding) -> str:
     lines = [found.sentence, *(f"    {detail}" for detail in details[:_MOST_DETAILS])]
     if len(details) > _MOST_DETAILS:
         lines.append(f"    and {len(details) - _MOST_DETAILS} more")
-    return "\n".join([*lines, f'{found.clause}: "{found.clause.sentence}"', found.hint])
+    done = [f"What was done: {found.done}"] if found.done else []
+    return "\n".join([*lines, f'{found.clause}: "{found.clause.sentence}"', *done, found.hint])
 
 
 def _worker_data(config: pytest.Config) -> dict[str, Any] | None:

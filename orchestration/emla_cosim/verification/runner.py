@@ -4,7 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -19,7 +19,7 @@ from ..recorders.tubes.tolerance import Tolerance
 from ..sandbox.processes import LOOK
 from ..sandbox.server import Server, ServerEndedError
 from ..ssp.reader.flat_document import read_ssp
-from .catalogue import CHECKS, SYSTEM
+from .catalogue import SYSTEM
 from .check import Check
 from .check_runner import make_finding
 from .examination import check_names, select_checks, select_needed_checks
@@ -27,9 +27,10 @@ from .examiner import ExaminerJob
 from .findings import Examined, Finding
 from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
+from .repetition import list_options
 from .report import Report
 from .settings import Recording, Settings
-from .verdict import RETURNS, CheckOutcome, failed
+from .verdict import RETURNS, CheckOutcome, Verdict, failed
 
 _SYSTEMS = (".ssp", ".ssd")
 _EXAMINER = f"{__package__}.examiner"
@@ -48,6 +49,7 @@ def verify(
     fail_on: Sequence[str] = (),
     must_run: Sequence[str] = (),
     progress: Progress | None = None,
+    interrupted: Callable[[], bool] | None = None,
 ) -> Report:
     """Check FMUs and systems of FMUs: do they follow the standard, and do they behave as before?
 
@@ -65,6 +67,8 @@ def verify(
         fail_on: what makes an FMU fail in addition to failed checks: `"warning"`, `"skip"`.
         must_run: names, groups or patterns of checks that must not be skipped.
         progress: receives the number of finished checks.
+        interrupted: called often; once it returns true, the report has what is finished until then, and is
+            marked as not complete. Default: run all checks.
 
     Returns:
         The findings for each file.
@@ -82,8 +86,10 @@ def verify(
         count = sum(1 if job.system else len(select_needed_checks(job.settings)) for job in jobs)
         progress.begin("verifying", count, "checks")
         folder = held.enter_context(temporary_folder("emla-verify-"))
-        found = _ExaminerPool(folder, lambda: progress.advance(1)).examined(jobs)
-    return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
+        pool = _ExaminerPool(folder, lambda: progress.advance(1))
+        found = pool.examined(jobs) if interrupted is None else pool.examined_until(interrupted, jobs)
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    return Report(found, version("emla-cosim"), started, complete=not pool.was_interrupted)
 
 
 def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path]) -> dict[str, Path]:
@@ -192,6 +198,23 @@ class _ExaminerPool:
         self._own = threading.local()
         self._servers: list[Server] = []
         self._ended = False
+        self.was_interrupted = False
+
+    def examined_until(
+        self, interrupted: Callable[[], bool], jobs: Sequence[ExaminerJob]
+    ) -> tuple[Examined, ...]:
+        """Return the findings like `examined`; those until then, once `interrupted` returns true."""
+        with ThreadPoolExecutor(1) as own:
+            found = own.submit(self.examined, jobs)
+            try:
+                while not wait([found], timeout=LOOK).done:
+                    if interrupted() and not self.was_interrupted:
+                        self.was_interrupted = True
+                        self._end()
+            except BaseException:  # a second Ctrl-C
+                self._end()
+                raise
+            return found.result()
 
     def examined(self, jobs: Sequence[ExaminerJob]) -> tuple[Examined, ...]:
         """Return the findings in the order of the jobs. Any exception ends all processes."""
@@ -216,9 +239,9 @@ class _ExaminerPool:
             server.kill()
 
     def _examined(self, job: ExaminerJob) -> Examined:
-        if self._ended:
-            return _examiner_lost_report(job, "interrupted")
         done: list[Finding] = []
+        if self._ended:
+            return _report_interrupted(job, done)
         while True:
             server = self._server()
             try:
@@ -226,11 +249,11 @@ class _ExaminerPool:
                 while isinstance(answer := server.receive(), Finding):
                     done.append(answer)
                     self._advance()
-                return replace(answer, path=job.given, name=job.name)
+                return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
             except ServerEndedError as error:
                 del self._own.server
                 if self._ended:
-                    return _examiner_lost_report(job, str(error))
+                    return _report_interrupted(job, done)
                 lost = _find_lost_check(job, done)
                 if lost is None:
                     return _report_without_examiner(job, done)
@@ -242,13 +265,27 @@ class _ExaminerPool:
         if not hasattr(self._own, "server"):
             self._own.server = Server(_EXAMINER, str(self._folder))
             self._servers.append(self._own.server)
+            if self._ended:
+                self._own.server.kill()
         return self._own.server
 
 
-def _examiner_lost_report(job: ExaminerJob, how: str) -> Examined:
-    """Return the report for an FMU whose examination was interrupted."""
-    found = make_finding(CHECKS[0], failed(f"Its examination ended ({how})."))
-    return Examined(job.given, {}, (found,), 0.0, job.name)
+def _report_interrupted(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+    """Return what was found about an FMU until its examination was interrupted; it does not pass."""
+    count = 1 if job.system else len(select_needed_checks(job.settings))
+    selected = {c.name for c in (SYSTEM if job.system else select_checks(job.settings))}
+    shown = tuple(f for f in done if f.check in selected or f.verdict == Verdict.FAILED)
+    said = f"The examination was interrupted: {count - len(done)} of {count} checks did not run."
+    seconds = sum(f.seconds for f in done)
+    return Examined(
+        job.given,
+        {},
+        shown,
+        seconds,
+        job.name,
+        (*find_objections(shown, job.settings), said),
+        options=list_options(job.settings),
+    )
 
 
 def _find_lost_check(job: ExaminerJob, done: Sequence[Finding]) -> Check | None:
@@ -266,4 +303,4 @@ def _describe_loss(how: str) -> CheckOutcome:
 def _report_without_examiner(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
     """Return the findings of an FMU whose examiner ended after the last check."""
     objections = find_objections(done, job.settings)
-    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections)
+    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections, options=list_options(job.settings))

@@ -37,6 +37,11 @@ class Subject:
         """Pickle without what was read."""
         return type(self), (self.path, self.folder, self.settings, self.most_steps)
 
+    @property
+    def scratch(self) -> Path:
+        """The folder in which checks work, with that of the unpacked FMU in it."""
+        return self.folder.parent
+
     @cached_property
     def tree(self) -> Any:
         """The root element of the model description."""

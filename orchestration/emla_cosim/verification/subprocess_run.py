@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,11 @@ def last_note() -> str:
 
 
 def run_in_subprocess(
-    do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], seconds: float, memory: int
+    do: Callable[..., CheckOutcome],
+    arguments: tuple[Any, ...],
+    seconds: float,
+    memory: int,
+    writable: Sequence[Path] | None = None,
 ) -> CheckOutcome:
     """Call `do` in a subprocess and return its outcome.
 
@@ -51,12 +55,17 @@ def run_in_subprocess(
         arguments: Its arguments.
         seconds: Time limit in s.
         memory: Memory limit in bytes, in addition to what the process uses now.
+        writable: Folders that the process may write to, if the system can confine it. Default: all.
     """
-    return next(run_each_in_subprocess(do, [arguments], seconds, memory))
+    return next(run_each_in_subprocess(do, [arguments], seconds, memory, writable))
 
 
 def run_each_in_subprocess(
-    do: Callable[..., CheckOutcome], items: Sequence[tuple[Any, ...]], seconds: float, memory: int
+    do: Callable[..., CheckOutcome],
+    items: Sequence[tuple[Any, ...]],
+    seconds: float,
+    memory: int,
+    writable: Sequence[Path] | None = None,
 ) -> Iterator[CheckOutcome]:
     """Call `do` for each of several arguments like `run_in_subprocess`, in as few processes as possible.
 
@@ -64,10 +73,10 @@ def run_each_in_subprocess(
     """
     left = list(items)
     while left:
-        with (
-            closing(BlackBoxFile()) as notes,
-            closing(Child(_answer, do, left, notes.path, memory, apart=True)) as child,
-        ):
+        with closing(BlackBoxFile()) as notes, ExitStack() as held:
+            places = None if writable is None else [*writable, notes.path]
+            child = Child(_answer, do, left, notes.path, memory, apart=True, writable=places)
+            held.callback(child.close)
             whole = True
             while left and whole:
                 outcome, whole = _outcome(child, notes, seconds)

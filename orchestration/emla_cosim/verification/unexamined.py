@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import fmpy
 
+from ..sandbox.confinement import list_gaps
 from .findings import Finding
 from .libraries import list_platforms
 from .messages import join_few_names
@@ -24,7 +25,14 @@ def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[
         findings: All findings by check, also those that the report leaves out.
     """
     found = list(findings.values())
-    return (*_values(findings), *_not_run(found), *_gaps(found), *_other_platforms(subject))
+    protection = list_gaps() if "run.completes" in findings else ()
+    return (
+        *_values(findings),
+        *_not_run(found),
+        *_gaps(found),
+        *_other_platforms(subject),
+        *protection,
+    )
 
 
 def _values(findings: Mapping[str, Finding]) -> Iterator[str]:

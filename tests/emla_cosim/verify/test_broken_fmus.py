@@ -20,6 +20,7 @@ from tests.support.broken.editing import good_bytes
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
 from tests.support.broken.typed import TYPED, build_typed_fmu
+from tests.support.broken.wide import WIDE, build_wide_fmu
 from tests.support.long import mostly_long
 from tests.support.paths import ROOT
 
@@ -50,7 +51,9 @@ def good(tmp_path_factory: Folders) -> dict[str, Examined]:
     """What is found about the FMUs that were broken, before they were: by the name of the file."""
     folder = tmp_path_factory.mktemp("good")
     (folder / "Toy.fmu").write_bytes(good_bytes())
-    report = ec.verify([folder / "Toy.fmu", build_good_fmu(folder), build_typed_fmu(folder)])
+    report = ec.verify(
+        [folder / "Toy.fmu", build_good_fmu(folder), build_typed_fmu(folder), build_wide_fmu(folder)]
+    )
     return {one.path.stem: one for one in report.examined}
 
 
@@ -90,7 +93,7 @@ def _skipped(broken: Broken) -> list[str]:
 def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
     """The toy draws its noise once per step, so that half steps and Model Exchange differ; that is said."""
     told = {name: [f.check for f in one.findings if f.verdict in WORSE] for name, one in good.items()}
-    assert told == {"Toy": ["steps.split", "model_exchange.agrees"], "Good": [], "Typed": []}
+    assert told == {"Toy": ["steps.split", "model_exchange.agrees"], "Good": [], "Typed": [], "Wide": []}
     assert not any(one.of(Verdict.FAILED) for one in good.values())
 
 
@@ -119,7 +122,9 @@ def test_one_fault_is_told_by_no_other_check(
     broken: Broken, asked_all: dict[str, Examined], good: dict[str, Examined]
 ) -> None:
     found = asked_all[broken.name]
-    before = good["Toy" if broken in STATIC else "Typed" if broken in TYPED else "Good"]
+    before = good[
+        "Toy" if broken in STATIC else "Typed" if broken in TYPED else "Wide" if broken in WIDE else "Good"
+    ]
     told = {
         f.check: f.sentence
         for f in found.findings

@@ -27,6 +27,7 @@ def test_what_programs_find(tmp_path: Path) -> None:
     assert found == given.as_dict()
     assert (found["format"], found["version"], found["started"]) == ("emla-verify", 1, STARTED)
     assert found["passed"] is False
+    assert found["complete"] is True
     assert found["counts"] == {"passed": 3, "warning": 1, "failed": 2, "skipped": 1}
     one, other = found["examined"]
     assert (one["path"], one["verdict"], one["passed"], one["seconds"]) == (
@@ -40,7 +41,8 @@ def test_what_programs_find(tmp_path: Path) -> None:
     units = one["findings"][1]
     assert {**units, "title": ""} == {
         "check": "description.units", "title": "", "verdict": "warning", "sentence": "motor.v has no unit.",
-        "details": ["Line 7.", "Line 9."], "hint": "Do it right.", "seconds": 0.1234,
+        "details": ["Line 7.", "Line 9."], "hint": "Do it right.", "seconds": 0.1234, "done": "Look at it.",
+        "repeat": "emla verify build/Plant.fmu --only description.units --explain",
         "figures": {}, "comparisons": [],
         "clause": {"document": "FMI 2.0.4", "section": CLAUSE.section, "sentence": CLAUSE.sentence},
     }  # fmt: skip

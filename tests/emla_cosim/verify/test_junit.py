@@ -70,7 +70,9 @@ def test_a_suite_per_fmu_and_a_case_per_check(tmp_path: Path) -> None:
     assert bad[0].get("message") == "x is 2 where it was 1."
     assert bad[0].text == (
         "x is 2 where it was 1.\n\nv is 3, was 4.\n\n"
-        "FMI 2.0.4, 2.1.5: “The function returns a new instance of an FMU.”\n\nDo it right."
+        "FMI 2.0.4, 2.1.5: “The function returns a new instance of an FMU.”\n\n"
+        "What was done: Look at it.\n\nDo it right.\n\n"
+        "Repeat it: emla verify build/Plant.fmu --only state.restored --explain"
     )
     assert dict(skipped[0].attrib) == {"message": "It needs state.restored, which failed."}
     assert {case.get("classname") for case in other.iter("testcase")} == {"other.Plant"}

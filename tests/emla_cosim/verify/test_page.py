@@ -61,7 +61,8 @@ def test_it_says_what_was_found() -> None:
     body = text_of(findings[0][1])
     assert body == (
         "v is 3, was 4. What to do Do it right. "
-        "The function returns a new instance of an FMU. FMI 2.0.4, 2.1.5 Took 0.12 s."
+        "The function returns a new instance of an FMU. FMI 2.0.4, 2.1.5 What was done Look at it. "
+        "Repeat it emla verify build/Plant.fmu --only state.restored --explain Took 0.12 s."
     )
     names = [text_of(b) for b in elements(findings[1], "button")]
     assert names == ["motor.v", "motor.i", "x"]  # what left its tube first is first

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import emla_cosim.verification.runner  # noqa: F401 - for pytest runs in this process
+from tests.support.broken.editing import with_files
+from tests.support.broken.static import LIBRARY
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
 
@@ -111,6 +113,21 @@ def test_a_failure_says_what_is_wrong_and_nothing_of_this_program(
     shown = result.stdout.str() + (pytester.path / "report.xml").read_text()
     assert "Traceback" not in shown and "pytest_plugin" not in result.stdout.str()
     assert run_here(pytester, *agrees, "--fmu-tolerance", "*=1e30").ret == 0
+
+
+def test_an_fmu_that_cannot_run_fails(pytester: pytest.Pytester) -> None:
+    """Once for each cause: what needs a check that has a test is skipped."""
+    (pytester.path / "build").mkdir()
+    edit = with_files(lambda files: files.update({LIBRARY.replace("64/", "-64/"): files.pop(LIBRARY)}))
+    edit(pytester.path / "build")
+    for names, failing, skipped in (
+        ("archive.safe or run.completes", "run.completes", 0),
+        ("binaries.loads or run.completes", "binaries.loads", 1),
+    ):
+        result = run_here(pytester, "--fmu", "build/*.fmu", "-k", names, "-rA")
+        assert result.ret == 1
+        result.stdout.fnmatch_lines([f"FAILED build/Toy.fmu::{failing} - It could not run. *"])
+        assert result.parseoutcomes().get("skipped", 0) == skipped
 
 
 def test_references_lie_where_the_option_says(pytester: pytest.Pytester, fmu_folder: Path) -> None:

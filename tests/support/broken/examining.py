@@ -19,7 +19,8 @@ def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.Monke
     """What these checks find, of which only what may end a process gets one: they cost more than all else."""
     with monkeypatch.context() as context:
         context.setattr(check_runner, "run_each_in_subprocess", _apart_where_needed)
-        context.chdir(path.parent)  # checks work in a folder of their own; this returns from it
+        context.setattr(check_runner, "use_scratch", lambda _: None)  # of this process, too
+        context.chdir(path.parent)
         return examined_apart(path, checks)
 
 
@@ -29,12 +30,18 @@ def examined_apart(path: Path, checks: tuple[str, ...]) -> Examined:
 
 
 def _apart_where_needed(
-    do: Callable[..., CheckOutcome], items: Sequence[tuple[Check, Subject]], seconds: float, memory: int
+    do: Callable[..., CheckOutcome],
+    items: Sequence[tuple[Check, Subject]],
+    seconds: float,
+    memory: int,
+    writable: Sequence[Path],
 ) -> Iterator[CheckOutcome]:
     for check, subject in items:
         harmful = check.group in ("archive", "binaries")
         yield (
-            run_in_subprocess(do, (check, subject), seconds, memory) if harmful else _here(do, check, subject)
+            run_in_subprocess(do, (check, subject), seconds, memory, writable)
+            if harmful
+            else _here(do, check, subject)
         )
 
 

@@ -10,9 +10,10 @@ from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
 from tests.support.broken.typed import TYPED
+from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *NUMERIC]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *WIDE, *NUMERIC]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

@@ -16,10 +16,12 @@ from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import read_tolerances
+from ...sandbox.interruption import catch_interrupts
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
 from ...verification.marks import is_json, is_junit, is_page
 from ...verification.references.excitation import SHAPES
+from ...verification.repetition import format_command
 from ...verification.report import Report
 from ...verification.runner import verify
 from ...verification.settings import Recording, Settings
@@ -88,6 +90,13 @@ def command(
             rich_help_panel=_WHAT,
         ),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            help="Explain each check: the clause, what was done, what came back, how to repeat it.",
+            rich_help_panel=_OUT,
+        ),
+    ] = False,
     list_: Annotated[
         bool, typer.Option("--list", help="List all checks and exit.", rich_help_panel=_WHAT)
     ] = False,
@@ -177,7 +186,7 @@ def command(
         (html, "the page", is_page),
     ]
     _check_places(reports, named.values(), overwrite)
-    with BarProgress() as progress:
+    with catch_interrupts() as interrupted, BarProgress() as progress:
         ours = _ours(progress) if all_ else {}
         known = documents_root() / "fmus" if all_ and reference is None else reference
         report = verify(
@@ -192,6 +201,7 @@ def command(
             fail_on=fail_on or [],
             must_run=must_run or [],
             progress=progress,
+            interrupted=interrupted,
         )
     for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
         if path is not None:
@@ -199,13 +209,15 @@ def command(
     if recording is not None:
         _show_recorded(report)
     else:
-        _show(report)
+        _show(report, explain)
     if not report.passed:
         raise CosimError(_describe_verdict(report))
 
 
 def _describe_verdict(report: Report) -> str:
     """Return why the report is not passed."""
+    if not report.complete:
+        return "interrupted before all checks were done; the reports have what was finished."
     failures = len(report.failures)
     others = sum(bool(one.objections) for one in report.examined)
     said = [f"{format_count(failures, 'check')} failed"] if failures else []
@@ -243,11 +255,18 @@ def _catalogue() -> Table:
     return table
 
 
-def _show(report: Report) -> None:
-    """Show failures and warnings with the clauses of the standard, then a row for each FMU."""
+def _show(report: Report, explain: bool) -> None:
+    """Show failures and warnings with the clauses of the standard, then a row for each FMU.
+
+    With `explain`, show all findings, and what was done.
+    """
     for examined in report.examined:
-        for verdict in (Verdict.FAILED, Verdict.WARNING):
-            _show_findings(examined, verdict)
+        for verdict in (
+            Verdict.FAILED,
+            Verdict.WARNING,
+            *((Verdict.PASSED, Verdict.SKIPPED) if explain else ()),
+        ):
+            _show_findings(examined, verdict, explain)
         for objection in examined.objections:
             said = f"{_text(examined.label)}: [{_STYLE[Verdict.FAILED]}]not passed[/] {_text(objection)}"
             show(said, highlight=False, soft_wrap=True)
@@ -277,18 +296,22 @@ def _count(count: int, verdict: Verdict) -> str:
     return f"[{_STYLE[verdict]}]{count}[/]" if count else ""
 
 
-def _show_findings(examined: Examined, verdict: Verdict) -> None:
+def _show_findings(examined: Examined, verdict: Verdict, explain: bool) -> None:
     for found in examined.of(verdict):
         name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
         show(f"{_text(examined.label)}: {name} {_text(found.sentence)}", highlight=False, soft_wrap=True)
         more = [d for d in found.outcome.details if d.rstrip(".") not in found.sentence]
-        for detail in more[:_MOST_DETAILS]:
+        most = len(more) if explain else _MOST_DETAILS
+        for detail in more[:most]:
             show(f"    {_text(detail)}", highlight=False, soft_wrap=True)
-        if len(more) > _MOST_DETAILS:
-            show(f"    and {len(more) - _MOST_DETAILS} more", highlight=False)
-        if verdict == Verdict.FAILED:
-            says = f'    {found.clause}: "{found.clause.sentence}"\n    {found.hint}'
-            show(says, style="dim", markup=False, highlight=False, soft_wrap=True)
+        if len(more) > most:
+            show(f"    and {len(more) - most} more", highlight=False)
+        lines = [f'{found.clause}: "{found.clause.sentence}"'] if verdict == Verdict.FAILED or explain else []
+        lines += [f"What was done: {found.done}"] if explain else []
+        lines += [found.hint] if verdict == Verdict.FAILED or (explain and verdict == Verdict.WARNING) else []
+        lines += [f"Repeat it: {make_visible(format_command(examined, found))}"] if lines else []
+        for line in lines:
+            show(f"    {line}", style="dim", markup=False, highlight=False, soft_wrap=True)
 
 
 _MOST_DETAILS = 5

@@ -38,9 +38,10 @@ Pairs = dict[tuple[str, str], str]
 def observed(subject: Subject) -> CheckOutcome:
     """Check that no output changes with an input or parameter that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
+    of_all_types = _excluded_of_all_types(subject)  # first: threads of the library end in a fork
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
     excluded, seen, declared = _together(found, _of_model(subject))
-    excluded = {**_excluded_of_all_types(subject), **excluded}
+    excluded = {**of_all_types, **excluded}
     if excluded:
         lines = tuple(
             f"{unknown} changes with {known} {where}, which its dependencies exclude."
@@ -103,7 +104,11 @@ def _changes(point: Point) -> Iterator[tuple[str, str]]:
 def _excluded_of_all_types(subject: Subject) -> Pairs:
     """Observe variables of all types. Return nothing for modes that the FMU does not reach."""
     found: Pairs = {}
-    for kind, do in (("CoSimulation", _in_initialization), ("ModelExchange", _at_first_event)):
+    for kind, do in (
+        ("CoSimulation", _in_initialization),
+        ("CoSimulation", _at_communication),
+        ("ModelExchange", _at_first_event),
+    ):
         if kind in subject.kinds:
             with suppress(CallError, EndedError):
                 found.update(in_fresh_process(do, subject))
@@ -116,6 +121,17 @@ def _in_initialization(subject: Subject) -> Pairs:
     instance.begin_initialization(span(subject)[0])
     knowns = settable(subject, "input", "parameter")
     return _jumps(instance, at_initialization(subject, ALL_TYPES), knowns, "in initialization mode")
+
+
+def _at_communication(subject: Subject) -> Pairs:
+    """Return undeclared dependencies of outputs on inputs after the first step."""
+    start, step, _ = span(subject)
+    instance = HostedInstance(subject, kind="CoSimulation")
+    instance.initialize(None, start)
+    instance.step(start, step)
+    names = {v.name for v in subject.description.modelVariables if v.causality == "output"}
+    declared = [d for d in at_events(subject, ALL_TYPES) if d.unknown in names]
+    return _jumps(instance, declared, settable(subject, "input"), "after a step")
 
 
 def _at_first_event(subject: Subject) -> Pairs:

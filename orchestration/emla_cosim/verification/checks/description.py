@@ -138,9 +138,10 @@ def _true(element: Any, flag: str) -> bool:
     needs=("description.schema",),
 )
 def categories(subject: Subject) -> CheckOutcome:
-    """Check that log categories have different names."""
+    """Check that log categories have names, all different."""
     names = [e.get("name") for e in subject.tree.iterfind("LogCategories/Category")]
     problems = [f"More than one log category has the name {name}." for name in find_repeated(names)]
+    problems += ["A log category has no name."] if "" in names else []
     return judge_problems(problems, f"{len(names)} log categories have different names.")
 
 

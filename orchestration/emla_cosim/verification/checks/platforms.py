@@ -32,14 +32,15 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
 )
 def platform(subject: Subject) -> CheckOutcome:
     """Check the header of every library below `binaries`: system and processor."""
-    models = {one.path for one in list_libraries(subject)}
+    names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     problems: list[str] = []
     doubts: list[str] = []
     count = 0
     for folder in list_platforms(subject):
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in _SUFFIXES):
             count += 1
-            (problems if path in models else doubts).extend(_misplaced(path, folder))
+            is_model = path.stem in names and path.parent == folder
+            (problems if is_model else doubts).extend(_misplaced(path, folder))
     if not count:
         return skipped("There are no binaries.")
     return judge_problems(problems, f"{count} libraries are for the platforms of their folders.", doubts)

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import signal
 import tempfile
 import zipfile
 import zlib
@@ -97,6 +98,10 @@ def _less(one: dict[str, int], other: dict[str, int]) -> dict[str, int]:
     return {name: one[name] - other[name] for name in one}
 
 
+_NOTHING = "nothing"
+"""What a setting is that does not exist."""
+
+
 @check(
     "process.settings",
     "The settings of the process are unchanged",
@@ -108,17 +113,22 @@ def settings(subject: Subject) -> CheckOutcome:
     """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
     before, steps, after = in_fresh_process(_settings_of_run, subject)
     changed = {
-        name: found[name]
+        name: found.get(name, _NOTHING)
         for found in (steps, after)
-        for name in before
-        if found.get(name, before[name]) != before[name]
+        for name in {**before, **found}
+        if found.get(name, _NOTHING) != before.get(name, _NOTHING)
     }
-    problems = [f"It changes {name} from {before[name]} to {value}." for name, value in changed.items()]
+    problems = [
+        f"It changes {name} from {before.get(name, _NOTHING)} to {value}." for name, value in changed.items()
+    ]
     return judge_problems((), f"{len(before)} settings of the process are unchanged.", problems)
 
 
 def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Return the settings before the FMU is loaded, after some steps, and after the instance is freed."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # so that a change shows
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     before = read_settings()
     instance = HostedInstance(subject)
     run_instance(instance, make_experiment(subject, _STEPS))
@@ -140,6 +150,7 @@ def files(subject: Subject) -> CheckOutcome:
         places = {name: Path(folder, name) for name in ("working", "home")}
         for place in places.values():
             place.mkdir()
+            (place / _BAIT).write_text("This file belongs to the user.\n")
         try:
             in_fresh_process(_run_in, subject, places["working"], places["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
@@ -147,11 +158,20 @@ def files(subject: Subject) -> CheckOutcome:
         problems = [
             f"It writes {join_few_names(names)} into the {name} folder."
             for name, place in places.items()
-            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if not p.is_dir()))
+            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if p.name != _BAIT))
+        ]
+        problems += [
+            f"It removes files from the {name} folder."
+            for name, place in places.items()
+            if not (place / _BAIT).is_file()
         ]
     if own := _changed_files(subject):
-        problems.append(f"It writes {join_few_names(own)} into its own folder.")
+        problems.append(f"It changes files in its own folder: {join_few_names(own)}.")
     return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
+
+
+_BAIT = "notes.txt"
+"""A file in the working and the home folder that an FMU must not touch."""
 
 
 def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
@@ -169,9 +189,10 @@ def _changed_files(subject: Subject) -> list[str]:
     for path in sorted(p for p in subject.folder.rglob("*") if p.is_file()):
         name = path.relative_to(subject.folder).as_posix()
         size, total = sums.get(name, (-1, 0))
+        sums.pop(name, None)
         if path.stat().st_size != size or _checksum(path) != total:
             found.append(name)
-    return found
+    return [*found, *(f"{name} (removed)" for name in sums)]
 
 
 def _checksum(path: Path) -> int:
@@ -225,17 +246,42 @@ def _written(subject: Subject) -> dict[str, tuple[int, str]]:
 @check(
     "process.unload",
     "The library can be unloaded",
-    _own_clause("process.unload", "A host that unloads the library continues."),
+    _own_clause("process.unload", "A host that unloads the library continues, and can end normally."),
     "Keep functions that run at the end of the library free of what no longer exists.",
     needs=("run.completes",),
 )
 def unload(subject: Subject) -> CheckOutcome:
-    """Check that the process goes on after the library is unloaded."""
+    """Check that the process goes on after the library is unloaded, and can end normally after a run."""
     try:
         in_fresh_process(_run_and_unload, subject)
     except EndedError as error:
         return warned(str(error))
+    without, after = (_how_it_ends(do, subject) for do in (_end, _run_and_end))
+    if after != without == _ENDS_WELL:
+        return warned(f"A process that ends normally after a run ends with {after}.")
     return passed("The library was unloaded after a run.")
+
+
+_ENDS_WELL = "exit code 0"
+
+
+def _how_it_ends(do: Callable[[Subject], None], subject: Subject) -> str:
+    try:
+        in_fresh_process(do, subject)
+    except EndedError as error:
+        return error.how
+    return ""
+
+
+def _end(subject: Subject) -> None:
+    """End this process as a program in C does."""
+    note("ending the process")
+    ctypes.CDLL(None).exit(0)
+
+
+def _run_and_end(subject: Subject) -> None:
+    _run(subject)
+    _end(subject)
 
 
 def _run_and_unload(subject: Subject) -> None:

@@ -76,7 +76,7 @@ def _inside(folder: Path, name: str) -> bool:
 def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
     """Compile and link these files. Return None on success."""
     with (
-        tempfile.TemporaryDirectory(dir=folder.parent.parent) as scratch,
+        tempfile.TemporaryDirectory() as scratch,
         as_file(files("fmpy") / "c-code") as headers,
     ):
         command = [*_compiler(), "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]

@@ -16,10 +16,11 @@ _TIME_FACTOR, _MEMORY_FACTOR = 60.0, 4.0
 
 @dataclass(frozen=True)
 class WholeSystem:
-    """An SSP and the settings for its checks."""
+    """An SSP, the settings for its checks, and the folder in which they work."""
 
     path: Path
     settings: Settings
+    scratch: Path
 
 
 @check(

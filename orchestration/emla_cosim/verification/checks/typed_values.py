@@ -3,6 +3,7 @@
 import ctypes
 import time as clock
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ from fmpy.model_description import ModelVariable
 
 from ..check import check
 from ..host.experiment import make_experiment
-from ..host.fresh_process import in_fresh_process
+from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.junk import FIRST, fill_memory
-from ..host.other_values import MOST, items_of, others, settable
+from ..host.other_values import MOST, Values, items_of, others, settable
 from ..messages import judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
@@ -69,19 +70,30 @@ def _judge(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
 def _distinct(subject: Subject, names: Sequence[str]) -> dict[str, dict[int, float]]:
     """Return the values of each variable in a run, with the time of the first."""
     found: dict[str, dict[int, float]] = {name: {} for name in names}
-    for time, instance in _run(subject):
-        for name, value in zip(names, instance.get(names), strict=True):
-            found[name].setdefault(int(value), time)
+    for parameters in _parameters(subject):
+        with suppress(*([CallError] if parameters else [])):  # valid values, which the model need not bear
+            for time, instance in _run(subject, parameters):
+                for name, value in zip(names, instance.get(names), strict=True):
+                    found[name].setdefault(int(value), time)
     return found
 
 
-def _run(subject: Subject) -> Iterator[tuple[float, HostedInstance]]:
+def _parameters(subject: Subject) -> Iterator[Values]:
+    """Yield values of parameters for runs: none, then other ones of Booleans and Enumerations."""
+    yield {}
+    if not is_single_instance(subject):
+        found = (v for v in settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
+        if changes := others(found):
+            yield changes
+
+
+def _run(subject: Subject, parameters: Values | None = None) -> Iterator[tuple[float, HostedInstance]]:
     """Yield an instance at communication points, while inputs of all types change."""
     course = make_experiment(subject, _STEPS)
     inputs = [v for v in settable(subject, "input") if v.type in ("Boolean", "Enumeration", "String")]
     other = others(inputs)
     instance = HostedInstance(subject)
-    instance.initialize(course.at(0), float(course.times[0]))
+    instance.initialize({**course.at(0), **(parameters or {})}, float(course.times[0]))
     yield float(course.times[0]), instance
     until = clock.monotonic() + 0.5 * subject.settings.seconds  # a slow FMU is no fault
     for k in range(len(course.times) - 1):
@@ -123,7 +135,16 @@ def _invalid(subject: Subject, variables: Sequence[ModelVariable]) -> list[str]:
             for variable in variables:
                 if wrong := _problem(instance, variable):
                     found.setdefault(variable.name, f"{variable.name} {wrong} at t = {time:.9g} s.")
+            if not found and (name := _overwritten(instance, [v.name for v in variables])):
+                wrong = "has another value if all Strings are read in one call"
+                found[name] = f"{name} {wrong} at t = {time:.9g} s."
     return list(found.values())
+
+
+def _overwritten(instance: HostedInstance, names: Sequence[str]) -> str:
+    """Return the first String that differs if it is read with others; empty if there is none."""
+    together = instance.get(names)
+    return next((n for n, text in zip(names, together, strict=True) if instance.get([n])[0] != text), "")
 
 
 def _problem(instance: HostedInstance, variable: ModelVariable) -> str:

@@ -22,6 +22,8 @@ from ..messages import judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 
+_TINY = 1e-6
+
 _REFUSED = "It refuses other valid values of its parameters and inputs."
 _NOTHING = "It has no parameter and no input with another valid value."
 
@@ -45,12 +47,18 @@ def starts(subject: Subject) -> CheckOutcome:
         if (start := start_of(v)) is not None and not same(found[v.name], start)
     }
     certain = {v.name for v in firm} | {v.name for v in loose if v.variability == "constant"}
+    certain -= {name for name in found if _is_bound(start_of(subject.variables[name]), found[name])}
     # events of the initialization may change the others
     return judge_problems(
         [text for name, text in wrong.items() if name in certain],
         f"{len(variables)} variables have their start values.",
         [text for name, text in wrong.items() if name not in certain],
     )
+
+
+def _is_bound(start: Any, value: Any) -> bool:
+    """Return whether a start value of 0 became a tiny one, as FMUs do that divide by it."""
+    return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _TINY
 
 
 def _is_exact(variable: Any) -> bool:
@@ -65,6 +73,55 @@ def _read_after_start(subject: Subject, names: Sequence[str]) -> Values:
 
 def _read(instance: HostedInstance, names: Sequence[str]) -> Values:
     return dict(zip(names, instance.get(names), strict=True))
+
+
+@check(
+    "values.kept",
+    "Values that are set are kept",
+    Clause(
+        "2.1.7",
+        "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
+        "these variables",
+    ),
+    "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def kept(subject: Subject) -> CheckOutcome:
+    """Check that parameters and inputs have the values that were set before and after initialization."""
+    changes = others(settable(subject, "parameter", "input"))
+    if not changes:
+        return skipped(_NOTHING)
+    answers = where_accepted(_after_setting, subject, changes)
+    if not answers:
+        return skipped(_REFUSED)
+    late = where_accepted(_after_setting_late, subject, others(settable(subject, "input", tunable=True)))
+    lost = {
+        name: f"{name} is {show(found[name])} after it was set to {show(changes[name])} without an error."
+        for found in (*late, *answers)
+        for name in differences(found, changes, found)
+    }
+    count = sum(len(found) for found in answers)
+    return judge_problems(
+        list(lost.values()), f"{count} parameters and inputs have the values that were set."
+    )
+
+
+def _after_setting(subject: Subject, changes: Values) -> Values:
+    """Return values that were set before initialization, after it."""
+    instance = HostedInstance(subject)
+    instance.initialize(changes, span(subject)[0])
+    return _read(instance, list(changes))
+
+
+def _after_setting_late(subject: Subject, changes: Values) -> Values:
+    """Return values that were set after the first step."""
+    start, step, _ = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(None, start)
+    instance.step(start, step)
+    instance.set(changes)
+    return _read(instance, list(changes))
 
 
 @check(
@@ -158,6 +215,8 @@ def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
 def state(subject: Subject) -> CheckOutcome:
     """Check that restoring a state restores values that were changed after it was saved."""
     changes = others(settable(subject, "parameter", "input", tunable=True))
+    if lost := _lost_parameters(subject):
+        return judge_problems(lost, "")
     if not changes:
         return skipped("It has no tunable parameter and no input with another valid value.")
     answers = where_accepted(_after_restoring, subject, changes)
@@ -181,6 +240,44 @@ def state(subject: Subject) -> CheckOutcome:
                 for name in differences(other, changed, settled)
             ]
     return judge_problems(problems, f"{count} values that were changed were restored with a state.")
+
+
+def _lost_parameters(subject: Subject) -> list[str]:
+    """Return what is wrong with fixed parameters in a state that is restored after a reset."""
+    changes = others(v for v in settable(subject, "parameter") if v.variability != "tunable")
+    if not changes or not subject.has_capability("canGetAndSetFMUstate"):
+        return []
+    problems = []
+    for before, restored, data in where_accepted(_after_reset_and_restoring, subject, changes):
+        taken = [name for name in changes if same(before[name], changes[name])]
+        found = {"after fmi2Reset and fmi2SetFMUstate": restored}
+        if data is not None and not differences(restored, before, taken):
+            found["from a serialized state"] = in_fresh_process(_from_bytes, subject, data, taken)
+        problems += [
+            f"{name} is {show(values[name])} {how}; it was {show(before[name])} when the state was saved."
+            for how, values in found.items()
+            for name in differences(values, before, taken)
+        ]
+    return problems
+
+
+def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, bytes | None]:
+    """Return parameters when a state is saved, and when it is restored after a reset; and the state."""
+    start, step, _ = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(changes, start)
+    instance.step(start, step)
+    before, data = _read(instance, list(changes)), None
+    with instance.calling():
+        saved = instance.fmu.getFMUstate()
+        if subject.has_capability("canSerializeFMUstate"):
+            serialized = instance.serialize(saved)
+            data = serialized if isinstance(serialized, bytes) else None
+    instance.reset()
+    instance.initialize(None, start)
+    with instance.calling():
+        instance.fmu.setFMUstate(saved)
+    return before, _read(instance, list(changes)), data
 
 
 def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:

@@ -2,7 +2,9 @@
 
 import contextlib
 import ctypes
+import os
 import platform
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -29,6 +31,7 @@ def count_resources() -> dict[str, int]:
         "open files": sum(1 for _ in (_PROC / "fd").iterdir()),
         "threads": sum(1 for _ in (_PROC / "task").iterdir()),
         "processes": len(list_children()),
+        "temporary files": sum(1 for _ in Path(tempfile.gettempdir()).iterdir()),
     }
 
 
@@ -47,6 +50,9 @@ def read_settings() -> dict[str, str]:
         library.setlocale.restype = ctypes.c_char_p
         found["the locale"] = (library.setlocale(_LC_ALL, None) or b"").decode(errors="replace")
     found.update(_floating_point())
+    found.update(_environment(library))
+    found.update(_limits())
+    found.update(_streams())
     with contextlib.suppress(OSError):
         for line in (_PROC / "status").read_text().splitlines():
             name, _, value = line.partition(":")
@@ -54,6 +60,46 @@ def read_settings() -> dict[str, str]:
                 found[f"the set of {_MASKS[name]}"] = value.strip()
             elif name == "Umask":
                 found["the mask of file permissions"] = value.strip()
+    return found
+
+
+def _environment(library: Any) -> dict[str, str]:
+    """Return the environment variables of C, without those of Python's own copy."""
+    with contextlib.suppress(ValueError):
+        entries = ctypes.POINTER(ctypes.c_char_p).in_dll(library, "environ")
+        found, k = [], 0
+        while entries and entries[k] is not None:
+            found.append((entries[k] or b"").decode(errors="replace"))
+            k += 1
+        return {f"the environment variable {e.partition('=')[0]}": e.partition("=")[2] for e in found}
+    return {}
+
+
+def _limits() -> dict[str, str]:
+    """Return timers, the priority, and limits of resources."""
+    found = {}
+    with contextlib.suppress(ImportError, OSError, AttributeError):
+        import resource
+        import signal
+
+        on = [signal.getitimer(kind)[0] > 0.0 for kind in (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL)]
+        found["the timers that send signals"] = "set" if any(on) else "unset"
+        found["the priority of the process"] = str(os.getpriority(os.PRIO_PROCESS, 0))
+        for name in ("NOFILE", "STACK", "DATA", "CPU"):
+            found[f"the limit RLIMIT_{name}"] = str(resource.getrlimit(getattr(resource, f"RLIMIT_{name}")))
+    return found
+
+
+def _streams() -> dict[str, str]:
+    """Return where the standard streams lead."""
+    names = {0: "standard input", 1: "standard output", 2: "standard error"}
+    found = {}
+    for number, name in names.items():
+        with contextlib.suppress(OSError):
+            state = os.fstat(number)
+            found[name] = f"file {state.st_dev}:{state.st_ino}"
+            continue
+        found[name] = "closed"
     return found
 
 

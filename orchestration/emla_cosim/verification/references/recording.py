@@ -12,8 +12,10 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import resolve_output_path, write_atomically
+from ...sandbox.confinement import confine
 from ..host.experiment import span
-from ..host.instance_runs import outputs
+from ..host.fresh_process import in_fresh_process
+from ..host.instance_runs import OutputTrajectory, outputs
 from ..settings import Recording
 from ..subject import Subject
 from .excitation import excite_inputs
@@ -78,7 +80,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     plan = ReferenceSolution(
         recording.folder, wanted, inputs, start, stop, step, every * step, recording.values
     )
-    found = run_reference(subject, plan)
+    found = in_fresh_process(_run_confined, subject, plan)
     rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
     texts = {
         "ref.csv": _csv(subject, rows),
@@ -92,6 +94,12 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     return [
         _write_text(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()
     ]
+
+
+def _run_confined(subject: Subject, plan: ReferenceSolution) -> OutputTrajectory:
+    """Run the FMU where it cannot write to the folder of the references."""
+    confine([subject.scratch])
+    return run_reference(subject, plan)
 
 
 def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:

@@ -1,0 +1,124 @@
+"""Confine a process: it writes files only in some folders, and sends signals only to its own processes.
+
+This uses Landlock of the Linux kernel, which needs no rights and no package.
+"""
+
+import ctypes
+import os
+import platform
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+"""Numbers of the system calls; the same on all processors but Alpha."""
+
+_ASK_VERSION, _PATH_BENEATH, _NO_NEW_PRIVILEGES = 1, 1, 38
+
+_WRITE_FILE, _REFER, _TRUNCATE = 1 << 1, 1 << 13, 1 << 14
+_CHANGE_FOLDER = sum(1 << k for k in range(4, 13))
+"""Remove folders and files; make files, folders, links, pipes, sockets and devices."""
+
+_SCOPE_SIGNALS = 1 << 1
+
+_REFER_SINCE, _TRUNCATE_SINCE, _SIGNALS_SINCE = 2, 3, 6
+"""Versions of Landlock, of Linux 5.19, 6.2 and 6.12."""
+
+DEVICES = tuple(Path("/dev", name) for name in ("null", "zero", "full", "tty"))
+"""Devices that a confined process may write to."""
+
+
+class _Ruleset(ctypes.Structure):
+    _fields_ = (("files", ctypes.c_uint64), ("network", ctypes.c_uint64), ("scoped", ctypes.c_uint64))
+
+
+class _Beneath(ctypes.Structure):
+    _pack_ = 1
+    _fields_ = (("allowed", ctypes.c_uint64), ("folder", ctypes.c_int32))
+
+
+@cache
+def _version() -> int:
+    """Return the version of Landlock; 0 if the system does not have it or does not use it."""
+    if sys.platform != "linux" or platform.machine() == "alpha":
+        return 0
+    with suppress(AttributeError, OSError):
+        return max(0, _call(_CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(_ASK_VERSION)))
+    return 0
+
+
+def list_gaps() -> Iterator[str]:
+    """Yield what `confine` cannot prevent on this system, as sentences."""
+    version = _version()
+    if version == 0:
+        yield (
+            "Files outside: this system cannot confine an FMU (Linux 5.13 with Landlock can). It can "
+            "change files outside of its temporary folder."
+        )
+    elif version < _TRUNCATE_SINCE:
+        yield "Files outside: this system cannot keep an FMU from emptying them (Linux 6.2 can)."
+    if 0 < version < _SIGNALS_SINCE:
+        yield "Other processes: this system cannot keep an FMU from sending them signals (Linux 6.12 can)."
+
+
+def can_confine() -> bool:
+    """Return whether `confine` keeps a process from writing outside of its folders."""
+    return _version() >= _TRUNCATE_SINCE
+
+
+def confine(writable: Iterable[Path]) -> bool:
+    """Confine this thread, and the threads and processes that it starts from now on, for ever.
+
+    Reading is not restricted. A second call restricts further.
+
+    Args:
+        writable: Folders and files that may be changed. Those that do not exist are left out.
+
+    Returns:
+        Whether the system confines the process.
+    """
+    version = _version()
+    if version == 0:
+        return False
+    of_files = _WRITE_FILE | (_TRUNCATE if version >= _TRUNCATE_SINCE else 0)
+    every = of_files | _CHANGE_FOLDER | (_REFER if version >= _REFER_SINCE else 0)
+    rules = _Ruleset(every, 0, _SCOPE_SIGNALS if version >= _SIGNALS_SINCE else 0)
+    size = ctypes.sizeof(rules) if version >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
+    ruleset = _call(_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), ctypes.c_uint32(0))
+    try:
+        for path in (*writable, *DEVICES):
+            with suppress(FileNotFoundError):
+                _allow(ruleset, path, every if path.is_dir() else of_files)
+        ctypes.CDLL(None).prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+        _call(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
+    finally:
+        os.close(ruleset)
+    return True
+
+
+def _allow(ruleset: int, path: Path, access: int) -> None:
+    place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    try:
+        rule = _Beneath(access, place)
+        arguments = (
+            ctypes.c_int(ruleset),
+            ctypes.c_int(_PATH_BENEATH),
+            ctypes.byref(rule),
+            ctypes.c_uint32(0),
+        )
+        _call(_ADD_RULE, *arguments)
+    finally:
+        os.close(place)
+
+
+def _call(number: int, *arguments: Any) -> int:
+    """Return the result of a system call. Raise OSError if it fails."""
+    library: Any = ctypes.CDLL(None, use_errno=True)
+    library.syscall.restype = ctypes.c_long
+    found = library.syscall(ctypes.c_long(number), *arguments)
+    if found < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return int(found)

@@ -1,0 +1,231 @@
+"""FMUs with variables of all types, in which any variable, or what is around it, is wrong."""
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import fmpy
+
+from emla_cosim.verification.verdict import Verdict
+from fmublock.archive import write_archive
+from tests.support.broken.broken import Broken
+from tests.support.handwritten_fmu import compile_library
+
+_FOLDER = Path(__file__).parent
+_GUID = "{31de0000-0000-4000-8000-000000000000}"
+
+VARIABLES = {
+    "u": ("r0", "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
+    "w": ("r1", "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
+    "k": ("r2", "parameter", "fixed", '<Real start="2"/>'),
+    "d": ("r3", "parameter", "tunable", '<Real start="1" min="0" max="5"/>'),
+    "x": ("r4", "output", "continuous", '<Real start="0.5"/>'),
+    "der(x)": ("r5", "local", "continuous", '<Real derivative="5"/>'),
+    "y": ("r6", "output", "continuous", "<Real/>"),
+    "g": ("r7", "local", "constant", '<Real start="9.81"/>'),
+    "time": ("r8", "independent", "continuous", "<Real/>"),
+    "n": ("i0", "input", "discrete", '<Integer start="1" min="0" max="5"/>'),
+    "m": ("i1", "parameter", "tunable", '<Integer start="3"/>'),
+    "p": ("i2", "parameter", "fixed", '<Integer start="5"/>'),
+    "mode_in": ("i3", "input", "discrete", '<Enumeration declaredType="Mode" start="1"/>'),
+    "mode_p": ("i4", "parameter", "tunable", '<Enumeration declaredType="Mode" start="1"/>'),
+    "sum": ("i5", "output", "discrete", "<Integer/>"),
+    "mode": ("i6", "output", "discrete", '<Enumeration declaredType="Mode"/>'),
+    "mode_2": ("i7", "output", "discrete", '<Enumeration declaredType="Mode"/>'),
+    "count": ("i8", "output", "discrete", '<Integer start="0"/>'),
+    "seven": ("i9", "local", "constant", '<Integer start="7"/>'),
+    "on": ("b0", "input", "discrete", '<Boolean start="true"/>'),
+    "latch": ("b1", "parameter", "tunable", '<Boolean start="false"/>'),
+    "enabled": ("b2", "parameter", "fixed", '<Boolean start="false"/>'),
+    "flag": ("b3", "output", "discrete", "<Boolean/>"),
+    "flag_2": ("b4", "output", "discrete", "<Boolean/>"),
+    "always": ("b5", "local", "constant", '<Boolean start="true"/>'),
+    "label": ("s0", "input", "discrete", '<String start="label"/>'),
+    "name": ("s1", "parameter", "tunable", '<String start="block"/>'),
+    "tag": ("s2", "parameter", "fixed", '<String start="tag"/>'),
+    "text": ("s3", "output", "discrete", "<String/>"),
+    "echo": ("s4", "output", "discrete", "<String/>"),
+    "always_text": ("s5", "local", "constant", '<String start="always"/>'),
+}
+"""Type and reference, causality, variability, and the element of the type, by name."""
+
+OUTPUTS = {
+    "x": "x",
+    "y": "u w x on",
+    "sum": "n",
+    "mode": "mode_in",
+    "mode_2": "",
+    "count": "",
+    "flag": "on",
+    "flag_2": "",
+    "text": "",
+    "echo": "label",
+}
+"""Dependencies of outputs while the FMU runs."""
+
+INITIAL = {
+    "der(x)": "u k d x",
+    "y": "u w x on",
+    "sum": "n m p",
+    "mode": "mode_in",
+    "mode_2": "mode_p",
+    "flag": "on latch",
+    "flag_2": "enabled",
+    "text": "name",
+    "echo": "label",
+}
+"""Dependencies in initialization mode."""
+
+Dependencies = Mapping[str, str]
+
+
+def build_wide_fmu(
+    folder: Path,
+    fault: str = "",
+    target: str = "",
+    name: str = "Wide",
+    outputs: Dependencies = OUTPUTS,
+    initial: Dependencies = INITIAL,
+    victim: Path | None = None,
+) -> Path:
+    """Build the FMU in a folder.
+
+    Args:
+        folder: The folder.
+        fault: What is wrong, as wide.c and wide_faults.h name it.
+        target: The variable that is wrong, by name, or what a fault needs.
+        name: Name of the FMU.
+        outputs: Declared dependencies while it runs.
+        initial: Declared dependencies in initialization mode.
+        victim: A file of the user that some faults attack.
+    """
+    path = folder / f"{name}.fmu"
+    content = {
+        "modelDescription.xml": _describe(name, outputs, initial).encode(),
+        f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
+        "documentation/index.html": b"<!doctype html><title>Wide</title><p>It does what it says.",
+        "documentation/licenses/license.txt": b"Do what you want.",
+        "resources/fault.txt": f"{fault} {_reference(target)}\n".encode(),
+    }
+    if victim is not None:
+        content["resources/victim.txt"] = f"{victim}\n".encode()
+    write_archive(path, content)
+    return path
+
+
+@cache
+def _library() -> bytes:
+    """Compiled once, for all faults."""
+    return compile_library(_FOLDER / "wide.c", {"MODEL_GUID": f'"{_GUID}"'})
+
+
+def _reference(target: str) -> str:
+    return VARIABLES[target][0] if target in VARIABLES else target or "-"
+
+
+def _describe(name: str, outputs: Dependencies, initial: Dependencies) -> str:
+    index = {variable: str(k) for k, variable in enumerate(VARIABLES, 1)}
+
+    def unknowns(declared: Dependencies) -> str:
+        lines = sorted((int(index[u]), " ".join(index[k] for k in on.split())) for u, on in declared.items())
+        return "".join(f'<Unknown index="{k}" dependencies="{on}"/>' for k, on in lines)
+
+    variables = "".join(
+        f'<ScalarVariable name="{variable}" valueReference="{reference[1:]}" causality="{causality}" '
+        f'variability="{variability}"{_initial(variable, causality, variability)}>{element}'
+        "</ScalarVariable>\n"
+        for variable, (reference, causality, variability, element) in VARIABLES.items()
+    )
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{_GUID}" generationTool="written by hand"
+  variableNamingConvention="structured" description="A lag with variables of all types">
+<CoSimulation modelIdentifier="{name}" canInterpolateInputs="true"
+  canNotUseMemoryManagementFunctions="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
+<TypeDefinitions><SimpleType name="Mode"><Enumeration>
+<Item name="slow" value="1"/><Item name="fast" value="2"/></Enumeration></SimpleType></TypeDefinitions>
+<LogCategories><Category name="logStatusError"/></LogCategories>
+<DefaultExperiment startTime="0" stopTime="1" stepSize="0.02"/>
+<ModelVariables>
+{variables}</ModelVariables>
+<ModelStructure><Outputs>{unknowns(outputs)}</Outputs>
+<Derivatives><Unknown index="6" dependencies="1 5"/></Derivatives>
+<InitialUnknowns>{unknowns(initial)}</InitialUnknowns></ModelStructure>
+</fmiModelDescription>
+"""
+
+
+def _initial(variable: str, causality: str, variability: str) -> str:
+    if causality in ("input", "independent"):
+        return ""
+    exact = causality == "parameter" or variability == "constant" or variable in ("x", "count")
+    return f' initial="{"exact" if exact else "calculated"}"'
+
+
+def _fails(fault: str, target: str, check: str, what: str, verdict: Verdict = Verdict.FAILED) -> Broken:
+    words = re.split(r"[:_ .()]+", f"{fault} {target}")
+    name = "".join(word.capitalize() for word in words)
+    return Broken(
+        name, what, check, lambda folder: build_wide_fmu(folder, fault, target, name), verdict=verdict
+    )
+
+
+def _warns(fault: str, target: str, check: str, what: str) -> Broken:
+    return _fails(fault, target, check, what, Verdict.WARNING)
+
+
+def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken:
+    """Return an FMU whose dependencies lack one: of an output while it runs (`later`), or in both places."""
+    outputs, initial = (
+        {
+            name: " ".join(k for k in on.split() if (name, k) != (output, known))
+            for name, on in declared.items()
+        }
+        for declared in (OUTPUTS, INITIAL)
+    )
+    name = f"Lack{output.capitalize()}{known.capitalize()}".replace("_", "")
+    if later:
+        initial = dict(INITIAL)
+    return Broken(
+        name,
+        what,
+        "dependencies.observed",
+        lambda folder: build_wide_fmu(folder, name=name, outputs=outputs, initial=initial),
+    )
+
+
+WIDE: list[Broken] = [
+    _fails("version", "3.0", "binaries.version", "`fmi2GetVersion` returns 3.0"),
+    _fails("version_null", "", "binaries.version", "`fmi2GetVersion` returns NULL"),
+    _fails("start", "mode_p", "values.start", "an Enumeration starts with another value than declared"),
+    _fails("start", "label", "values.start", "a String input starts with another value than declared"),
+    _fails("start", "g", "values.start", "a constant has another value than declared"),
+    _fails("not_set", "p", "values.kept", "`fmi2SetInteger` ignores a parameter without an error"),
+    _fails("not_set", "latch", "values.kept", "`fmi2SetBoolean` ignores a parameter without an error"),
+    _fails("number_256", "flag", "values.booleans", "a Boolean is 256"),
+    _fails("number_0_later", "mode", "values.enumerations", "an Enumeration becomes 0, which is no item"),
+    _fails("null_later", "text", "values.strings", "a String becomes NULL after a time"),
+    _fails("cut", "text", "values.strings", "a String ends within a character of UTF-8"),
+    _fails("surrogate", "text", "values.strings", "a String has a surrogate, which UTF-8 excludes"),
+    _fails("one_buffer", "", "values.strings", "all Strings of one call are in one buffer"),
+    _fails("reset", "d", "values.reset", "`fmi2Reset` keeps a tunable parameter"),
+    _fails("reset", "mode_in", "values.reset", "`fmi2Reset` keeps an Enumeration"),
+    _fails("reset", "on", "values.reset", "`fmi2Reset` keeps a Boolean input"),
+    _fails("shared", "enabled", "values.shared", "all instances share a Boolean parameter"),
+    _fails("shared", "tag", "values.shared", "all instances share a String parameter"),
+    _fails("state", "k", "values.state", "a state lacks a fixed parameter"),
+    _fails("state", "tag", "values.state", "a state lacks a fixed String"),
+    _fails("state", "mode_p", "values.state", "a state lacks an Enumeration"),
+    _fails("bytes", "enabled", "values.state", "the bytes of a state lack a fixed Boolean"),
+    _fails("state_null_crash", "", "state.freed", "`fmi2FreeFMUstate` of a NULL pointer crashes"),
+    _lacks("sum", "n", "a dependency on an Integer is missing in Outputs alone", later=True),
+    _lacks("echo", "label", "a dependency on a String is missing in Outputs alone", later=True),
+    _lacks("mode_2", "mode_p", "a dependency on an Enumeration is not declared"),
+    _fails("y_of_name", "", "dependencies.observed", "a Real depends on a String, and does not declare it"),
+    _fails(
+        "text_of_on", "", "dependencies.observed", "a String depends on a Boolean, and does not declare it"
+    ),
+    _warns("unused", "n", "exchange.inputs", "one of several inputs is not used"),
+    _warns("step_double", "", "steps.integrate", "steps are twice as long as they should be"),
+]
+"""Some of the faults, of each class."""
