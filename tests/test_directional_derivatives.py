@@ -29,7 +29,7 @@ WITH_STATES = (
     "Toy",
 )
 STROKES = tuple(f"start.{name}[{i}]" for name in ("x_L", "v_L") for i in (1, 2, 3))
-STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0", *STROKES)
+STARTS = ("start.x_L", "start.deflection", "start.x_hat", "start.eta_hat", "x_0", *STROKES)
 """Parameters that states start from."""
 SAMPLED = {"inverter.u_max": "inverter.u_available"}
 """Parameters that discrete states start from, and the output that is this state."""
