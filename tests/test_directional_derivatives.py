@@ -18,9 +18,18 @@ from tests.support.sessions import Session, continuous_states, refused, set_cont
 from tests.support.toy import Toy
 
 COMPARED = ("FocController", "CacController", "AnatcController")
-WITH_STATES = ("EmlaPlant", "EmlaCompliantPlant", "EmlaMotor", "EmlaObserver", "RsbaController", *COMPARED, "HdrmPlant", "Toy")
+WITH_STATES = (
+    "EmlaPlant",
+    "EmlaCompliantPlant",
+    "EmlaMotor",
+    "EmlaObserver",
+    "RsbaController",
+    *COMPARED,
+    "HdrmPlant",
+    "Toy",
+)
 STROKES = tuple(f"start.{name}[{i}]" for name in ("x_L", "v_L") for i in (1, 2, 3))
-STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0", *STROKES)
+STARTS = ("start.x_L", "start.deflection", "start.x_hat", "start.eta_hat", "x_0", *STROKES)
 """Parameters that states start from."""
 SAMPLED = {"inverter.u_max": "inverter.u_available"}
 """Parameters that discrete states start from, and the output that is this state."""

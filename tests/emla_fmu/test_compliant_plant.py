@@ -109,7 +109,9 @@ def test_stiff_transmission_is_a_rigid_plant_with_both_masses(fmu_folder: Path) 
         "solver.internal_step": 2e-6,
     }
     for name, ours, other in zip(names, moved(fmu_folder, 0.05, names, values | stiff), rigid, strict=True):
-        assert ours == pytest.approx(other, rel=1e-6, abs=1e-5 * float(np.ptp(other))), name
+        # The spring's own swing, begun by the jump of the acceleration, decays with 3000 1/s. What is left
+        # falls with 1 / k: 1.8e-5 of the range here, 1.8e-4 for 1e12 N/m.
+        assert ours[50:] == pytest.approx(other[50:], rel=0.0, abs=2.2e-5 * float(np.ptp(other))), name
 
 
 # ---- backlash -----------------------------------------------------------------------------------

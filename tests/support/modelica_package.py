@@ -39,6 +39,13 @@ SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block i
 Array = NDArray[np.floating[Any]]
 
 
+LACKING = (
+    *("motor.alpha_R", "motor.cogging.amplitude", "motor.cogging.periods"),
+    *("screw.lead_error", "screw.wobble", "sensor.eccentricity"),
+)
+"""Parameters of effects that the package does not have; they are off by default."""
+
+
 def name_in(model: str, fmi_name: str) -> str | None:
     """Name in the package of a variable of one of our models; None if there is none."""
     if fmi_name == "d_2.sample":  # counts what the clock of sample() counts
@@ -46,6 +53,8 @@ def name_in(model: str, fmi_name: str) -> str | None:
     if fmi_name == "solver.internal_step" and model != "RsbaController":  # tools have their own solvers
         return None
     if fmi_name == "interpolate" or fmi_name.startswith("before."):  # continuous inputs need no last values
+        return None
+    if fmi_name in LACKING:
         return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
