@@ -241,7 +241,7 @@ def _lost_parameters(subject: Subject) -> list[str]:
         return []
     problems = []
     for before, restored, data in where_accepted(_after_reset_and_restoring, subject, changes):
-        taken = [name for name in changes if same(before[name], changes[name])]
+        taken = [name for name in before if same(before[name], changes[name])]
         found = {"after fmi2Reset and fmi2SetFMUstate": restored}
         if data is not None and not differences(restored, before, taken):
             found["from a serialized state"] = in_fresh_process(_from_bytes, subject, data, taken)
