@@ -65,6 +65,10 @@ class Child:
         code = self._process.exitcode
         return describe_exit(code) if code is not None and code < 0 else ""
 
+    def kill(self) -> None:
+        """End the process."""
+        self._process.kill()
+
     def close(self) -> None:
         """End the process and all that it started; requires `apart`."""
         self._process.join(0.2)

@@ -13,7 +13,7 @@ from ..check import check
 from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.other_values import Values, limits_of, other_of, settable, start_of
+from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
@@ -155,14 +155,20 @@ def inputs(subject: Subject) -> CheckOutcome:
 def _bases(
     subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
 ) -> Iterable[tuple[Values, Any]]:
-    """Return values of all inputs, with the run that they give: start values, others, and far ones."""
+    """Return values of all inputs, with the run that they give: start values, others, and far ones.
+
+    A last run also has other Booleans and Enumerations of parameters, which may switch inputs on.
+    """
     far: list[Values] = [{}, {}]
     for variable in variables:
         ends = _far(variable) or [other_of(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
     found = []
-    for base in ({}, {v.name: other_of(v) for v in variables}, *far):
+    moved = {v.name: other_of(v) for v in variables}
+    switches = others(v for v in settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
+    switched = [{**switches, **moved}] if switches else []  # parameters may switch inputs off
+    for base in ({}, moved, *far, *switched):
         with suppress(CallError):  # the model does not bear these values together
             found.append((base, in_separate_process(_observe, subject, base, names)))
     return found
@@ -197,7 +203,7 @@ def _observe(subject: Subject, changes: Values, names: Sequence[str]) -> list[li
     instance.initialize(changes, start)
     rows = [[str(v) for v in instance.get(names)]]
     for k in range(min(count, _STEPS)):
-        instance.set(changes)
+        instance.set({n: v for n, v in changes.items() if subject.variables[n].causality == "input"})
         instance.step(start + k * step, step)
         if instance.terminated:
             break

@@ -13,9 +13,9 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, failed, own_rule, passed, skipped, warned
 from ._sameness import compare_runs
 
-_ALLOWED = 5e-2
+_ALLOWED = 0.1
 """Effect of an internal solver that restarts when a state is set, relative to an output's range: up to it, a
-difference only warns. Solvers of stiff models with a loose tolerance reach a few percent."""
+difference only warns. Solvers of stiff models with a loose tolerance reach several percent."""
 
 _HINT = "Copy everything that changes or was set: hidden states, random numbers, delays, the phase."
 

@@ -19,14 +19,22 @@ class EndedError(Exception):
         return f"It ended the process in {self.call} ({self.how})."
 
 
-def in_fresh_process(do: Callable[..., Any], *arguments: Any) -> Any:
+def in_fresh_process(do: Callable[..., Any], *arguments: Any, patience: float | None = None) -> Any:
     """Call `do` in a new process that belongs to the same check. Return its result or raise its exception.
+
+    Args:
+        do: The function.
+        *arguments: Its arguments.
+        patience: Seconds after which the process is ended. Default: wait until the check is ended.
 
     Raises:
         EndedError: The process ended during the call.
     """
     child = Child(_answer, do, arguments)
     try:
+        if patience is not None and not child.answers.poll(patience):
+            child.kill()
+            raise EOFError
         done, found = child.answers.recv()
     except (EOFError, OSError):
         how = child.wait()

@@ -15,6 +15,9 @@ from .hosted_instance import CallError
 MOST = 300
 """Most variables that a check changes or reads."""
 
+_PATIENCE = 0.25
+"""Part of the time limit that an FMU may take with other values: they need not make sense to the model."""
+
 _CLOSE = 1e-5
 """Relative difference of Reals that counts: tools round start values that they write."""
 
@@ -120,6 +123,7 @@ def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, chang
         The results of the calls that the FMU did not refuse. An FMU may refuse valid values, for example a
         name of a file that does not exist.
     """
+    patience = _PATIENCE * subject.settings.seconds
     by_type: dict[str, Values] = {}
     for name, value in changes.items():
         by_type.setdefault(str(subject.variables[name].type), {})[name] = value
@@ -127,7 +131,7 @@ def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, chang
         found = []
         for part in parts:
             try:
-                found.append(in_fresh_process(do, subject, part))
+                found.append(in_fresh_process(do, subject, part, patience=patience))
             except (CallError, EndedError):
                 continue
         if found:
