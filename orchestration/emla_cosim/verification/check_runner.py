@@ -14,6 +14,9 @@ from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
 from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
 
+_MOST_MEMORY = 2**62
+"""Largest limit of memory in bytes that systems take."""
+
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
     """Run a check within the limits of the settings."""
@@ -27,7 +30,7 @@ def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Ite
     """
     seconds, memory = (
         checks[0].time_factor * settings.seconds,
-        round(checks[0].memory_factor * settings.memory),
+        min(round(checks[0].memory_factor * settings.memory), _MOST_MEMORY),
     )
     began = time.monotonic()
     outcomes = run_each_in_subprocess(_do, [(check, subject) for check in checks], seconds, memory)
