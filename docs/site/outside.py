@@ -11,7 +11,15 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 MODELS = (
-    *("EmlaPlant", "EmlaCompliantPlant", "EmlaMotor", "EmlaObserver", "Reference", "Disturbance", "SignalFault"),
+    *(
+        "EmlaPlant",
+        "EmlaCompliantPlant",
+        "EmlaMotor",
+        "EmlaObserver",
+        "Reference",
+        "Disturbance",
+        "SignalFault",
+    ),
     *("RsbaController", "FocController", "CacController", "AnatcController"),
     *("HdrmManipulator", "HdrmPlant", "Trajectory"),
 )

@@ -20,6 +20,7 @@ from .checks import (
     process,
     references,
     runs,
+    sanitizer,
     semantics,
     sources,
     starts,
@@ -114,6 +115,9 @@ DYNAMIC: tuple[Check, ...] = (
     process.files,
     process.output,
     process.unload,
+    sanitizer.address,
+    sanitizer.leaks,
+    sanitizer.undefined,
 )
 """Checks that call the FMU."""
 

@@ -18,6 +18,9 @@ from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
 _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 """A word in messages of FMUs that do not run without a license of their tool."""
 
+_MOST_MEMORY = 2**62
+"""Largest limit of memory in bytes that systems take."""
+
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
     """Run a check within the limits of the settings."""
@@ -31,7 +34,7 @@ def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Ite
     """
     seconds, memory = (
         checks[0].time_factor * settings.seconds,
-        round(checks[0].memory_factor * settings.memory),
+        min(round(checks[0].memory_factor * settings.memory), _MOST_MEMORY),
     )
     began = time.monotonic()
     items, places = [(check, subject) for check in checks], list_writable(subject, checks[0] is RECORDED)

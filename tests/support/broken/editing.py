@@ -25,7 +25,12 @@ def good_bytes() -> bytes:
 
 def good_files() -> Files:
     """What is in it, by path."""
-    with zipfile.ZipFile(io.BytesIO(good_bytes())) as archive:
+    return read_files(good_bytes())
+
+
+def read_files(content: bytes) -> Files:
+    """The files of an archive, by path."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 
 

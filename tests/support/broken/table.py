@@ -7,13 +7,14 @@ import re
 
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC
+from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
 from tests.support.broken.typed import TYPED
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *WIDE, *NUMERIC]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *WIDE, *NUMERIC, *MEMORY]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

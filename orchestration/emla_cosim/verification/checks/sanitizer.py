@@ -1,0 +1,138 @@
+"""Check the memory accesses, leaks and arithmetic of FMUs with C sources, in a build with sanitizers."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..check import check
+from ..messages import Breach, Problem, judge_problems
+from ..sanitizer.reports import count_bytes
+from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, skipped
+
+_NEEDS = ("description.schema",)
+_MEMORY_FACTOR = 2.0**24
+"""AddressSanitizer reserves 2^44 addresses; the memory that it uses has a limit of its own."""
+
+_C = "ISO/IEC 9899:2011"
+_OUTSIDE = Clause(
+    "6.5.6",
+    "If both the pointer operand and the result point to elements of the same array object, or one past the "
+    "last element of the array object, the evaluation shall not produce an overflow; otherwise, the behavior "
+    "is undefined.",
+    document=_C,
+)
+_LIFETIME = Clause(
+    "6.2.4",
+    "If an object is referred to outside of its lifetime, the behavior is undefined.",
+    document=_C,
+)
+_INVALID = Clause(
+    "6.5.3.2",
+    "If an invalid value has been assigned to the pointer, the behavior of the unary * operator is "
+    "undefined.",
+    document=_C,
+)
+_FREE = Clause(
+    "7.22.3.3",
+    "Otherwise, if the argument does not match a pointer earlier returned by a memory management function, "
+    "or if the space has been deallocated by a call to free or realloc, the behavior is undefined.",
+    document=_C,
+)
+_CLAUSES = {
+    "heap-use-after-free": _LIFETIME,
+    "stack-use-after-return": _LIFETIME,
+    "stack-use-after-scope": _LIFETIME,
+    "SEGV": _INVALID,
+    "double-free": _FREE,
+    "bad-free": _FREE,
+}
+"""What each error of AddressSanitizer violates; all others are accesses outside of an object."""
+
+_ENDED = skipped("It needs sanitizer.address, which failed: the run ended there.")
+
+
+@check(
+    "sanitizer.address",
+    "Memory accesses are valid",
+    _OUTSIDE,
+    "Compile the sources with -fsanitize=address and look at the line. Its effect differs from run to run.",
+    needs=_NEEDS,
+    time_factor=TIME_FACTOR,
+    memory_factor=_MEMORY_FACTOR,
+)
+def address(subject: Subject) -> CheckOutcome:
+    """Run a build of the sources with AddressSanitizer through all phases of two instances."""
+    run = run_sanitized(subject)
+    if not run.has_address:
+        return _missing(run, "AddressSanitizer")
+    problems = [Breach(fault.sentence, _CLAUSES.get(fault.kind, _OUTSIDE)) for fault in run.memory]
+    return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
+
+
+@check(
+    "sanitizer.leaks",
+    "All memory is freed",
+    Clause(
+        "2.1.5",
+        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
+        "other resources that have been allocated by the functions of the FMU interface.",
+    ),
+    "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
+    needs=_NEEDS,
+    time_factor=TIME_FACTOR,
+    memory_factor=_MEMORY_FACTOR,
+)
+def leaks(subject: Subject) -> CheckOutcome:
+    """Check which memory nothing points to after the instances were freed."""
+    run = run_sanitized(subject)
+    if not run.has_address:
+        return _missing(run, "LeakSanitizer")
+    if run.memory:
+        return _ENDED
+    if not run.judges_leaks and not run.leaks:
+        reason = "The run with LeakSanitizer did not come to its end."
+        return skipped(reason, gaps=(reason,))
+    problems = [
+        f"{leak.place} allocates {count_bytes(leak.size)} that are never freed." for leak in run.leaks
+    ]
+    return judge_problems(problems, "After the instances were freed, no memory is left.")
+
+
+@check(
+    "sanitizer.undefined",
+    "Arithmetic and pointers are defined",
+    Clause(
+        "3.4.3",
+        "behavior, upon use of a nonportable or erroneous program construct or of erroneous data, for which "
+        "this International Standard imposes no requirements",
+        document=_C,
+    ),
+    "Compile the sources with -fsanitize=undefined. Other compilers may compute another result.",
+    needs=_NEEDS,
+    time_factor=TIME_FACTOR,
+    memory_factor=_MEMORY_FACTOR,
+    advisory=True,
+)
+def undefined(subject: Subject) -> CheckOutcome:
+    """Run a build of the sources with UBSan through all phases of two instances."""
+    run = run_sanitized(subject)
+    if run.missing:
+        return _missing(run, "UndefinedBehaviorSanitizer")
+    if run.memory and not run.undefined:
+        return _ENDED
+    return _judge(run, run.undefined, "A build of the sources with UBSan reports nothing.")
+
+
+def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOutcome:
+    """Return the outcome of a run with a sanitizer. One that makes no step shows only what is wrong."""
+    if not problems and not run.ran:
+        reason = next(iter(run.gaps), "The build of its sources makes no step.")
+        return skipped(f"The build of its sources does not run. {reason}", gaps=run.gaps)
+    return replace(judge_problems(problems, fine), gaps=run.gaps)
+
+
+def _missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:
+    """Return the outcome where there is no build with a sanitizer."""
+    reason = run.missing or f"The compiler of this machine has no {sanitizer}."
+    return skipped(reason, gaps=(reason,) if run.has_sources else ())

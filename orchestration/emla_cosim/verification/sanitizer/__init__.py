@@ -1,0 +1,1 @@
+"""Run FMUs that have C sources in a build with AddressSanitizer, LeakSanitizer and UBSan."""
