@@ -6,9 +6,11 @@ Each has x' = u - x, y = x + gain u, a bouncing ball h, and a stair that rises b
 import dataclasses
 import json
 import math
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -242,6 +244,24 @@ def test_a_package_has_the_same_results(fmu: Path, tmp_path: Path) -> None:
     assert (
         ec.info(package, integrate_together=False).notes[-1] == "a and b: Model Exchange, integrated by CVode"
     )
+
+
+@pytest.mark.parametrize(("kinds", "tag"), [("me me", "VariableStepSolver"), ("me cs", "FixedStepMaster")])
+def test_omsimulator_integrates_a_package_of_model_exchange_alone(
+    kinds: str, tag: str, fmu: Path, fmu_folder: Path, tmp_path: Path
+) -> None:
+    both = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
+    system = rotating(fmu) if kinds == "me me" else ec.System.of({"a": fmu, "b": both}, [])
+    package = ec.load(system, step_size=0.125, stop_time=STOP).export(tmp_path / "pair.ssp")
+    with zipfile.ZipFile(package) as archive:
+        root = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    (settings,) = (e for e in root.iter() if e.tag.endswith("SimulationInformation"))
+    (stepping,) = settings
+    assert stepping.tag.rpartition("}")[2] == tag
+    if tag == "VariableStepSolver":
+        assert stepping.attrib["description"] == "cvode"
+        assert float(stepping.attrib["maximumStepSize"]) == 0.125
+    assert ec.load(package).options.step_size == 0.125
 
 
 def test_a_sweep_has_the_results_of_single_runs(fmu: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import zipfile
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
 
 from emla_cosim.base.errors import CommandError
@@ -221,3 +222,28 @@ def test_the_reference_of_one_fmu(reference: Path, tmp_path: Path) -> None:
     assert {c.signal for c in right.comparisons} == {"Reference.x_d", "Reference.v_d"}
     wrong = load(reference, reference=tmp_path / "wrong" / "Reference_ref.csv", **SHORT).prepare().attempt()
     assert "Reference.x_d" in str(wrong.problem)
+
+
+def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_path: Path) -> None:
+    """FMPy is the judge, with both tables as the cross-check writes them."""
+    plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
+    times = np.linspace(0.0, 0.02, 21)
+    given = np.array(
+        list(zip(times, 20.0 * np.sin(300.0 * times), strict=True)), [("time", float), ("u_q", float)]
+    )
+    more = {"fmi_type": "CoSimulation", "stop_time": 0.02, "step_size": 0.001, "output_interval": 0.001}
+    solved = fmpy.simulate_fmu(str(plant), input=given, output=["x_L", "i_q"], **more)
+    assert np.ptp(solved["i_q"]) > 0.1
+    for name, table in (("in", given), ("ref", solved)):
+        rows = [
+            ",".join(f'"{n}"' for n in table.dtype.names),
+            *(",".join(map(repr, row)) for row in table.tolist()),
+        ]
+        (tmp_path / f"EmlaPlant_{name}.csv").write_text("\n".join(rows) + "\n")
+    options = {"input": [str(tmp_path / "EmlaPlant_in.csv")], "reference": tmp_path / "EmlaPlant_ref.csv"}
+    options |= {"stop_time": 0.02, "step_size": 0.001, "tolerance": {"*": 1e-6}, "algorithm": "jacobi"}
+    right = load(plant, **options).prepare().attempt()
+    assert {c.signal for c in right.comparisons} == {"EmlaPlant.x_L", "EmlaPlant.i_q"}
+    assert right.problem is None
+    doubled = load(plant, **options, set={"EmlaPlant.motor.R_s": 1.0}).prepare().attempt()
+    assert "EmlaPlant.i_q" in str(doubled.problem)

@@ -122,9 +122,11 @@ def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
     items = _items(variable)
     if str(value) in items:
         return items[str(value)]
-    if str(value) in {str(v) for v in items.values()}:
-        return int(value)
-    raise CommandError(f"{name} = {value} is not one of {', '.join(items)}.")
+    text = str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
+    if text in {str(v) for v in items.values()}:
+        return int(text)
+    known = ", ".join(f"{item} ({number})" for item, number in items.items())
+    raise CommandError(f"{name} = {value} is not one of {known}.")
 
 
 def _items(variable: ModelVariable) -> dict[str, int]:

@@ -290,8 +290,8 @@ class Simulation:
         self._abandon()
         required = [parse_requirement(text) for text in chosen.require]
         stored = open_stored_run(chosen.reference) if chosen.reference is not None else None
-        if stored is not None and len(self.system.components) == 1:
-            stored = stored.of_component(self.system.components[0].name)
+        if stored is not None and len(self._as_made.components) == 1:  # inputs and faults add components
+            stored = stored.of_component(self._as_made.components[0].name)
         control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)

@@ -177,6 +177,7 @@ OMS = (
     "<oms:SimulationInformation><oms:FixedStepMaster description='oms-ma' stepSize='0.25'/>"
     "</oms:SimulationInformation></oms:Annotations></ssc:Annotation></ssd:Annotations>"
 )
+CVODE = OMS.replace("FixedStepMaster", "VariableStepSolver").replace("stepSize", "maximumStepSize")
 OSP = (
     "<ssd:Annotations><ssc:Annotation type='com.opensimulationplatform'><osp:Algorithm xmlns:osp="
     "'http://opensimulationplatform.com/SSP/OSPAnnotations'><osp:FixedStepAlgorithm baseStepSize='0.5'/>"
@@ -191,10 +192,11 @@ OSP = (
         ('startTime="1" stopTime="2.5"', "", (1.0, 2.5, None)),
         ('stopTime="2.5"', OSP, (None, 2.5, 0.5)),
         ('stopTime="2.5"', OMS, (None, 2.5, 0.25)),
+        ('stopTime="2.5"', CVODE, (None, 2.5, 0.25)),
     ],
 )
 def test_times(experiment: str, annotation: str, expected: tuple, tmp_path: Path) -> None:
-    inside = annotation if annotation != OMS else ""
+    inside = annotation if annotation == OSP else ""
     root = (
         system("root").replace("</ssd:System>", f"{annotation}</ssd:System>")
         if inside == ""

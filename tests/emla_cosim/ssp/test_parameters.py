@@ -5,6 +5,9 @@ from typing import Any
 
 import pytest
 
+from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.fmu.variables import convert_start_values
 from fmublock.archive import write_archive
 from tests.support.ssp_documents import (
     Understood,
@@ -62,6 +65,21 @@ def test_values_of_all_types(tmp_path: Path, fmu: Path) -> None:
     found = values(tmp_path, fmu, binding(given))
     assert found == {"k": 2.5, "n": -3, "on": True, "mode": "fast", "label": "a b", "x": 0.5, "u": 1.5}
     assert isinstance(found["on"], bool)
+
+
+@pytest.mark.parametrize("given", [2, 2.0, ("2", "Enumeration")])
+def test_a_number_sets_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
+    found = values(tmp_path, fmu, binding(ssv(mode=given)))
+    ((variable, number),) = convert_start_values("a", read_interface(fmu), found)
+    assert (variable.name, number, type(number)) == ("mode", 2, int)
+
+
+@pytest.mark.parametrize("given", [7, 1.5, True, ("7", "Enumeration")])
+def test_a_value_that_is_no_item_of_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
+    found = values(tmp_path, fmu, binding(ssv(mode=given)))
+    with pytest.raises(CommandError, match=r"^a\.mode = \S+ is not one of \w+ \(1\), \w+ \(2\)") as raised:
+        convert_start_values("a", read_interface(fmu), found)
+    assert f"= {found['mode']} is" in str(raised.value)
 
 
 def test_white_space_that_the_schema_allows(tmp_path: Path, fmu: Path) -> None:

@@ -147,7 +147,7 @@ class Structure:
     """An SSD: its root system, and optionally how to run it; times in s.
 
     Our own annotation lists the components that compute at communication points (`samples`), by full name,
-    and the power bonds by name.
+    and the power bonds by name. `is_continuous` says that all components are for Model Exchange.
     """
 
     name: str
@@ -159,3 +159,4 @@ class Structure:
     samples: tuple[str, ...] = ()
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     id: str | None = None
+    is_continuous: bool = False

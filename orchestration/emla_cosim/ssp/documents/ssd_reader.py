@@ -94,6 +94,7 @@ def _step_size(root: XmlElement, where: str) -> float | None:
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
+        ("oms:VariableStepSolver", "maximumStepSize"),
     ):
         found = root.find(f".//{element}", NAMESPACES | ANNOTATION_NAMESPACES)
         if found is not None and found.get(attribute):

@@ -47,7 +47,7 @@ def format_structure(structure: Structure) -> bytes:
     root = document(
         "ssd", namespaces, id=structure.id, name=structure.name, description=structure.description or None
     )
-    _add_system(root, structure.system, structure.step_size)
+    _add_system(root, structure.system, structure.step_size, structure.is_continuous)
     add_units(root, "ssd", _units(structure.system))
     start, stop = (
         None if t is None else format_float(t) for t in (structure.start_time, structure.stop_time)
@@ -77,11 +77,26 @@ def _units(element: Element) -> Iterator[SiUnit | None]:
             yield from _units(inside)
 
 
-def _add_fixed_steps(system: XmlElement, step_size: float) -> None:
-    """Add the settings of OMSimulator, which it requires of each system."""
+def _add_steps(system: XmlElement, step_size: float, is_continuous: bool) -> None:
+    """Add the settings of OMSimulator, which it requires of each system.
+
+    It integrates Model Exchange only in systems with a solver. There, a step has at most the largest length.
+    """
     inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
+    information = add(inside, "oms:SimulationInformation")
+    if is_continuous:
+        add(
+            information,
+            "oms:VariableStepSolver",
+            description="cvode",
+            relativeTolerance="0.000001",
+            minimumStepSize="0.000000000001",
+            maximumStepSize=format_float(step_size),
+            initialStepSize="0.000001",
+        )
+        return
     add(
-        add(inside, "oms:SimulationInformation"),
+        information,
         "oms:FixedStepMaster",
         description="oms-ma",
         stepSize=format_float(step_size),
@@ -90,13 +105,15 @@ def _add_fixed_steps(system: XmlElement, step_size: float) -> None:
     )
 
 
-def _add_system(parent: XmlElement, system: SystemElement, step_size: float | None) -> None:
+def _add_system(
+    parent: XmlElement, system: SystemElement, step_size: float | None, is_continuous: bool
+) -> None:
     element = _add_common(parent, "ssd:System", system)
     if system.elements:
         group = add(element, "ssd:Elements")
         for inside in system.elements:
             if isinstance(inside, SystemElement):
-                _add_system(group, inside, step_size)
+                _add_system(group, inside, step_size, is_continuous)
             elif isinstance(inside, ComponentElement):
                 how = None if inside.implementation == "any" else inside.implementation
                 _add_common(
@@ -107,7 +124,7 @@ def _add_system(parent: XmlElement, system: SystemElement, step_size: float | No
     if system.connections:
         _add_connections(add(element, "ssd:Connections"), system.connections)
     if step_size is not None:
-        _add_fixed_steps(element, step_size)
+        _add_steps(element, step_size, is_continuous)
 
 
 def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:

@@ -9,7 +9,7 @@ from fmublock.archive import write_archive
 
 from ...base.errors import CommandError, RunError
 from ...base.ownership import check_replaceable
-from ...fmu.interface import read_interfaces
+from ...fmu.interface import KINDS, MODEL_EXCHANGE, read_interfaces
 from ...system.model import System
 from ...system.resolution import resolve_system
 from ..documents.identifiers import format_id, make_identifier
@@ -92,6 +92,7 @@ def write_ssp(
         for c in system.components
     }
     identifier = make_identifier(name)
+    kinds = {KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
     structure = Structure(
         identifier,
         build_root_system(identifier, plain, parts),
@@ -102,6 +103,7 @@ def write_ssp(
         tuple(c.name for c in system.components if c.samples),
         system.bonds,
         format_id(identifier, name),
+        kinds == {MODEL_EXCHANGE} and not any(c.samples for c in system.components),
     )
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
