@@ -18,7 +18,8 @@ from ..views.folder import Folder
 from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
-from .worker import Chunk, to_parquet
+from .variant_process import to_parquet
+from .variants import Chunk
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"

@@ -28,7 +28,7 @@ from .result import SweepResult
 from .sensitivity import SALTELLI, all_sobol_indices
 from .stored import read_sweep
 from .targets import format_arguments
-from .worker import Chunk, SimulationDescription
+from .variants import Chunk, SimulationDescription
 from .worker_payload import REGISTRIES, WorkerPayload, check_portable
 
 SOBOL = "sobol"

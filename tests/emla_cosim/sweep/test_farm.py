@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from emla_cosim.sweeps.data import DIED, DONE
 from emla_cosim.sweeps.executor import WorkPackage, _ChunkQueue
-from emla_cosim.sweeps.worker import Chunk, VariantOutcome
+from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 
 
 class Came:

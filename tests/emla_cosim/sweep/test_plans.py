@@ -20,7 +20,7 @@ from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
 from emla_cosim.sweeps.plan import Plan, load_plan
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.worker import Chunk, VariantOutcome
+from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
