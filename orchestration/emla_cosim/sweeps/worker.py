@@ -238,6 +238,8 @@ class SweepProcesses:
         except OSError as error:
             self._error = RunError(f"the worker {worker.address} cannot write its files: {error}.")
             return
+        with _TURN:  # they load while the first one prepares the scenario
+            _IDLE.extend(_Process() for _ in range(worker.state.nthreads - len(_IDLE)))
         threading.Thread(target=self._watch, daemon=True).start()
 
     @contextlib.contextmanager

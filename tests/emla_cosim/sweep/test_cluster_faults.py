@@ -76,7 +76,7 @@ def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
     assert (tmp_path / "flag").exists()
     assert numbers(result) == list(range(8)) and result.complete
     assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
-    assert "its process ended 2 times: an FMU crashed it" in result.variants["problem"][4]
+    assert "its process ended 2 times (SIGSEGV): an FMU crashed it" in result.variants["problem"][4]
     assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
 
 
