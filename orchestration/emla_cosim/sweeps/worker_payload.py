@@ -22,6 +22,7 @@ from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
+from ..recorders.registry import RECORDERS
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
 from ..run.run_record import RunDefinition
@@ -122,6 +123,7 @@ REGISTRIES: Mapping[str, dict[str, Any]] = {
     "metric": METRICS,
     "algorithm": ALGORITHMS,
     "step-size control": STEP_SIZE_CONTROLS,
+    "recorder": RECORDERS,
 }
 """Registries that users extend and workers need, by their names in messages."""
 

@@ -180,7 +180,7 @@ def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
     """A folder with these variants in parts."""
     folder = SweepFolder(path)
     path.mkdir(parents=True)
-    folder.begin({"identity": {}}, resume=False)
+    folder.begin({"identity": {}}, polars.DataFrame({"variant": range(12)}), resume=False)
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
         folder.keep(Chunk(outcomes, 0.1), Measures(figures=["y"]))
