@@ -56,7 +56,6 @@ class Outside:
     def kill_scheduler(self) -> None:
         self.scheduler.send_signal(signal.SIGKILL)
 
-
     def worker(self, *arguments: str, path: str = CODE) -> subprocess.Popen[bytes]:
         """Start a worker with one thread."""
         self.workers.append(
@@ -69,7 +68,9 @@ class Outside:
 
 
 @contextmanager
-def outside_cluster(folder: Path, workers: int = 2, arguments: Sequence[str] = ("--no-nanny",)) -> Iterator[Outside]:
+def outside_cluster(
+    folder: Path, workers: int = 2, arguments: Sequence[str] = ("--no-nanny",)
+) -> Iterator[Outside]:
     """The same, with its processes ended in the end."""
     found = Outside(folder)
     try:
@@ -83,8 +84,9 @@ def outside_cluster(folder: Path, workers: int = 2, arguments: Sequence[str] = (
         found.address = json.loads(where.read_text())["address"]
         for _ in range(workers):
             found.worker(*arguments)
-        with Client(found.address, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=60)
+        if workers:
+            with Client(found.address, set_as_default=False) as client:
+                client.wait_for_workers(workers, timeout=60)
         yield found
     finally:
         for process in filter(None, [*found.workers, found.scheduler]):

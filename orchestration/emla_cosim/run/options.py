@@ -81,9 +81,7 @@ _system = partial(option, group=SYSTEM, commands=ALL)
 _prepared = partial(_system, stage=PREPARING)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
-_shared = partial(
-    option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME
-)
+_shared = partial(option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME)
 _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 
@@ -371,7 +369,8 @@ class Options:
         parse=read_tolerances,
     )
     timeout: float | None = _shared(
-        help="Wall time of a variant, after which it is ended with the status 'timed out'. Default: no limit.",
+        help="Longest wall time of a variant. One that takes longer is ended, with the status 'timed out'. "
+        "Default: no limit.",
         unit="s",
         above=0.0,
     )

@@ -39,9 +39,7 @@ class Server:
             env=make_environment(),
             start_new_session=True,
         )
-        self._channel = Channel(
-            self._process.stdout, self._process.stdin, self.is_alive
-        )
+        self._channel = Channel(self._process.stdout, self._process.stdin, self.is_alive)
 
     def send(self, request: Any) -> None:
         """Send a request."""

@@ -24,7 +24,7 @@ from .data import DIED, TIMED_OUT
 from .local_cluster import local_cluster
 from .measures import Measures
 from .variants import Chunk, SimulationDescription, Variant, VariantOutcome
-from .worker import ChunkAnswer, ChunkRequest, describe, make_plugin, run_chunk
+from .worker import ChunkAnswer, ChunkRequest, make_call, make_plugin
 from .worker_payload import WorkerPayload
 
 Scheduler = str | Client | None
@@ -122,8 +122,8 @@ class ClusterExecutor:
             self._seen, self._told = now, False
         elif now - self._seen > self._patience:
             raise RunError(
-                f"the scheduler at {self._address} had no workers for {self._patience:g} s; start workers, or "
-                "wait longer with --patience."
+                f"the scheduler at {self._address} had no workers for {self._patience:g} s; start workers, "
+                "or wait longer with --patience."
             )
         elif not self._told and now - self._seen > _TOLD_S:
             self._told = True
@@ -137,7 +137,7 @@ class ClusterExecutor:
         """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
         with catch_interrupts() as interrupted, self._report_lost_cluster():
             try:
-                future = self._submit(describe, group)
+                future = self._submit("describe", group)
                 while not future.done():
                     self._threads()
                     if interrupted():
@@ -191,7 +191,7 @@ class ClusterExecutor:
                 request = ChunkRequest(
                     chunk.group, list(chunk.variants), content, bool(measures.signals), seconds, timeout
                 )
-                future = self._submit(run_chunk, request)
+                future = self._submit("run", pickle.dumps(request))
                 flying[future] = chunk
                 future.add_done_callback(done.put)
 
@@ -202,7 +202,7 @@ class ClusterExecutor:
                 return []
             chunk = flying.pop(future)
             try:
-                found = chunks.take_answer(chunk, future.result())
+                found = chunks.take_answer(chunk, pickle.loads(future.result()))
             except KilledWorker as error:
                 found = chunks.take_loss(chunk, 1 + error.allowed_failures)
             self._slow.forget(chunk.variants)
@@ -230,9 +230,9 @@ class ClusterExecutor:
         with contextlib.suppress(Exception):
             self._client.unregister_worker_plugin(self._key)
 
-    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+    def _submit(self, method: str, argument: Any) -> Future:
         key = f"{self._key}-{next(self._calls)}"
-        return self._client.submit(function, self._key, *arguments, key=key, pure=False)
+        return self._client.submit(make_call(self._key), method, argument, key=key, pure=False)
 
     @contextlib.contextmanager
     def _report_lost_cluster(self) -> Iterator[None]:
@@ -242,7 +242,9 @@ class ClusterExecutor:
         except CosimError:
             raise
         except _GONE as error:
-            raise RunError(f"the scheduler at {self._address} does not answer: {_first_line(error)}.") from error
+            raise RunError(
+                f"the scheduler at {self._address} does not answer: {_first_line(error)}."
+            ) from error
         except _UNFIT as error:
             reason = _first_line(error.__cause__ or error)
             raise RunError(
@@ -260,9 +262,7 @@ class ChunkQueue:
         timeouts: Longest time of a variant in s by group; None without a limit.
     """
 
-    def __init__(
-        self, work: Sequence[WorkPackage], most: int, timeouts: Sequence[float | None] = ()
-    ) -> None:
+    def __init__(self, work: Sequence[WorkPackage], most: int, timeouts: Sequence[float | None] = ()) -> None:
         self._waiting = deque(work)
         self._suspects = deque[WorkPackage]()
         self._left = sum(len(w.variants) for w in work)
@@ -344,7 +344,9 @@ class ChunkQueue:
             ran.add(number)
             self._ended[number] += 1
             if (times := self._ended[number]) >= _TRIES:
-                reason = f"its process ended {times} times ({how}): an FMU crashed it, or it ran out of memory."
+                reason = (
+                    f"its process ended {times} times ({how}): an FMU crashed it, or it ran out of memory."
+                )
                 outcomes.append(VariantOutcome(number, DIED, reason))
             else:
                 self._wait(WorkPackage(chunk.group, [number]), first=False)

@@ -219,12 +219,12 @@ def read_unfinished(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFr
         figures: Names of the figures.
 
     Returns:
-        The table so far, and the files of its signals; None if there are no parts because the sweep is complete.
+        The table so far, and the files of its signals; None if the parts are gone: the sweep is complete.
     """
     parts = sorted((folder / PARTS).glob(_NUMBERED))
-    no_figures = {name: polars.Float64 for name in figures}
+    empty = polars.DataFrame(schema=_ENDS | dict.fromkeys(figures, polars.Float64))
     try:
-        tables = [polars.read_parquet(file) for file in parts] or [polars.DataFrame(schema=_ENDS | no_figures)]
+        tables = [polars.read_parquet(file) for file in parts] or [empty]
         about = polars.read_parquet(folder / PARTS / DESIGN)
     except FileNotFoundError:
         return None

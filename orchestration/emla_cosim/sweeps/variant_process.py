@@ -91,9 +91,7 @@ class VariantProcess:
                 self._simulations.pop(next(iter(self._simulations))).close()
             packed = self._packed[group]
             alone = replace(packed.options, threads=1)  # other processes use the other cores
-            found = Simulation(
-                packed.unpack_system(self._files), alone, packed.name, unpacked=self._folder
-            )
+            found = Simulation(packed.unpack_system(self._files), alone, packed.name, unpacked=self._folder)
         self._simulations[group] = found
         return found
 

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +27,7 @@ _LOOK = 0.2
 """Seconds between two looks at the variants that run."""
 
 _SLOW_S = 10.0
-"""Seconds after which a worker reports a variant that still runs; it reports it again after twice the time."""
+"""Seconds after which a worker reports a variant that still runs; again after twice the time."""
 
 _IDLE_S = 60.0
 """Seconds after the last sweep for which a worker keeps its processes for the next one."""
@@ -88,45 +88,41 @@ def make_plugin(
         content: Prepared systems and registered objects, pickled.
     """
 
-    class SweepPlugin(WorkerPlugin):  # defined here, it is sent by value: a worker without emla-cosim starts
+    # defined here, it is sent by value: a worker that cannot import it would end
+    class SweepPlugin(WorkerPlugin):
         name = key
 
         def setup(self, worker: Any) -> None:
-            from emla_cosim.sweeps.worker import SweepProcesses
+            try:
+                from emla_cosim.sweeps.worker import SweepProcesses
 
-            self.processes = SweepProcesses(worker, key, needed, files, content)
+                self.processes = SweepProcesses(worker, key, needed, files, content)
+            except Exception as error:  # a plugin that fails would be lost, and the reason with it
+                self.error = error
 
         def teardown(self, worker: Any) -> None:
             if hasattr(self, "processes"):
                 self.processes.close()
 
+        def call(self, method: str, argument: Any) -> bytes:
+            if hasattr(self, "error"):
+                raise self.error
+            return getattr(self.processes, method)(argument)
+
     return SweepPlugin()
 
 
-def describe(key: str, group: int) -> bytes:
-    """Describe the simulation of a group, as a pickled `SimulationDescription`.
+def make_call(key: str) -> Callable[[str, Any], bytes]:
+    """Return the function of all tasks: it calls a method of the `SweepProcesses` of a sweep.
 
-    Raises:
-        CosimError: The simulation cannot be prepared.
+    Its argument must be of a type that Python has, for the same reason as the plugin.
     """
-    with _processes(key).process() as process:
-        try:
-            return process.call("describe", group)
-        except ServerEndedError as error:
-            raise RunError(
-                f"the process that prepares the scenario ended ({error}): an FMU crashed it or memory ran out."
-            ) from error
 
+    def call(method: str, argument: Any) -> bytes:
+        plugin: Any = get_worker().plugins[key]
+        return plugin.call(method, argument)
 
-def run_chunk(key: str, request: ChunkRequest) -> ChunkAnswer:
-    """Run variants in sequence. What goes wrong in one is in the answer."""
-    sweep = _processes(key)
-    with sweep.process() as process:
-        return sweep.run(process, request)
-
-
-def _processes(key: str) -> "SweepProcesses":
-    return get_worker().plugins[key].processes  # type: ignore[union-attr]
+    return call
 
 
 class _Process(Server):
@@ -213,40 +209,52 @@ class SweepProcesses:
     def __init__(
         self, worker: Any, key: str, needed: str, files: Mapping[str, tuple[str, bytes]], content: bytes
     ) -> None:
-        """Write the files. Errors are kept for those who use this: a worker starts without plugins that fail."""
+        """Write the files. Raise CommandError for another version, and OSError if they cannot be written."""
         self._worker, self._key = worker, key
         self._running: set[_RunningChunk] = set()
         self._used: set[_Process] = set()
         self._closed = threading.Event()
-        self._error: Exception | None = None
         self._files: dict[str, str] = {}
-        self._folder = ""
         if (here := version("emla-cosim")) != needed:
-            self._error = CommandError(
+            raise CommandError(
                 f"the worker {worker.address} has emla-cosim {here}, not {needed}; install that."
             )
-            return
-        try:
-            # Dask removes its folder even if the worker is killed
-            self._folder = os.path.realpath(tempfile.mkdtemp(prefix="emla-sweep-", dir=worker.local_directory))
-            for sha, (name, file) in files.items():
-                place = Path(self._folder, sha[:16], name)
-                place.parent.mkdir(exist_ok=True)
-                place.write_bytes(file)
-                self._files[sha] = f"{sha[:16]}/{name}"
-            Path(self._folder, PAYLOAD).write_bytes(content)
-        except OSError as error:
-            self._error = RunError(f"the worker {worker.address} cannot write its files: {error}.")
-            return
+        # Dask removes its folder even if the worker is killed
+        folder = tempfile.mkdtemp(prefix="emla-sweep-", dir=worker.local_directory)
+        self._folder = os.path.realpath(folder)
+        for sha, (name, file) in files.items():
+            place = Path(self._folder, sha[:16], name)
+            place.parent.mkdir(exist_ok=True)
+            place.write_bytes(file)
+            self._files[sha] = f"{sha[:16]}/{name}"
+        Path(self._folder, PAYLOAD).write_bytes(content)
         with _TURN:  # they load while the first one prepares the scenario
             _IDLE.extend(_Process() for _ in range(worker.state.nthreads - len(_IDLE)))
         threading.Thread(target=self._watch, daemon=True).start()
 
+    def describe(self, group: int) -> bytes:
+        """Describe the simulation of a group, as a pickled `SimulationDescription`.
+
+        Raises:
+            CosimError: The simulation cannot be prepared.
+        """
+        with self._process() as process:
+            try:
+                return process.call("describe", group)
+            except ServerEndedError as error:
+                raise RunError(
+                    f"the process that prepares the scenario ended ({error}): an FMU crashed it, or it ran "
+                    "out of memory."
+                ) from error
+
+    def run(self, content: bytes) -> bytes:
+        """Run the variants of a `ChunkRequest` in sequence; return the `ChunkAnswer`. Both are pickled."""
+        with self._process() as process:
+            return pickle.dumps(self._run(process, pickle.loads(content)))
+
     @contextlib.contextmanager
-    def process(self) -> Iterator[_Process]:
-        """Take an idle process that has this sweep open, or start one. Raise what prevents it."""
-        if self._error is not None:
-            raise self._error
+    def _process(self) -> Iterator[_Process]:
+        """Take an idle process, or start one, and open the sweep in it."""
         with _TURN:
             found = next((p for p in _IDLE if p.key == self._key), _IDLE[-1] if _IDLE else None)
             if found is not None:
@@ -276,8 +284,7 @@ class SweepProcesses:
         process.key = self._key
         return process
 
-    def run(self, process: _Process, request: ChunkRequest) -> ChunkAnswer:
-        """Run the variants of a chunk in a process."""
+    def _run(self, process: _Process, request: ChunkRequest) -> ChunkAnswer:
         running = _RunningChunk(process, request)
         self._running.add(running)
         try:
@@ -301,7 +308,7 @@ class SweepProcesses:
             self._running.discard(running)
 
     def _answer_of_ended(self, running: _RunningChunk, request: ChunkRequest, how: str) -> ChunkAnswer:
-        """Return the answer if the process ended: the variant that ran is to blame, and the others are not."""
+        """Return the answer if the process ended: only the variant that ran is to blame."""
         numbers, late = request.numbers, running.timed_out
         done = min(len(running.outcomes), len(numbers) - 1)  # it may end after its last variant
         outcomes = [] if request.has_signals else running.outcomes  # the signals are lost with the process
@@ -331,8 +338,7 @@ class SweepProcesses:
                 except Exception:  # an FMU does not end
                     _IDLE.remove(process)
                     process.close()
-        if self._folder:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
         timer = threading.Timer(_IDLE_S, _end_idle)
         timer.daemon = True
         timer.start()

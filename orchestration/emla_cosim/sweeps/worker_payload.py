@@ -37,6 +37,7 @@ def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
 if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
     copyreg.pickle(_kind, _by_name)  # lazy_loader's module type; else functions that use it cannot be sent
 
+
 def _find_sentinel(sentinel: object) -> str:
     """Return the name of an object of `dataclasses`, by which it is pickled."""
     return next(name for name, value in vars(dataclasses).items() if value is sentinel)

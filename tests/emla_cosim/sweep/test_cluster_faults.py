@@ -239,20 +239,17 @@ def test_a_scheduler_without_workers(faulty_fmu: Path, tmp_path: Path) -> None:
         assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
 
 
-def test_a_variant_that_hangs(
-    cluster: Client, faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is named while it runs, and ended in the end. Ctrl-C ends it as well, and so does a resumed sweep."""
+def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+    """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
     system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
     cluster.run(set_slow_s, 0.5)
     faults = [int(Fault.HANG if n in (3, 7) else Fault.NONE) for n in range(12)]
     plan: dict[str, Any] = {"vary": {"j.bad.fault": faults}, "metrics": ["y = last(j.bad.y)"], **RUN}
-    out, stopping = tmp_path / "out", At(8, lambda: signal.raise_signal(signal.SIGINT))
+    out, stopping = tmp_path / "out", At(3, lambda: signal.raise_signal(signal.SIGINT))
     partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
     assert not partial.complete and not {3, 7} & set(numbers(partial))
     result = sweep(
         system, **plan, scheduler=cluster, output=out, resume=True, timeout="2 s", progress=seen,
-        signals=None,
     )  # fmt: skip
     assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
     assert result.variants["problem"][3] == "it took more than 2 s; see --timeout."
@@ -340,8 +337,9 @@ ec.METRICS["rows"] = Rows
 
 if __name__ == "__main__":
     with distributed.Client(address, security=pickle.loads(security), set_as_default=False) as client:
-        vary = {"algorithm": ["jacobi", "plants-first"], "ceiling": [0.1, 1.0]}
-        found = ec.sweep("lift", vary, plants="lift.*", stop_time=0.01, fmus=fmus, scheduler=client)
+        vary = {"plants": ["*.plant", "lift.*"], "ceiling": [0.1, 1.0]}
+        options = {"algorithm": "plants-first", "stop_time": 0.01, "fmus": fmus}
+        found = ec.sweep("lift", vary, scheduler=client, **options)
     print(found.variants["status"].to_list(), found.variants["table.rows"].to_list())
 """
 """Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""

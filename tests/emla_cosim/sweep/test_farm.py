@@ -59,7 +59,7 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
     seconds: float,
     choices: Any,
 ) -> None:
-    """Some variants end their process, some never end, and some end their worker with all that waits there."""
+    """Some variants end their process, some never end, and some end their worker and what waits there."""
     numbers = iter(range(sum(groups)))
     chunks = ChunkQueue(
         [WorkPackage(g, [next(numbers) for _ in range(n)]) for g, n in enumerate(groups)], 50, [1.0] * 3
