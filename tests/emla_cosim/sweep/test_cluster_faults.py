@@ -190,7 +190,7 @@ def test_processes_elsewhere_that_share_nothing(
             )  # fmt: skip
         assert "\n" not in str(caught.value)
     early = read_sweep(tmp_path / "early")
-    assert 10 <= early.variants.height < 40
+    assert 10 <= early.variants.height < 40, caught.value
     done = sweep(system, **plan, scheduler=cluster, output=tmp_path / "early", resume=True)
     assert done.variants.equals(there.variants)
     one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
