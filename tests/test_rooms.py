@@ -14,6 +14,7 @@ TOP = ROOT / "orchestration/emla_cosim"
 START = "`emla --help`, completion and errors must not wait for what one command needs"
 ON_DEMAND = "loads a library that is slow to import and that most calls do not need"
 NOTHING = "pytest loads the plugin everywhere; without --fmu it must cost nothing"
+BY_VALUE = "Dask sends the function by value, so that workers without the package can start"
 RESULT = "a result is data; its methods that show or compare it reach what does that when they are called"
 
 LATE = {
@@ -40,6 +41,7 @@ LATE = {
         {"recorders.stored", "views.animation", "views.output_folder", "views.plots.overlay"},
     ),
     "study.joint": (ON_DEMAND, {"fmu.interface"}),
+    "sweeps.worker": (BY_VALUE, {"sweeps.worker"}),
     "verification.check_runner": (ON_DEMAND, {"verification.host.hosted_instance"}),
     "verification.checks.systems": (ON_DEMAND, {"study.loading"}),
     "verification.pytest_plugin": (

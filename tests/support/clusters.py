@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,7 +41,7 @@ class Outside:
     scheduler: Any = None
     workers: list[Any] = field(default_factory=list)
 
-    def process(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+    def process(self, name: str, *arguments: str, path: str = CODE) -> subprocess.Popen[bytes]:
         own = self.folder / name
         for place in (own, own / "home", own / "temporary"):
             place.mkdir()
@@ -49,16 +49,28 @@ class Outside:
         return subprocess.Popen(
             [sys.executable, "-m", *arguments],
             cwd=own, stdout=subprocess.DEVNULL, stderr=(own / "log").open("wb"),
-            env={**kept, "PYTHONPATH": CODE, "HOME": str(own / "home"), "TMPDIR": str(own / "temporary"),
+            env={**kept, "PYTHONPATH": path, "HOME": str(own / "home"), "TMPDIR": str(own / "temporary"),
                  "POLARS_MAX_THREADS": "1"},
         )  # fmt: skip
 
     def kill_scheduler(self) -> None:
         self.scheduler.send_signal(signal.SIGKILL)
 
+    def worker(self, *arguments: str, path: str = CODE) -> subprocess.Popen[bytes]:
+        """Start a worker with one thread."""
+        self.workers.append(
+            self.process(
+                f"worker-{len(self.workers)}", "distributed.cli.dask_worker", self.address, *arguments,
+                "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", path=path,
+            )
+        )  # fmt: skip
+        return self.workers[-1]
+
 
 @contextmanager
-def outside_cluster(folder: Path, workers: int = 2) -> Iterator[Outside]:
+def outside_cluster(
+    folder: Path, workers: int = 2, arguments: Sequence[str] = ("--no-nanny",)
+) -> Iterator[Outside]:
     """The same, with its processes ended in the end."""
     found = Outside(folder)
     try:
@@ -70,26 +82,16 @@ def outside_cluster(folder: Path, workers: int = 2) -> Iterator[Outside]:
         wait_for(lambda: where.exists() and '"address"' in where.read_text())
 
         found.address = json.loads(where.read_text())["address"]
-        for number in range(workers):
-            found.workers.append(
-                found.process(
-                    f"worker-{number}",
-                    "distributed.cli.dask_worker",
-                    found.address,
-                    "--no-nanny",
-                    "--nthreads",
-                    "1",
-                    "--no-dashboard",
-                    "--host",
-                    "127.0.0.1",
-                )
-            )
-        with Client(found.address, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=60)
+        for _ in range(workers):
+            found.worker(*arguments)
+        if workers:
+            with Client(found.address, set_as_default=False) as client:
+                client.wait_for_workers(workers, timeout=60)
         yield found
     finally:
         for process in filter(None, [*found.workers, found.scheduler]):
-            process.kill()
+            for one in family(process):
+                one.kill()
             process.wait()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin
 
-from emla_cosim.base.option import COMPARE, SHOWING, SWEEP, Option
+from emla_cosim.base.option import COMPARE, SHARING, SHOWING, SWEEP, Option
 from emla_cosim.inputs.input import Input
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.stepping.step_size_control import StepSizeControl
@@ -44,8 +44,9 @@ from ..system.model import Replacement, Value
 def class_definitions() -> list[tuple[str, str, str, dict[str, Option]]]:
     """Return name, base, docstring and options of each class, without those of the base."""
     every = {n: o for n, o in list_options().items() if o.about.stage != SHOWING}
-    run = {n for n, o in every.items() if not o.is_prepared}
-    prepare = {n for n, o in every.items() if not o.about.makes}
+    shared = {n for n, o in every.items() if o.about.stage == SHARING}
+    run = {n for n, o in every.items() if not o.is_prepared} - shared
+    prepare = {n for n, o in every.items() if not o.about.makes} - shared
     swept = set(list_options(SWEEP)) & set(every) - {"overwrite"}  # an argument of its own
     compared = set(list_options(COMPARE)) & set(every) - {"overwrite"}
     tuned = swept - {"require"}  # an argument of its own
@@ -54,7 +55,7 @@ def class_definitions() -> list[tuple[str, str, str, dict[str, Option]]]:
     parts = [
         ("RunOptions", "TypedDict", "Options of `Simulation.run`, `attempt` and `start`.", run),
         ("PrepareOptions", "RunOptions", "Options of `Scenario.prepare` and `export`.", prepare - run),
-        ("LoadOptions", "PrepareOptions", "Options of `load` and `info`.", set(every) - prepare),
+        ("LoadOptions", "PrepareOptions", "Options of `load` and `info`.", set(every) - prepare - shared),
         ("CompareOptions", "TypedDict", "Options of `compare`.", compared),
         ("TuneOptions", "CompareOptions", "Options of `tune`.", tuned - compared),
         ("SweepOptions", "TuneOptions", "Options of `sweep`.", swept - tuned),

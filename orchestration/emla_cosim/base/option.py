@@ -10,6 +10,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from .errors import CommandError, check_choice
 
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
+RUNS = "Where it runs"
 """The groups of options in the help of the command line."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
@@ -17,7 +18,9 @@ BUILD, PLOT, TRAJECTORY, VERIFY, LINEARIZE = "build", "plot", "trajectory", "ver
 """The commands that take options."""
 
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"
-"""What uses an option: building our own FMUs, preparing a system, loading FMUs, running, showing results."""
+SHARING = "sharing"
+"""What uses an option: building our own FMUs, preparing a system, loading FMUs, running, showing results, and
+sharing many runs among processes."""
 
 VARIES, SAME, LEFT_OUT = "varies", "same", "left out"
 """How a sweep treats an option: it can vary it, keeps it the same in all variants, or ignores it."""

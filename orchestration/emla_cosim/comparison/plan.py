@@ -11,7 +11,7 @@ from ..study.loading import load
 from ..study.roles import find_joints
 from ..sweeps.executor import WorkPackage
 from ..sweeps.targets import changed_in_run, format_arguments, merge_options
-from ..sweeps.worker import Variant
+from ..sweeps.variants import Variant
 from ..sweeps.worker_payload import Preparation
 from .cases import ComparisonCase, describe_left_out
 from .controller_variants import ControllerVariant

@@ -9,7 +9,7 @@ import polars
 from ..recorders.metrics import MetricDisplay
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweeps.data import DIED, DONE
-from ..sweeps.worker import VariantOutcome
+from ..sweeps.variants import VariantOutcome
 from .plan import ComparisonPlan, ComparisonRun
 
 _NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")

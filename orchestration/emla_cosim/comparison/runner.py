@@ -23,7 +23,7 @@ from ..study.paper import PRINTED
 from ..sweeps.data import REFUSED, VARIANT
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.runner import check_cluster
-from ..sweeps.worker import Chunk, VariantOutcome
+from ..sweeps.variants import Chunk, VariantOutcome
 from ..sweeps.worker_payload import REGISTRIES, WorkerPayload, check_portable
 from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
 from .controller_variants import ALL, Choice, ControllerVariant, list_other_variants, select_variants

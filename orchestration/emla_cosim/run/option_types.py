@@ -110,6 +110,8 @@ class CompareOptions(TypedDict, total=False):
     compiled: bool
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
+    timeout: float | str | None
+    patience: float | str
     extrapolation: str
     step_multiples: Mapping[str, int]
     order: Sequence[str]

@@ -26,7 +26,9 @@ from ..base.option import (
     PLOT,
     PREPARING,
     RUN,
+    RUNS,
     SAME,
+    SHARING,
     SHOWING,
     STEPPING,
     SWEEP,
@@ -79,6 +81,7 @@ _system = partial(option, group=SYSTEM, commands=ALL)
 _prepared = partial(_system, stage=PREPARING)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
+_shared = partial(option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME)
 _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 
@@ -364,6 +367,15 @@ class Options:
         commands=(RUN,),
         in_file=False,
         parse=read_tolerances,
+    )
+    timeout: float | None = _shared(
+        help="Longest wall time of a variant. One that takes longer is ended, with the status 'timed out'. "
+        "Default: no limit.",
+        unit="s",
+        above=0.0,
+    )
+    patience: float = _shared(
+        60.0, help="Wall time to wait while the cluster has no workers.", unit="s", above=0.0
     )
     plots: bool = _shown(True, help="Draw plots into the output folder.")
     animate: bool = _shown(

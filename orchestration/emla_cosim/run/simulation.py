@@ -13,7 +13,7 @@ from typing import Any, Unpack
 from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.faults import accept_faults
 from ..base.files import get_working_folder
-from ..base.option import SHOWING
+from ..base.option import SHARING, SHOWING
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.signal_types import SignalType
@@ -543,6 +543,8 @@ class Simulation:
                 raise CommandError(
                     f"the option '{option.name}' is for the command line; use `save` of the result."
                 )
+            if option.about.stage == SHARING:
+                raise CommandError(f"the option '{option.name}' is for sweeps, comparisons and tunings.")
         return read_options(given)
 
     def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:

@@ -39,9 +39,7 @@ class Server:
             env=make_environment(),
             start_new_session=True,
         )
-        self._channel = Channel(
-            self._process.stdout, self._process.stdin, lambda: self._process.poll() is None
-        )
+        self._channel = Channel(self._process.stdout, self._process.stdin, self.is_alive)
 
     def send(self, request: Any) -> None:
         """Send a request."""
@@ -66,6 +64,10 @@ class Server:
             self.kill()
             raise
 
+    def is_alive(self) -> bool:
+        """Return whether the process is running."""
+        return self._process.poll() is None
+
     def kill(self) -> None:
         """End the process at once."""
         self._process.kill()
@@ -87,22 +89,34 @@ class Server:
         return ServerEndedError(describe_exit(self._process.wait()))
 
 
-def serve(answer: Callable[[Any, Callable[[Any], None]], Any]) -> NoReturn:
+def serve(
+    answer: Callable[[Any, Callable[[Any], None]], Any], clean_up: Callable[[], None] = lambda: None
+) -> NoReturn:
     """Answer the requests of the parent process until it ends.
 
     Args:
         answer: Gets a request, and a function that sends objects before the answer; returns the answer.
+        clean_up: Called from a thread once the parent is gone.
     """
+
+    def end() -> NoReturn:
+        clean_up()
+        os._exit(0)
+
     ignore_interrupts()  # the parent ends this process
-    watch_parent(os.getppid(), lambda: os._exit(0))  # even if an FMU never returns
+    parent = os.getppid()
+    watch_parent(parent, end)  # even if an FMU never returns
     channel = open_parent_channel()
     while True:
         try:
             request = channel.receive()
         except EOFError:
-            os._exit(0)
+            break
         answered = answer(request, channel.send)
         try:
             channel.send(answered)
-        except OSError:  # the parent is gone
-            os._exit(0)
+        except OSError:
+            break
+    if os.getppid() != parent:  # it was killed
+        clean_up()
+    os._exit(0)

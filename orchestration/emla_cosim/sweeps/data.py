@@ -10,8 +10,9 @@ from ..recorders.metrics import MetricDisplay
 from .targets import Target
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
+TIMED_OUT = "timed out"
 """Statuses of a variant: completed; diverged in a step; refused before the first step; failed in a figure or
-requirement; its process died."""
+requirement; its process died; it took too long."""
 
 VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
 """Columns of the table besides factors and figures."""

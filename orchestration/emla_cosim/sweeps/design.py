@@ -21,7 +21,7 @@ from .folder import hash_plain_data
 from .plan import Plan
 from .sampling import count_variants, sample
 from .targets import changed_in_run, merge_options, needs_preparation
-from .worker import Variant
+from .variants import Variant
 from .worker_payload import Preparation
 
 _BYTES_PER_VALUE = 64

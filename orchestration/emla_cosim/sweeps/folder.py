@@ -5,7 +5,7 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,21 @@ from ..views.folder import Folder
 from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
-from .worker import Chunk, to_parquet
+from .variant_process import to_parquet
+from .variants import Chunk
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"
+DESIGN = "design.parquet"
+"""In `PARTS`: the columns of all variants that are known before they run."""
+
 COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
 
-_OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(UNFINISHED)}.*")
+_OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(DESIGN)}|{re.escape(UNFINISHED)}.*")
 """Names of parts, finished or being written."""
+
+_NUMBERED = "[0-9]*.parquet"
+"""Pattern of parts."""
 
 _ENDS = {
     VARIANT: polars.Int64,
@@ -93,13 +100,24 @@ class SweepFolder(Folder):
                 f"'{self.path}' has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
             )
 
-    def begin(self, record: Mapping[str, Any], resume: bool) -> None:
-        """Start a sweep with this record, or resume it (see `check`). Raise RunError if writing fails."""
+    def begin(self, record: Mapping[str, Any], about: polars.DataFrame, resume: bool) -> None:
+        """Start a sweep, or resume it (see `check`).
+
+        Args:
+            record: Content of sweep.json.
+            about: Columns by variant that are known before the run.
+            resume: Whether to keep finished variants.
+
+        Raises:
+            RunError: Writing fails.
+        """
         with report_write_errors(self.path):
             if not resume:
                 self.clear()
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
+            with write_atomically(self._place / PARTS / DESIGN) as stream:
+                stream.write(to_parquet(about))
             self.write_record({**record, "status": UNFINISHED_SWEEP})
             self._forget_orphans()
 
@@ -111,7 +129,8 @@ class SweepFolder(Folder):
 
     def _remove(self, name: str) -> None:
         """Remove a folder of parts, but keep other files in it. May raise OSError."""
-        for file in (self._place / name).glob("*.parquet"):
+        files = sorted((self._place / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
+        for file in files:  # the design first: `read_unfinished` then notices
             if _OURS.fullmatch(file.name):
                 file.unlink()
         with contextlib.suppress(OSError):
@@ -173,7 +192,7 @@ class SweepFolder(Folder):
                 (self._place / SERIES).rmdir()  # where there are none
 
     def _parts(self) -> polars.DataFrame | None:
-        files = sorted((self._place / PARTS).glob("*.parquet"))
+        files = sorted((self._place / PARTS).glob(_NUMBERED))
         tables = [self._part(file) for file in files]
         return polars.concat(tables, how="vertical") if tables else None
 
@@ -190,6 +209,27 @@ class SweepFolder(Folder):
         for file in (self._place / SERIES).glob("*.parquet"):
             if not (self._place / PARTS / file.name).exists():
                 file.unlink()
+
+
+def read_unfinished(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:
+    """Read the finished variants of a sweep that runs, or that was killed.
+
+    Args:
+        folder: The folder of the sweep.
+        figures: Names of the figures.
+
+    Returns:
+        The table so far, and the files of its signals; None if the parts are gone: the sweep is complete.
+    """
+    parts = sorted((folder / PARTS).glob(_NUMBERED))
+    empty = polars.DataFrame(schema=_ENDS | dict.fromkeys(figures, polars.Float64))
+    try:
+        tables = [polars.read_parquet(file) for file in parts] or [empty]
+        about = polars.read_parquet(folder / PARTS / DESIGN)
+    except FileNotFoundError:
+        return None
+    signals = [file for part in parts if (file := folder / SERIES / part.name).exists()]
+    return about.join(polars.concat(tables), on=VARIANT, how="inner").sort(VARIANT), signals
 
 
 def hash_plain_data(content: object) -> str:

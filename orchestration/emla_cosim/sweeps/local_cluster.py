@@ -1,7 +1,7 @@
-"""A Dask cluster on this machine, in processes of its own.
+"""A Dask cluster on this machine, in a process of its own.
 
-Worker processes import the main program again, which not every program that calls `sweep` supports. In
-processes of its own, the cluster also ends with the program, even if that is killed. Other users of the
+It has the scheduler and one worker, which runs variants in further processes, one for each of its threads. In
+a process of its own, the cluster also ends with the program, even if that is killed. Other users of the
 machine cannot connect: connections are encrypted with temporary keys.
 """
 
@@ -31,7 +31,6 @@ class ClusterAddress(NamedTuple):
 
 
 _CONFIG = {
-    "distributed.scheduler.allowed-failures": 0,  # `executor` retries
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,  # sampling costs time
     "distributed.worker.memory.target": False,  # there is nothing to spill
@@ -41,7 +40,7 @@ _CONFIG = {
 
 @contextlib.contextmanager
 def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
-    """Start a cluster of `workers` processes with one thread each; default: one for each core.
+    """Start a cluster that runs variants in `workers` processes; default: one for each core.
 
     Raises:
         RunError: The cluster does not start.
@@ -90,10 +89,12 @@ def main() -> None:
     configure({**_CONFIG, "temporary-directory": folder})
     security = Security.temporary()
     with LocalCluster(
-        n_workers=int(sys.argv[1]) or count_cores(),
-        threads_per_worker=1,
-        processes=True,
+        n_workers=1,
+        threads_per_worker=int(sys.argv[1]) or count_cores(),
+        processes=False,
+        protocol="tls://",
         host="127.0.0.1",
+        memory_limit=0,  # variants run in other processes
         dashboard_address="127.0.0.1:0",
         security=security,
         silence_logs=50,

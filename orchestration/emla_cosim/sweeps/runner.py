@@ -28,7 +28,7 @@ from .result import SweepResult
 from .sensitivity import SALTELLI, all_sobol_indices
 from .stored import read_sweep
 from .targets import format_arguments
-from .worker import Chunk, SimulationDescription
+from .variants import Chunk, SimulationDescription
 from .worker_payload import REGISTRIES, WorkerPayload, check_portable
 
 SOBOL = "sobol"
@@ -164,7 +164,8 @@ def _run(
     with catch_interrupts() as interrupted, open_executor(payload, *cluster, progress.note) as found:
         measures, described = _measures(design, asked, found)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
-        folder.begin(_record(design, notes, measures, described, identity), resume)
+        about = _table_columns(design, identity)
+        folder.begin(_record(design, notes, measures, described, identity), about, resume)
         finished = folder.finished()
         progress.begin("sweeping", design.count, "variants")
         progress.advance(len(finished))
@@ -179,7 +180,7 @@ def _run(
             whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
         finally:
             wall_s = time.monotonic() - began
-            folder.merge(_table_columns(design, identity))
+            folder.merge(about)
     folder.close(whole, wall_s)
 
 

@@ -8,19 +8,19 @@ from ..base.errors import CommandError
 from ..base.values import convert_value
 from ..recorders.metrics import MetricDisplay
 from .data import VARIANT
-from .folder import COMPLETED, SERIES, TABLE, SweepFolder
+from .folder import COMPLETED, SERIES, TABLE, SweepFolder, read_unfinished
 from .result import SweepResult
 from .targets import Target
 
 
 def read_sweep(folder: str | Path) -> SweepResult:
-    """Read a sweep from its folder, also one that ended early.
+    """Read a sweep from its folder: one that is complete, was interrupted or killed, or still runs.
 
     Args:
         folder: the `output` of the sweep.
 
     Returns:
-        The same as `sweep` returned.
+        The same as `sweep` returned, or the variants that are finished.
 
     Raises:
         CommandError: the folder contains no sweep.
@@ -35,11 +35,16 @@ def read_sweep(folder: str | Path) -> SweepResult:
     place = convert_value(folder, Path, "the folder of the sweep")
     record = SweepFolder.record_of(place)
     try:
-        variants = polars.read_parquet(place / TABLE)
-        parts = place / SERIES
+        found = None
+        if record["status"] != COMPLETED:
+            found = read_unfinished(place, record["figures"])
+        if found is None:
+            record = SweepFolder.record_of(place)  # it may be complete by now
+            found = polars.read_parquet(place / TABLE), sorted((place / SERIES).glob("*.parquet"))
+        variants, signals = found
         series = None
-        if any(parts.glob("*.parquet")):  # each is sorted by variant, but retried chunks come late
-            series = polars.scan_parquet(parts / "*.parquet").sort(VARIANT, maintain_order=True)
+        if signals:  # each is sorted by variant, but retried chunks come late
+            series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
         return SweepResult(
             name=record["name"],
             sampling=record["sampling"],

@@ -1,239 +1,344 @@
-"""Code that runs on a worker: prepare simulations once, and run the variants of a chunk."""
+"""Code that runs on Dask's workers: they pass variants on to processes of their own.
+
+An FMU may end its process, fill its memory or never return. So no variant runs in a worker's own process: a
+worker starts a process for each of its threads, and replaces it when it ends or takes too long.
+"""
 
 import contextlib
+import os
+import pickle
+import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import polars
 from distributed import WorkerPlugin, get_worker
 
-from ..base.errors import CommandError, CosimError, RunError
-from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import MetricDisplay, MetricsRecorder
-from ..recorders.recorder import Outline, Recorder
-from ..recorders.time_series import TimeSeries
-from ..run.lost_values import describe_lost_values
-from ..run.requirements import flatten_figures
-from ..run.result import Result
-from ..run.simulation import Simulation
-from ..study.loading import register
-from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
-from .measures import MeasureError, Measures, reason_not_held
-from .worker_payload import REGISTRIES, WorkerPayload
+from ..base.errors import CommandError, RunError
+from ..sandbox.server import Server, ServerEndedError
+from .variant_messages import ANSWER, OUTCOME, PAYLOAD, READY
 
-_PREPARED_AT_MOST = 8
-"""Most simulations that one thread keeps. The least recently used one is closed."""
+_LOOK = 0.2
+"""Seconds between two looks at the variants that run."""
 
+_SLOW_S = 10.0
+"""Seconds after which a worker reports a variant that still runs; again after twice the time."""
 
-@dataclass(frozen=True)
-class Variant:
-    """One variant: its number, and its own options."""
+_IDLE_S = 60.0
+"""Seconds after the last sweep for which a worker keeps its processes for the next one."""
 
-    number: int
-    options: Mapping[str, Any]
+_CLOSE_S = 2.0
+"""Seconds that an idle process may take to close a sweep."""
 
 
 @dataclass(frozen=True)
-class VariantOutcome:
-    """The outcome of a variant: status, reason, end time in s, and figures."""
+class ChunkRequest:
+    """Variants to run.
 
-    number: int
-    status: str
-    problem: str | None = None
-    end_s: float | None = None
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    Attributes:
+        group: Position of their preparation.
+        numbers: Numbers of the variants.
+        content: The variants and measures, pickled.
+        has_signals: Whether signals are kept.
+        seconds: Time in s after which no further variant begins.
+        timeout: Longest time of a variant in s; None without a limit.
+    """
+
+    group: int
+    numbers: Sequence[int]
+    content: bytes
+    has_signals: bool
+    seconds: float
+    timeout: float | None
 
 
 @dataclass(frozen=True)
-class Chunk:
-    """The outcomes of a chunk, its duration in s, and its signals as a Parquet file."""
+class ChunkAnswer:
+    """What came out of a chunk. The variants without outcome did not run.
 
-    outcomes: Sequence[VariantOutcome]
+    Attributes:
+        outcomes: Outcomes, each pickled, in the order of the variants.
+        wall_s: Duration in s.
+        series: Signals of these variants as a Parquet file.
+        ended: Number of the variant whose process ended, and how.
+        timed_out: Number of the variant that took too long.
+    """
+
+    outcomes: Sequence[bytes]
     wall_s: float
     series: bytes | None = None
+    ended: tuple[int, str] | None = None
+    timed_out: int | None = None
 
 
-@dataclass(frozen=True)
-class SimulationDescription:
-    """The signals (with units) and figures of a prepared simulation, and how to display figures."""
+def make_plugin(
+    key: str, needed: str, files: Mapping[str, tuple[str, bytes]], content: bytes
+) -> WorkerPlugin:
+    """Return what prepares a worker for a sweep.
 
-    units: Mapping[str, str]
-    further: Mapping[str, str]
-    """Other variables that metrics can name, with units."""
-    figures: Mapping[str, bool]
-    """Figures by name, with whether each is Boolean."""
-    shown: Mapping[str, MetricDisplay]
-    rows: int
-    """Rows of a table with the options of the scenario."""
+    Args:
+        key: Name of the sweep.
+        needed: The version of emla-cosim that workers need.
+        files: Names and contents of FMU files by hash.
+        content: Prepared systems and registered objects, pickled.
+    """
+
+    # defined here, it is sent by value: a worker that cannot import it would end
+    class SweepPlugin(WorkerPlugin):
+        name = key
+
+        def setup(self, worker: Any) -> None:
+            try:
+                from emla_cosim.sweeps.worker import SweepProcesses
+
+                self.processes = SweepProcesses(worker, key, needed, files, content)
+            except Exception as error:  # a plugin that fails would be lost, and the reason with it
+                self.error = error
+
+        def teardown(self, worker: Any) -> None:
+            if hasattr(self, "processes"):
+                self.processes.close()
+
+        def call(self, method: str, argument: Any) -> bytes:
+            if hasattr(self, "error"):
+                raise self.error
+            return getattr(self.processes, method)(argument)
+
+    return SweepPlugin()
 
 
-class SweepPlugin(WorkerPlugin):
-    """Stores on every worker the FMUs of a sweep in a folder, and simulations by thread."""
+def make_call(key: str) -> Callable[[str, Any], bytes]:
+    """Return the function of all tasks: it calls a method of the `SweepProcesses` of a sweep.
 
-    def __init__(self, payload: WorkerPayload) -> None:
-        self._payload = payload
-        self.name = payload.key
+    Its argument must be of a type that Python has, for the same reason as the plugin.
+    """
 
-    def setup(self, worker: Any) -> None:
-        """Unpack the payload on the worker. Raise CommandError if its version differs."""
-        payload = self._payload
-        if (here := version("emla-cosim")) != payload.version:
-            raise CommandError(
-                f"the worker {worker.address} has emla-cosim {here}, not {payload.version}; install that."
-            )
-        register()
-        self._new = {kind: payload.registered[kind].keys() - known for kind, known in REGISTRIES.items()}
-        for kind, known in REGISTRIES.items():
-            known.update(payload.registered[kind])
-        self._folder = tempfile.TemporaryDirectory(
-            prefix="emla-sweep-",
-            dir=worker.local_directory,  # Dask removes it even if the worker is killed
-            ignore_cleanup_errors=True,
-        )
-        self._place = Path(self._folder.name).resolve()
-        self._files = {}
-        for sha, (name, content) in payload.files.items():
-            place = self._place / sha[:16] / name
-            place.parent.mkdir(exist_ok=True)
-            place.write_bytes(content)
-            self._files[sha] = place
-        self._simulations: dict[tuple[int, int], Simulation] = {}
+    def call(method: str, argument: Any) -> bytes:
+        plugin: Any = get_worker().plugins[key]
+        return plugin.call(method, argument)
+
+    return call
+
+
+class _Process(Server):
+    """A process that runs variants."""
+
+    key: str | None = None
+    """The sweep that it has open."""
+
+    def __init__(self) -> None:
+        super().__init__(f"{__package__}.variant_process")
+
+    def call(self, name: str, *arguments: Any, patience: float | None = None) -> Any:
+        """Return the answer to a request. Raise what the process raised, or ServerEndedError."""
+        self.send((name, *arguments))
+        kind, content = self.receive(patience)
+        if kind != ANSWER:
+            raise pickle.loads(content)
+        return content
+
+
+_IDLE: list[_Process] = []
+"""Processes that wait for the next chunk, of any sweep. They end with the worker."""
+
+_TURN = threading.Lock()
+
+
+def _end_idle() -> None:
+    """End the processes that no sweep uses."""
+    with _TURN:
+        for process in [p for p in _IDLE if p.key is None]:
+            _IDLE.remove(process)
+            process.close()
+
+
+class _RunningChunk:
+    """A chunk that runs, as the thread that watches it sees it."""
+
+    def __init__(self, process: _Process, request: ChunkRequest) -> None:
+        self._process, self._request = process, request
         self._turn = threading.Lock()
+        self._began: float | None = None
+        self._next_report = _SLOW_S
+        self.outcomes: list[bytes] = []
+        self.timed_out: int | None = None
+        self.work_s = 0.0
 
-    def teardown(self, worker: Any) -> None:
-        """Close simulations and remove files and registrations."""
+    @property
+    def current(self) -> int | None:
+        """The number of the variant that runs; None while the simulation is prepared, and at the end."""
+        done = len(self.outcomes)
+        if self._began is None or done == len(self._request.numbers):
+            return None
+        return self._request.numbers[done]
+
+    def advance(self, outcome: bytes | None = None) -> None:
+        """Note that the first variant begins, or that one has this outcome."""
         with self._turn:
-            for simulation in self._simulations.values():
-                simulation.close()
-            self._simulations.clear()
-        for kind, names in self._new.items():  # the next sweep may be another user's
-            for name in names:
-                REGISTRIES[kind].pop(name, None)
-        self._folder.cleanup()
+            now = time.monotonic()
+            if outcome is not None and self._began is not None:
+                self.outcomes.append(outcome)
+                self.work_s += now - self._began
+            self._began, self._next_report = now, _SLOW_S
 
-    def simulation(self, group: int) -> Simulation:
-        """Return this thread's simulation of a group. Raise CosimError if it cannot be prepared."""
-        key = (group, threading.get_ident())
+    def look(self) -> tuple[int, float] | None:
+        """End the process if its variant takes too long. Return number and time of a variant to report."""
         with self._turn:
-            found = self._simulations.pop(key, None)
-            ours = [k for k in self._simulations if k[1] == key[1]]
-            if found is None and len(ours) >= _PREPARED_AT_MOST:
-                self._simulations.pop(ours[0]).close()
-        if found is None:
-            packed = self._payload.packed[group]
-            system = packed.unpack_system(self._files)
-            alone = replace(packed.options, threads=1)  # other workers use the other cores
-            found = Simulation(system, alone, packed.name, unpacked=self._place)
-        with self._turn:
-            self._simulations[key] = found
-        return found
+            number = self.current
+            if number is None or self._began is None:
+                return None
+            spent, timeout = time.monotonic() - self._began, self._request.timeout
+            if timeout is not None and spent > timeout:
+                self.timed_out, self._began = number, None
+                self._process.kill()
+                return None
+            if spent < self._next_report:
+                return None
+            self._next_report *= 2.0
+            return number, spent
 
 
-def describe(key: str, group: int) -> SimulationDescription:
-    """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
-    simulation = _plugin(key).simulation(group)
-    outline = _OutlineRecorder()
-    with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
-        simulation.start(recorders=[outline])
-    begun = outline.outline
-    if begun is None:
-        simulation.run()
-        raise RunError(f"'{simulation.name}' cannot be started.")
-    recorder = MetricsRecorder()
-    recorder.begin(begun)
-    shown = {}
-    for name, kind in recorder.kinds.items():
-        seen = {s.name: s for s in kind.shown}
-        for of, figures in recorder.figures()[name].items():
-            shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
-    units, further = (
-        {name: str(unit) if unit is not None else "" for name, unit in found.items()}
-        for found in (simulation.units, simulation.further_units())
-    )
-    rows = 1 + -(-begun.times.steps // begun.every)
-    figures = {
-        name: isinstance(value, bool) for name, value in flatten_figures(recorder.figures(), {}).items()
-    }
-    return SimulationDescription(units, further, figures, shown, rows)
+class SweepProcesses:
+    """The folder of a sweep on a worker, and the processes that run its variants."""
 
-
-def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measures) -> Chunk:
-    """Run variants in sequence. An error in one becomes its outcome."""
-    plugin = _plugin(key)
-    outcomes, series = list[VariantOutcome](), list[polars.DataFrame]()
-    with contextlib.suppress(CosimError):  # every variant reports it as its outcome
-        plugin.simulation(group)
-    began = time.perf_counter()  # without the preparation, which happens once
-    for variant in variants:
-        outcome, result = _run(plugin, group, variant, measures)
-        outcomes.append(outcome)
-        if measures.signals and result is not None and result.table is not None:
-            number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
-            series.append(measures.series(result).select(number, polars.all()))
-    kept = to_parquet(polars.concat(series)) if series else None
-    return Chunk(outcomes, time.perf_counter() - began, kept)
-
-
-def _run(
-    plugin: SweepPlugin, group: int, variant: Variant, measures: Measures
-) -> tuple[VariantOutcome, Result | None]:
-    """Run one variant. Any error becomes its outcome."""
-    recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
-    status, problem = DONE, None
-    try:
-        try:
-            simulation = plugin.simulation(group)
-            result = simulation.run(
-                recorders=recorders, signals=measures.reading(simulation.names), **variant.options
+    def __init__(
+        self, worker: Any, key: str, needed: str, files: Mapping[str, tuple[str, bytes]], content: bytes
+    ) -> None:
+        """Write the files. Raise CommandError for another version, and OSError if they cannot be written."""
+        self._worker, self._key = worker, key
+        self._running: set[_RunningChunk] = set()
+        self._used: set[_Process] = set()
+        self._closed = threading.Event()
+        self._files: dict[str, str] = {}
+        if (here := version("emla-cosim")) != needed:
+            raise CommandError(
+                f"the worker {worker.address} has emla-cosim {here}, not {needed}; install that."
             )
-            problem = reason_not_held(result)
-        except RunError as error:
-            if "result" not in error.fields:
-                raise
-            result, status, problem = error.fields["result"], _status(error), str(error)
-        problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
+        # Dask removes its folder even if the worker is killed
+        folder = tempfile.mkdtemp(prefix="emla-sweep-", dir=worker.local_directory)
+        self._folder = os.path.realpath(folder)
+        for sha, (name, file) in files.items():
+            place = Path(self._folder, sha[:16], name)
+            place.parent.mkdir(exist_ok=True)
+            place.write_bytes(file)
+            self._files[sha] = f"{sha[:16]}/{name}"
+        Path(self._folder, PAYLOAD).write_bytes(content)
+        with _TURN:  # they load while the first one prepares the scenario
+            _IDLE.extend(_Process() for _ in range(worker.state.nthreads - len(_IDLE)))
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def describe(self, group: int) -> bytes:
+        """Describe the simulation of a group, as a pickled `SimulationDescription`.
+
+        Raises:
+            CosimError: The simulation cannot be prepared.
+        """
+        with self._process() as process:
+            try:
+                return process.call("describe", group)
+            except ServerEndedError as error:
+                raise RunError(
+                    f"the process that prepares the scenario ended ({error}): an FMU crashed it, or it ran "
+                    "out of memory."
+                ) from error
+
+    def run(self, content: bytes) -> bytes:
+        """Run the variants of a `ChunkRequest` in sequence; return the `ChunkAnswer`. Both are pickled."""
+        with self._process() as process:
+            return pickle.dumps(self._run(process, pickle.loads(content)))
+
+    @contextlib.contextmanager
+    def _process(self) -> Iterator[_Process]:
+        """Take an idle process, or start one, and open the sweep in it."""
+        with _TURN:
+            found = next((p for p in _IDLE if p.key == self._key), _IDLE[-1] if _IDLE else None)
+            if found is not None:
+                _IDLE.remove(found)
         try:
-            figures = measures.of(result)
-        except MeasureError as error:
-            figures, status = {}, FAILED
-            problem = " ".join(filter(None, (problem, str(error))))
-        return VariantOutcome(variant.number, status, problem, result.end_s, figures), result
-    except CosimError as error:
-        return VariantOutcome(variant.number, REFUSED, str(error)), None
-    except BaseException as error:  # from a user's metrics or algorithm; SystemExit would end the thread
-        return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
+            found = self._open(found or _Process())
+        except ServerEndedError:  # it was idle and did not survive; a new one tells why
+            found = self._open(_Process())
+        with _TURN:
+            self._used.add(found)
+        try:
+            yield found
+        finally:
+            with _TURN:
+                self._used.discard(found)
+                if found.is_alive() and not self._closed.is_set():
+                    _IDLE.append(found)
+                else:
+                    found.close()
 
+    def _open(self, process: _Process) -> _Process:
+        try:
+            process.call("open", self._folder, self._files)
+        except BaseException:
+            process.close()
+            raise
+        process.key = self._key
+        return process
 
-def _status(error: RunError) -> str:
-    """Return the status of a failed run that has a result."""
-    if isinstance(error.__cause__, DiscardedStepError):
-        return DIVERGED
-    return FAILED if "time" not in error.fields or error.fields["result"].steps else REFUSED
+    def _run(self, process: _Process, request: ChunkRequest) -> ChunkAnswer:
+        running = _RunningChunk(process, request)
+        self._running.add(running)
+        try:
+            process.send(("run", request.group, request.content, request.seconds))
+            while True:
+                kind, content = process.receive()
+                if kind == READY:
+                    running.advance()
+                elif kind == OUTCOME:
+                    running.advance(content)
+                elif kind == ANSWER:
+                    wall_s, series = content
+                    return ChunkAnswer(running.outcomes, wall_s, series)
+                else:
+                    raise pickle.loads(content)
+        except ServerEndedError as error:
+            if self._closed.is_set():
+                raise RunError("the sweep was ended.") from error
+            return self._answer_of_ended(running, request, str(error))
+        finally:
+            self._running.discard(running)
 
+    def _answer_of_ended(self, running: _RunningChunk, request: ChunkRequest, how: str) -> ChunkAnswer:
+        """Return the answer if the process ended: only the variant that ran is to blame."""
+        numbers, late = request.numbers, running.timed_out
+        done = min(len(running.outcomes), len(numbers) - 1)  # it may end after its last variant
+        outcomes = [] if request.has_signals else running.outcomes  # the signals are lost with the process
+        if late is None:
+            return ChunkAnswer(outcomes[:done], running.work_s, ended=(numbers[done], how))
+        if late != numbers[done]:  # it was done just before its process was ended
+            late = None
+        return ChunkAnswer(outcomes[: done + (late is None)], running.work_s, timed_out=late)
 
-def _plugin(key: str) -> SweepPlugin:
-    return cast(SweepPlugin, get_worker().plugins[key])
+    def _watch(self) -> None:
+        """Look at the variants that run, until the sweep is closed."""
+        while not self._closed.wait(_LOOK):
+            for running in list(self._running):
+                if (slow := running.look()) is not None:
+                    self._worker.log_event(self._key, list(slow))
 
-
-def to_parquet(table: polars.DataFrame) -> bytes:
-    """Return a table as the content of a Parquet file."""
-    stream = BytesIO()
-    table.write_parquet(stream)
-    return stream.getvalue()
-
-
-class _OutlineRecorder(Recorder):
-    """Stores the outline of a run."""
-
-    outline: Outline | None = None
-
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Store the outline."""
-        self.outline = outline
+    def close(self) -> None:
+        """End processes that still run variants, close the sweep in idle ones, and remove the files."""
+        self._closed.set()
+        with _TURN:
+            for process in self._used:
+                process.kill()
+            for process in [p for p in _IDLE if p.key == self._key]:
+                try:
+                    process.call("close", patience=_CLOSE_S)
+                    process.key = None
+                except Exception:  # an FMU does not end
+                    _IDLE.remove(process)
+                    process.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        timer = threading.Timer(_IDLE_S, _end_idle)
+        timer.daemon = True
+        timer.start()

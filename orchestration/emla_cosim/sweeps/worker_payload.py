@@ -1,6 +1,7 @@
 """The data sent to the workers once: FMUs by their content, and the systems that use them."""
 
 import copyreg
+import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,6 +22,7 @@ from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
+from ..recorders.registry import RECORDERS
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
 from ..run.run_record import RunDefinition
@@ -34,6 +36,16 @@ def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
 
 if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
     copyreg.pickle(_kind, _by_name)  # lazy_loader's module type; else functions that use it cannot be sent
+
+
+def _find_sentinel(sentinel: object) -> str:
+    """Return the name of an object of `dataclasses`, by which it is pickled."""
+    return next(name for name, value in vars(dataclasses).items() if value is sentinel)
+
+
+for _sentinel in ("MISSING", "KW_ONLY", "_FIELD", "_HAS_DEFAULT_FACTORY"):
+    # dataclasses compare these by identity, but cloudpickle copies them with a class that a script defines
+    copyreg.pickle(type(getattr(dataclasses, _sentinel)), _find_sentinel)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -112,6 +124,7 @@ REGISTRIES: Mapping[str, dict[str, Any]] = {
     "metric": METRICS,
     "algorithm": ALGORITHMS,
     "step-size control": STEP_SIZE_CONTROLS,
+    "recorder": RECORDERS,
 }
 """Registries that users extend and workers need, by their names in messages."""
 

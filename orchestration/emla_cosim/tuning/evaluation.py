@@ -9,7 +9,7 @@ from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.factors import Factor
 from ..sweeps.measures import Measures
 from ..sweeps.targets import merge_options
-from ..sweeps.worker import Chunk, Variant, VariantOutcome
+from ..sweeps.variants import Chunk, Variant, VariantOutcome
 from .score import Objective, Score
 
 

@@ -16,7 +16,7 @@ from ..run.scenarios.scenario_file import ScenarioFile, parse_scenario
 from ..sweeps.factors import Factor, resolve_factors
 from ..sweeps.measures import Measures, MetricRequest, resolve_measures
 from ..sweeps.targets import merge_options
-from ..sweeps.worker import SimulationDescription
+from ..sweeps.variants import SimulationDescription
 from ..sweeps.worker_payload import Preparation
 from .expressions import Expression, parse_expression
 from .plan import Case, TuningPlan

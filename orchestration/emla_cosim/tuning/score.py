@@ -9,7 +9,7 @@ import numpy as np
 
 from ..run.requirements import Requirement
 from ..sweeps.data import DONE
-from ..sweeps.worker import VariantOutcome
+from ..sweeps.variants import VariantOutcome
 from .expressions import Expression
 from .plan import Case
 from .search import Order

@@ -1,6 +1,8 @@
 """Whatever ends in a cluster, every variant is there exactly once in the end."""
 
 import os
+import pickle
+import random
 import re
 import signal
 import socket
@@ -8,6 +10,7 @@ import subprocess
 import sys
 import types
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +20,16 @@ from distributed import Client, LocalCluster
 
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.ownership import MANIFEST
+from emla_cosim.base.progress import Progress
 from emla_cosim.recorders.metrics import METRICS
-from emla_cosim.sweeps import executor, worker_payload
+from emla_cosim.sweeps import executor, worker, worker_payload
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.stored import read_sweep
-from tests.support.clusters import At, family, outside_cluster, shared_cluster
+from tests.support.clusters import CODE, At, family, outside_cluster, shared_cluster
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.long import mostly_long
+from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
@@ -76,7 +81,7 @@ def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
     assert (tmp_path / "flag").exists()
     assert numbers(result) == list(range(8)) and result.complete
     assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
-    assert "its process ended 2 times: an FMU crashed it" in result.variants["problem"][4]
+    assert "its process ended 2 times (SIGSEGV): an FMU crashed it" in result.variants["problem"][4]
     assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
 
 
@@ -163,18 +168,29 @@ def test_processes_elsewhere_that_share_nothing(
     there = sweep(system, **plan, scheduler=cluster, output=tmp_path / "there")
     (tmp_path / "flag").unlink()
     with outside_cluster(tmp_path) as outside:
-        here = sweep(system, **plan, scheduler=outside.address, output=tmp_path / "here")
+        during: list[Any] = []
+
+        def kill_worker() -> None:
+            during.append(read_sweep(tmp_path / "here"))
+            outside.workers[0].kill()
+
+        here = sweep(
+            system, **plan, scheduler=outside.address, output=tmp_path / "here", progress=At(5, kill_worker)
+        )
         assert [w.poll() is None for w in outside.workers].count(True) == 1, "no worker was killed"
         assert here.variants.equals(there.variants) and numbers(here) == list(range(40))
-        monkeypatch.setattr(executor, "_TIMEOUT", 4.0)
+        running = during[0].variants
+        assert 0 < running.height < 40 and not during[0].complete
+        assert running.equals(there.variants.filter(there.variants["variant"].is_in(numbers(during[0]))))
+        wait_for(lambda: not list((tmp_path / "worker-0").rglob("*.fmu")))
         with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
             sweep(
-                system, **plan, scheduler=outside.address, output=tmp_path / "early",
+                system, **plan, scheduler=outside.address, output=tmp_path / "early", patience=4.0,
                 progress=At(10, outside.kill_scheduler),
             )  # fmt: skip
         assert "\n" not in str(caught.value)
     early = read_sweep(tmp_path / "early")
-    assert 10 <= early.variants.height < 40
+    assert 10 <= early.variants.height < 40, caught.value
     done = sweep(system, **plan, scheduler=cluster, output=tmp_path / "early", resume=True)
     assert done.variants.equals(there.variants)
     one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
@@ -183,7 +199,7 @@ def test_processes_elsewhere_that_share_nothing(
 
 def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    monkeypatch.setattr(executor, "_TIMEOUT", 2.0)
+    monkeypatch.setattr(executor, "_CONNECT_S", 0.5)
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
@@ -193,18 +209,159 @@ def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch,
     assert not (tmp_path / "out").exists()
 
 
-def test_a_scheduler_without_workers(
-    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    monkeypatch.setattr(executor, "_TIMEOUT", 0.5)
+class Notes(Progress):
+    """Keeps what is noted."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        self.notes.append(sentence)
+
+
+def test_a_scheduler_without_workers(faulty_fmu: Path, tmp_path: Path) -> None:
+    """It is said what is waited for; an adaptive cluster starts workers for what waits."""
+    plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
+    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
     with (
-        LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as empty,
-        Client(empty, set_as_default=False) as client,
-        pytest.raises(RunError, match=r"does not answer, or has no workers: .*\.$"),
-    ):
-        sweep(system, {"j.bad.b": [0.1]}, scheduler=client, output=tmp_path / "out", **RUN)
-    assert not (tmp_path / "out").exists()
+        LocalCluster(
+            n_workers=0, threads_per_worker=1, processes=False, protocol="tcp://",
+            dashboard_address="127.0.0.1:0", local_directory=str(tmp_path),
+        ) as adaptive,
+        Client(adaptive, set_as_default=False) as client,
+    ):  # fmt: skip
+        with pytest.raises(RunError, match=r"had no workers for 1\.5 s; start workers, or wait longer with"):
+            sweep(system, **plan, scheduler=client, output=tmp_path / "out", patience=1.5, progress=seen)
+        assert not (tmp_path / "out").exists()
+        waiting = f"Waiting for workers: the scheduler at {adaptive.scheduler_address} has none."
+        assert [waiting in note for note in seen.notes].count(True) == 1
+        adaptive.adapt(minimum=0, maximum=2, interval="100ms")
+        assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
+
+
+def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+    """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
+    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
+    cluster.run(set_slow_s, 0.5)
+    faults = [int(Fault.HANG if n in (3, 7) else Fault.NONE) for n in range(12)]
+    plan: dict[str, Any] = {"vary": {"j.bad.fault": faults}, "metrics": ["y = last(j.bad.y)"], **RUN}
+    out, stopping = tmp_path / "out", At(3, lambda: signal.raise_signal(signal.SIGINT))
+    partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
+    assert not partial.complete and not {3, 7} & set(numbers(partial))
+    result = sweep(
+        system, **plan, scheduler=cluster, output=out, resume=True, timeout="2 s", progress=seen,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
+    assert result.variants["problem"][3] == "it took more than 2 s; see --timeout."
+    assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
+    cluster.run(set_slow_s, 10.0)
+
+
+def set_slow_s(seconds: float) -> None:
+    worker._SLOW_S = seconds
+
+
+@pytest.mark.parametrize("killers", mostly_long([1, 3], [3]))
+@pytest.mark.parametrize("kind", mostly_long(["here", "nanny", "no nanny"], ["no nanny"]))
+def test_variants_that_end_processes_cost_no_worker(
+    kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
+    chosen = random.Random(killers).sample(range(40), killers)
+    faults = [int(Fault.ABORT if n in chosen else Fault.NONE) for n in range(40)]
+    with ExitStack() as stack:
+        scheduler: Any = cluster
+        if kind != "here":
+            more = () if kind == "nanny" else ("--no-nanny",)
+            scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
+        result = sweep(
+            line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
+            {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": faults}},
+            metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=scheduler, **RUN,
+        )  # fmt: skip
+        if kind != "here":
+            with Client(scheduler, set_as_default=False) as client:
+                assert sum(dict(client.nthreads()).values()) == 2
+    assert result.variants["status"].to_list() == ["died" if n in chosen else "done" for n in range(40)]
+    assert result.series is not None
+    assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
+
+
+def test_a_worker_without_the_package(faulty_fmu: Path, tmp_path: Path) -> None:
+    """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
+    (tmp_path / "other/emla_cosim").mkdir(parents=True)
+    (tmp_path / "other/emla_cosim/__init__.py").write_text("raise ImportError('no emla_cosim here')")
+    with outside_cluster(tmp_path, workers=0) as outside:
+        outside.worker("--no-nanny", path=f"{tmp_path / 'other'}{os.pathsep}{CODE}")
+        with pytest.raises(RunError, match="cannot run this: no emla_cosim here; install the same versions"):
+            sweep(
+                line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1]},
+                scheduler=outside.address, **RUN,
+            )  # fmt: skip
+        assert outside.workers[0].poll() is None
+
+
+SCRIPT = """
+@dataclass
+class Ceiling(ec.Recorder):
+    ceiling: float = ec.option(1.0, help="Highest position that is allowed, in m.")
+
+    def begin(self, outline, memory=None):
+        self.column = 1 + outline.names.index("lift.plant.x_L")
+
+    def write(self, rows):
+        if rows[:, self.column].max() > self.ceiling:
+            raise ValueError("too high")
+
+
+@dataclass
+class Rows(ec.Metrics):
+    outline: ec.Outline
+    count: int = 0
+
+    def write(self, rows):
+        self.count += len(rows)
+
+    def figures(self):
+        return {"table": {"rows": self.count}}
+
+    def memory(self):
+        return self.count
+
+    def remember(self, memory):
+        self.count = memory
+
+
+ec.RECORDERS["ceiling"] = Ceiling
+ec.METRICS["rows"] = Rows
+
+if __name__ == "__main__":
+    with distributed.Client(address, security=pickle.loads(security), set_as_default=False) as client:
+        vary = {"plants": ["*.plant", "lift.*"], "ceiling": [0.1, 1.0]}
+        options = {"algorithm": "plants-first", "stop_time": 0.01, "fmus": fmus}
+        found = ec.sweep("lift", vary, scheduler=client, **options)
+    print(found.variants["status"].to_list(), found.variants["table.rows"].to_list())
+"""
+"""Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""
+
+
+def test_what_a_script_defines_runs_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    """The algorithm of docs/recipes.md, whose options are fields of a dataclass."""
+    page = (ROOT / "docs/recipes.md").read_text(encoding="utf-8")
+    recipe = re.search(r"```python\n(from dataclasses .*?)with ec.load", page, re.DOTALL)
+    assert recipe is not None and "PlantsFirst" in recipe[1]
+    given = {
+        "address": cluster.scheduler_info()["address"], "fmus": str(fmu_folder),
+        "security": pickle.dumps(cluster.security),
+    }  # fmt: skip
+    lines = ["import pickle", "import distributed", *(f"{name} = {value!r}" for name, value in given.items())]
+    (tmp_path / "script.py").write_text("\n".join([*lines, recipe[1], SCRIPT]))
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": CODE},
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
 
 
 def test_a_worker_of_another_version(

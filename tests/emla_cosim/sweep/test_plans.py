@@ -20,7 +20,7 @@ from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
 from emla_cosim.sweeps.plan import Plan, load_plan
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.worker import Chunk, VariantOutcome
+from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
@@ -180,7 +180,7 @@ def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
     """A folder with these variants in parts."""
     folder = SweepFolder(path)
     path.mkdir(parents=True)
-    folder.begin({"identity": {}}, resume=False)
+    folder.begin({"identity": {}}, polars.DataFrame({"variant": range(12)}), resume=False)
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
         folder.keep(Chunk(outcomes, 0.1), Measures(figures=["y"]))

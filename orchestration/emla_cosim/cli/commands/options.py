@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args, get_origin
 import typer
 
 from ...base.errors import CommandError
-from ...base.option import Option
+from ...base.option import RUNS, Option
 from ...run.options import list_options, read_option
 
 SOURCE = (
@@ -22,9 +22,6 @@ SOURCE = (
 
 PLAN = "Plan: a file (.toml) or a name from `emla list`; or a scenario as for `emla run`."
 """Help of the argument that names a plan."""
-
-RUNS = "Where it runs"
-"""Group in the help for options about processes."""
 
 Scheduler = Annotated[
     str | None,

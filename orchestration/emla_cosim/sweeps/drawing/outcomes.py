@@ -6,12 +6,20 @@ import numpy as np
 
 from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED
 from ..columns import NOT_HELD
-from ..data import DIED, DIVERGED, DONE, FAILED, REFUSED
+from ..data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-_COLORS = {DONE: BLUE, NOT_HELD: ORANGE, DIVERGED: RED, FAILED: PURPLE, REFUSED: GREY, DIED: "#222222"}
+_COLORS = {
+    DONE: BLUE,
+    NOT_HELD: ORANGE,
+    DIVERGED: RED,
+    FAILED: PURPLE,
+    REFUSED: GREY,
+    TIMED_OUT: "#8a6d3b",
+    DIED: "#222222",
+}
 
 
 def color_of(outcome: str) -> str:

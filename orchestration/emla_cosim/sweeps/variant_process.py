@@ -1,0 +1,224 @@
+"""The process that prepares simulations and runs variants for a worker: an FMU may end it or never return."""
+
+import contextlib
+import pickle
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import polars
+
+from ..base.errors import CosimError, RunError
+from ..master.instances.fmu_instance import DiscardedStepError
+from ..recorders.metrics import MetricsRecorder
+from ..recorders.recorder import Outline, Recorder
+from ..recorders.time_series import TimeSeries
+from ..run.lost_values import describe_lost_values
+from ..run.requirements import flatten_figures
+from ..run.result import Result
+from ..run.simulation import Simulation
+from ..sandbox.server import serve
+from ..study.loading import register
+from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
+from .measures import MeasureError, Measures, reason_not_held
+from .variant_messages import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
+from .variants import SimulationDescription, Variant, VariantOutcome
+from .worker_payload import REGISTRIES, PackedPreparation
+
+_PREPARED_AT_MOST = 8
+"""Most simulations that a process keeps. The least recently used one is closed."""
+
+Send = Callable[[tuple[str, Any]], None]
+
+
+class VariantProcess:
+    """Answers the requests of a worker. One sweep is open at a time."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._packed: Sequence[PackedPreparation] = ()
+        self._files: Mapping[str, Path] = {}
+        self._new: Mapping[str, set[str]] = {}
+        self._simulations: dict[int, Simulation] = {}
+
+    def answer(self, request: tuple[Any, ...], send: Send) -> tuple[str, Any]:
+        """Answer a request, the name of a method with its arguments. An exception is an answer, too."""
+        name, *arguments = request
+        try:
+            return ANSWER, getattr(self, f"_{name}")(send, *arguments)
+        except BaseException as error:  # user code may raise SystemExit when it is loaded
+            return ERROR, _pickle_error(error)
+
+    def remove_files(self) -> None:
+        """Remove the folder of the open sweep: the worker, which would do it, was killed."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _open(self, send: Send, folder: str, files: Mapping[str, str]) -> None:
+        """Open the sweep in a folder, with its FMU files by hash."""
+        if self._folder == Path(folder):
+            return
+        self._close(send)
+        self._folder, tempfile.tempdir = Path(folder), folder  # FMUs are unpacked there
+        self._files = {sha: Path(folder) / file for sha, file in files.items()}
+        self._packed, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
+        register()
+        self._new = {kind: registered[kind].keys() - known for kind, known in REGISTRIES.items()}
+        for kind, known in REGISTRIES.items():
+            known.update(registered[kind])
+
+    def _close(self, send: Send) -> None:
+        """Close the open sweep: simulations and registrations. The next one may be another user's."""
+        for simulation in self._simulations.values():
+            simulation.close()
+        self._simulations.clear()
+        for kind, names in self._new.items():
+            for name in names:
+                REGISTRIES[kind].pop(name, None)
+        self._folder, tempfile.tempdir, self._new = None, None, {}
+
+    def _simulation(self, group: int) -> Simulation:
+        """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
+        found = self._simulations.pop(group, None)
+        if found is None:
+            if len(self._simulations) >= _PREPARED_AT_MOST:
+                self._simulations.pop(next(iter(self._simulations))).close()
+            packed = self._packed[group]
+            alone = replace(packed.options, threads=1)  # other processes use the other cores
+            found = Simulation(packed.unpack_system(self._files), alone, packed.name, unpacked=self._folder)
+        self._simulations[group] = found
+        return found
+
+    def _describe(self, send: Send, group: int) -> bytes:
+        """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
+        return cloudpickle.dumps(_describe(self._simulation(group)))
+
+    def _run(self, send: Send, group: int, request: bytes, seconds: float) -> tuple[float, bytes | None]:
+        """Run variants in sequence, and send the outcome of each. An error in one becomes its outcome.
+
+        Args:
+            send: Sends messages to the worker.
+            group: Position of the preparation.
+            request: The variants and measures, pickled.
+            seconds: Time in s after which no further variant begins.
+
+        Returns:
+            The duration in s, and the signals as a Parquet file.
+        """
+        variants: Sequence[Variant]
+        variants, measures = pickle.loads(request)
+        series = list[polars.DataFrame]()
+        with contextlib.suppress(CosimError):  # every variant reports it as its outcome
+            self._simulation(group)
+        send((READY, None))
+        began = time.perf_counter()  # without the preparation, which happens once
+        for variant in variants:
+            outcome, result = self._run_one(group, variant, measures)
+            if measures.signals and result is not None and result.table is not None:
+                number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
+                series.append(measures.series(result).select(number, polars.all()))
+            send((OUTCOME, cloudpickle.dumps(outcome)))
+            if time.perf_counter() - began > seconds:
+                break
+        kept = to_parquet(polars.concat(series)) if series else None
+        return time.perf_counter() - began, kept
+
+    def _run_one(
+        self, group: int, variant: Variant, measures: Measures
+    ) -> tuple[VariantOutcome, Result | None]:
+        """Run one variant. Any error becomes its outcome."""
+        recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
+        status, problem = DONE, None
+        try:
+            try:
+                simulation = self._simulation(group)
+                result = simulation.run(
+                    recorders=recorders, signals=measures.reading(simulation.names), **variant.options
+                )
+                problem = reason_not_held(result)
+            except RunError as error:
+                if "result" not in error.fields:
+                    raise
+                result, status, problem = error.fields["result"], _status(error), str(error)
+            problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
+            try:
+                figures = measures.of(result)
+            except MeasureError as error:
+                figures, status = {}, FAILED
+                problem = " ".join(filter(None, (problem, str(error))))
+            return VariantOutcome(variant.number, status, problem, result.end_s, figures), result
+        except CosimError as error:
+            return VariantOutcome(variant.number, REFUSED, str(error)), None
+        except BaseException as error:  # from a user's metrics or algorithm
+            return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
+
+
+def _describe(simulation: Simulation) -> SimulationDescription:
+    outline = _OutlineRecorder()
+    with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
+        simulation.start(recorders=[outline])
+    begun = outline.outline
+    if begun is None:
+        simulation.run()
+        raise RunError(f"'{simulation.name}' cannot be started.")
+    recorder = MetricsRecorder()
+    recorder.begin(begun)
+    shown = {}
+    for name, kind in recorder.kinds.items():
+        seen = {s.name: s for s in kind.shown}
+        for of, figures in recorder.figures()[name].items():
+            shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
+    units, further = (
+        {name: str(unit) if unit is not None else "" for name, unit in found.items()}
+        for found in (simulation.units, simulation.further_units())
+    )
+    rows = 1 + -(-begun.times.steps // begun.every)
+    figures = {
+        name: isinstance(value, bool) for name, value in flatten_figures(recorder.figures(), {}).items()
+    }
+    return SimulationDescription(units, further, figures, shown, rows)
+
+
+def _status(error: RunError) -> str:
+    """Return the status of a failed run that has a result."""
+    if isinstance(error.__cause__, DiscardedStepError):
+        return DIVERGED
+    return FAILED if "time" not in error.fields or error.fields["result"].steps else REFUSED
+
+
+def _pickle_error(error: BaseException) -> bytes:
+    """Return an exception as bytes that the caller can read."""
+    try:
+        content = cloudpickle.dumps(error)
+        pickle.loads(content)
+    except Exception:  # an exception of the user's, with any constructor
+        return pickle.dumps(RuntimeError(repr(error)))
+    return content
+
+
+def to_parquet(table: polars.DataFrame) -> bytes:
+    """Return a table as the content of a Parquet file."""
+    stream = BytesIO()
+    table.write_parquet(stream)
+    return stream.getvalue()
+
+
+class _OutlineRecorder(Recorder):
+    """Stores the outline of a run."""
+
+    outline: Outline | None = None
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Store the outline."""
+        self.outline = outline
+
+
+if __name__ == "__main__":
+    process = VariantProcess()
+    serve(process.answer, process.remove_files)

@@ -1,0 +1,49 @@
+"""Variants of a sweep and their outcomes, as the caller, the workers and their processes exchange them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..recorders.metrics import MetricDisplay
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One variant: its number, and its own options."""
+
+    number: int
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class VariantOutcome:
+    """The outcome of a variant: status, reason, end time in s, and figures."""
+
+    number: int
+    status: str
+    problem: str | None = None
+    end_s: float | None = None
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The outcomes of a chunk, its duration in s, and its signals as a Parquet file."""
+
+    outcomes: Sequence[VariantOutcome]
+    wall_s: float
+    series: bytes | None = None
+
+
+@dataclass(frozen=True)
+class SimulationDescription:
+    """The signals (with units) and figures of a prepared simulation, and how to display figures."""
+
+    units: Mapping[str, str]
+    further: Mapping[str, str]
+    """Other variables that metrics can name, with units."""
+    figures: Mapping[str, bool]
+    """Figures by name, with whether each is Boolean."""
+    shown: Mapping[str, MetricDisplay]
+    rows: int
+    """Rows of a table with the options of the scenario."""
