@@ -179,7 +179,7 @@ def _run(
             whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
         finally:
             wall_s = time.monotonic() - began
-            folder.merge(_table_columns(design, identity))
+            folder.merge(_table_columns(design, identity), measures)
     folder.close(whole, wall_s)
 
 
