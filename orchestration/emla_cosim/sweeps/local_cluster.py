@@ -18,19 +18,22 @@ from typing import Any, NamedTuple, cast
 
 import psutil
 
+from fmublock.leftovers import make_temporary_folder
+
 from ..base.errors import RunError
 from ..sandbox.processes import count_cores, make_environment, watch_parent
 
 
 class ClusterAddress(NamedTuple):
-    """Address, security and dashboard of a scheduler."""
+    """Address and security of a scheduler."""
 
     address: str
     security: Any
-    dashboard: str
 
 
 _CONFIG = {
+    "distributed.scheduler.http.routes": [],  # the dashboard would answer all local users
+    "distributed.worker.http.routes": [],
     "distributed.scheduler.allowed-failures": 0,  # `executor` retries
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,  # sampling costs time
@@ -78,7 +81,7 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
 
 def main() -> None:
     """Serve until standard input ends or the parent process is gone."""
-    folder = tempfile.mkdtemp(prefix="emla-cluster-")
+    folder = str(make_temporary_folder("cluster"))
     watch_parent(os.getppid(), lambda: _remove_after_parent(folder))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["TMPDIR"] = tempfile.tempdir = folder  # also for the workers, which may be killed
@@ -95,12 +98,13 @@ def main() -> None:
         processes=True,
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
         security=security,
         silence_logs=50,
         local_directory=folder,
     ) as made:
         cluster = cast(Any, made)
-        pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
+        pickle.dump((cluster.scheduler_address, security), answer)
         answer.flush()
         sys.stdin.buffer.read()
     sys.stderr.flush()

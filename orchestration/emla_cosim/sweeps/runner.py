@@ -139,7 +139,7 @@ def _open_folder(
         elif resume:
             raise CommandError("to resume a sweep, set `output` to its folder.")
         else:
-            place = held.enter_context(temporary_folder("emla-sweep-"))
+            place = held.enter_context(temporary_folder("sweep"))
         yield SweepFolder(place, overwrite), held
 
 

@@ -51,13 +51,14 @@ _MOST_FIGURES = 20
 
 
 class _SafeConsole(Console):
-    """A console that shows control characters of printed texts, such as `\\x1b`, instead of executing them.
+    r"""A console that shows control characters of texts, such as \x1b, and does not execute them.
 
-    Texts come from files of others: names, descriptions, records, data. rich's own control sequences pass.
+    Texts come from files of others: names, descriptions, records, data. Sequences of rich itself pass.
     """
 
     def _render_buffer(self, buffer: Iterable[Segment]) -> str:
-        return super()._render_buffer(s if s.control else s._replace(text=make_visible(s.text)) for s in buffer)
+        visible = (s if s.control else s._replace(text=make_visible(s.text)) for s in buffer)
+        return super()._render_buffer(visible)
 
 
 OUT, ERR = _SafeConsole(), _SafeConsole(file=cast(IO[str], _Stderr()))
