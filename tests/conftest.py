@@ -51,6 +51,7 @@ ON_ONE_CLUSTER = (
     "test_tune.py",
     "test_notes.py",
     "test_ownership.py",
+    "test_machine_faults.py",
 )
 """Files that one process of a test run does one after the other, with one cluster: to start it takes long."""
 

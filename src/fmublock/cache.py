@@ -1,6 +1,7 @@
 """The cache folder: built FMUs, and the caches of the tools that build them."""
 
 import os
+import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -32,8 +33,8 @@ def cache_folder() -> Path:
 
 def tool_environment() -> dict[str, str]:
     """Return the environment variables that zig and matplotlib need without a writable home."""
-    if _home_cache() is not None:
-        return {}
+    if _home_cache() is not None and (sys.platform == "win32" or os.environ.get("HOME")):
+        return {}  # zig needs HOME; others find the home folder without it
     folder = cache_folder()
     places = {
         "ZIG_GLOBAL_CACHE_DIR": folder / "zig",
@@ -48,6 +49,8 @@ def _home_cache() -> Path | None:
     """Return the folder of all caches of this user; None if it is not writable."""
     from platformdirs import user_cache_path  # slow; needed only if the FMU is not found without the cache
 
+    if os.environ.get("HOME") == "" and not os.environ.get("XDG_CACHE_HOME", "").strip():
+        return None  # the cache would be in the root folder
     folder = user_cache_path()
     return folder if folder.is_absolute() and _is_writable(folder) else None
 

@@ -2,11 +2,13 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -14,6 +16,7 @@ from pathlib import Path
 from . import instance
 from .cache import tool_environment
 from .errors import BuildError
+from .leftovers import mark_of_process
 from .platforms import TARGETS
 
 _FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
@@ -50,32 +53,63 @@ def compile_libraries(
     for platform in platforms:
         if platform not in TARGETS:
             raise BuildError(f"the platform '{platform}' is not supported; choose from {', '.join(TARGETS)}.")
-    libraries = {}
+    libraries, running = {}, list[subprocess.Popen[str]]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = pool.map(partial(_compile, name, main, content), platforms)
-        for platform, library in zip(platforms, made, strict=True):
-            libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
-            advance()
+        try:
+            made = pool.map(partial(_compile, name, main, content, running), platforms)
+            for platform, library in zip(platforms, made, strict=True):
+                libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
+                advance()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in running:
+                _end(process)
+            raise
     return libraries
 
 
-def _compile(name: str, main: str, content: Mapping[str, bytes], fmi_platform: str) -> bytes:
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a compiler and the processes that it started."""
+    if process.poll() is None:
+        if sys.platform == "win32":
+            process.kill()
+        else:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def _compile(
+    name: str,
+    main: str,
+    content: Mapping[str, bytes],
+    running: list[subprocess.Popen[str]],
+    fmi_platform: str,
+) -> bytes:
     target, suffix = TARGETS[fmi_platform]
     headers = Path(str(files("fmpy"))) / "c-code"
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(prefix=f"emla-build-{mark_of_process()}-") as folder:
         for file, text in content.items():
             if file.startswith("sources/"):
                 Path(folder, Path(file).name).write_bytes(text)
         output = f"{name}{suffix}"
         libraries = [] if fmi_platform == "win64" else ["-lm"]
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
+        command = [sys.executable, "-m", "fmublock.compiler_process", str(os.getpid())]
+        command += [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
         command += ["-I", str(headers), main, "-o", output, *libraries]
         environment = {**os.environ, **tool_environment()}
-        result = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
-        )
-        if result.returncode != 0:
-            raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {result.stderr.strip()}")
+        with subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            process_group=None if sys.platform == "win32" else 0,
+        ) as process:
+            running.append(process)
+            _, errors = process.communicate()
+        if process.returncode != 0:
+            raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {errors.strip()}")
         return Path(folder, output).read_bytes()
 
 

@@ -1,15 +1,21 @@
 """Write files completely or not at all, and never in place of something that is not a regular file."""
 
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import IO
 
+from .leftovers import MARK, is_left, mark_of_process
+
 UNFINISHED = ".unfinished-"
 """Prefix of the names of incomplete files."""
+
+_LEFT = re.compile(rf"{re.escape(UNFINISHED)}{MARK}-[a-z0-9_]{{8}}")
 
 _KINDS = {
     stat.S_IFLNK: "a symbolic link",
@@ -63,7 +69,8 @@ def write_atomically(path: Path) -> Iterator[IO[bytes]]:
         OSError: The file cannot be written.
     """
     place = real_place(path)
-    handle, name = tempfile.mkstemp(dir=place.parent, prefix=UNFINISHED)
+    _remove_left(str(place.parent))
+    handle, name = tempfile.mkstemp(dir=place.parent, prefix=f"{UNFINISHED}{mark_of_process()}-")
     unfinished = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -75,6 +82,20 @@ def write_atomically(path: Path) -> Iterator[IO[bytes]]:
     except BaseException:
         unfinished.unlink(missing_ok=True)
         raise
+
+
+@cache
+def _remove_left(folder: str) -> None:
+    """Remove incomplete files that killed processes left in a folder. A process does this once."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            found = _LEFT.fullmatch(entry.name)
+            if (
+                found is not None
+                and is_left(found[1], found[2], found[3])
+                and entry.is_file(follow_symlinks=False)
+            ):
+                os.unlink(entry.path)  # noqa: PTH108 (a path is not needed)
 
 
 def _mode(place: Path) -> int:

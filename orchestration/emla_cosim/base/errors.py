@@ -2,6 +2,7 @@
 
 import contextlib
 import difflib
+import errno
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import islice
@@ -41,6 +42,24 @@ def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, A
     error = kind.__new__(kind)
     CosimError.__init__(error, sentence, **fields)
     return error
+
+
+_MACHINE = {
+    number
+    for name in ("ENOSPC", "EDQUOT", "EIO", "EMFILE", "ENFILE", "ENOMEM", "EAGAIN")
+    if (number := getattr(errno, name, None)) is not None
+}
+"""Errors of the system that no other command avoids: a full disk, limits, too little memory."""
+
+
+def find_exit_code(error: CosimError) -> int:
+    """Return the exit code of a command that ends with this error: 1 if the machine caused it."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, OSError) and cause.errno in _MACHINE:
+            return RunError.exit_code
+        cause = cause.__cause__
+    return error.exit_code
 
 
 @contextlib.contextmanager

@@ -4,9 +4,7 @@ import atexit
 import hashlib
 import os
 import re
-import shutil
 import stat
-import tempfile
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -14,6 +12,7 @@ from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
 from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
+from fmublock.leftovers import MARK, make_temporary_folder, remove_folder
 
 from .errors import CommandError, RunError
 
@@ -43,28 +42,30 @@ HERE = Path()
 
 
 @contextmanager
-def temporary_folder(prefix: str) -> Iterator[Path]:
+def temporary_folder(kind: str) -> Iterator[Path]:
     """Create a folder that is removed at the end of the block, or when the process that made it ends.
 
-    A forked child process does not remove it.
+    A forked child process does not remove it. What a killed process left is removed by the next command.
+
+    Args:
+        kind: What the folder is for, in small letters.
 
     Yields:
         The folder, with symbolic links resolved.
 
     Raises:
-        CommandError: If no folder can be created.
+        RunError: If no folder can be created.
     """
     try:
-        folder, owner = Path(tempfile.mkdtemp(prefix=prefix)).resolve(), os.getpid()
+        folder, owner = make_temporary_folder(kind).resolve(), os.getpid()
     except OSError as error:
-        raise CommandError(
+        raise RunError(
             f"temporary files cannot be written: {error.strerror}. Set TMPDIR to a writable folder."
         ) from error
 
     def remove() -> None:
         if os.getpid() == owner:
-            with suppress(OSError):  # from audit hooks, which ignore_errors does not cover
-                shutil.rmtree(folder, ignore_errors=True)
+            remove_folder(folder)
 
     atexit.register(remove)
     try:
@@ -182,7 +183,7 @@ def resolve_output_path(path: Path, what: str, folder: Path = HERE) -> Path:
     return place
 
 
-_UNFINISHED = re.compile(rf"{re.escape(UNFINISHED)}[a-z0-9_]{{8}}")
+_UNFINISHED = re.compile(rf"{re.escape(UNFINISHED)}({MARK}-)?[a-z0-9_]{{8}}")
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -10,6 +10,8 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+from fmublock.leftovers import remove_leftovers
+
 from ..sandbox.interruption import exit_on_interrupt, ignore_interrupts
 
 try:
@@ -25,6 +27,8 @@ def main() -> None:
     """Run the command. Exit with 0, or with 1 or 2 and an error message."""
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_make_writable(stream) for stream in (sys.stdout, sys.stderr))
+    if "_EMLA_COMPLETE" not in os.environ:
+        remove_leftovers()
     if _command(sys.argv[1:]) in ("run", "rerun"):  # these call compiled code of others
         from ..sandbox.guard import run_supervised  # no other command needs it
 

@@ -242,7 +242,7 @@ _fmu_folders = ExitStack()
 @cache
 def _folder() -> Path:
     """Return the folder of the tables' FMUs, which is removed when this process ends."""
-    return _fmu_folders.enter_context(temporary_folder("emla-tables-"))
+    return _fmu_folders.enter_context(temporary_folder("tables"))
 
 
 def find_data_end(sources: Sequence[Input]) -> float | None:

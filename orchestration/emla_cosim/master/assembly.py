@@ -51,7 +51,7 @@ class Assembly:
             CommandError: The system and its files do not match.
         """
         with contextlib.ExitStack() as resources:
-            folder = resources.enter_context(temporary_folder("emla-"))
+            folder = resources.enter_context(temporary_folder("system"))
             self.files: Mapping[str, FmuFile] = _open_files(system, fmus, folder)
             self.system = system
             interfaces = {name: file.interface for name, file in self.files.items()}

@@ -54,7 +54,7 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
         raise CommandError(f"an output interval of {chosen:g} s makes more than {MAXIMUM_STEPS:g} rows.")
     if not options.make_step_size_control().is_regular:
         return 1
-    every = round(chosen / times.step)
+    every = round(min(chosen / times.step, 1e18))  # the quotient may be infinite
     if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
         return every
     if interval is None:

@@ -6,13 +6,14 @@ before the fork.
 
 import contextlib
 import os
-import shutil
 import signal
 import sys
 import tempfile
 import traceback
 from collections.abc import Callable
 from mmap import mmap
+
+from fmublock.leftovers import make_temporary_folder, remove_folder
 
 from . import black_box
 from .interruption import POLITE, ignore_interrupts, is_repeated_request
@@ -62,7 +63,7 @@ def run_supervised(
     finally:
         ignore_interrupts()
         if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove_folder(folder)
     sys.exit(os.WEXITSTATUS(status) if whole else 1)
 
 
@@ -171,7 +172,7 @@ def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
 def _temporary_folder() -> str | None:
     """Return a folder for all temporary files, removed however the run ends; None if it cannot be created."""
     try:
-        folder = tempfile.mkdtemp(prefix="emla-run-")
+        folder = str(make_temporary_folder("run"))
     except OSError:
         return None  # keep the default folder, which other programs share
     tempfile.tempdir = folder

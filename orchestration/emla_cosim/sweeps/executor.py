@@ -426,14 +426,15 @@ def open_executor(
         if isinstance(scheduler, Client):
             if scheduler.status != "running" or scheduler.scheduler is None:
                 raise RunError(f"the client in `scheduler` is {scheduler.status}; it must be running.")
-            client, address, dashboard = scheduler, str(cast(Any, scheduler.scheduler).addr), ""
+            client, address = scheduler, str(cast(Any, scheduler.scheduler).addr)
         else:
             if scheduler is None:
-                address, security, dashboard = held.enter_context(local_cluster(workers))
+                address, security = held.enter_context(local_cluster(workers))
             else:
-                address, security, dashboard = scheduler, None, ""
+                address, security = scheduler, None
             client = held.enter_context(_client(address, security))
-        report(f"Dask's dashboard: {dashboard or client.dashboard_link}")
+        if scheduler is not None:
+            report(f"Dask's dashboard: {client.dashboard_link}")
         found = ClusterExecutor(client, payload, address, report)
         try:
             yield found

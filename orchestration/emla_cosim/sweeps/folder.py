@@ -173,10 +173,12 @@ class SweepFolder(Folder):
         parts = self._parts()
         return set() if parts is None else set(parts[VARIANT])
 
-    def merge(self, about: polars.DataFrame) -> None:
-        """Write variants.parquet: `about` (columns by variant) joined with the results."""
+    def merge(self, about: polars.DataFrame, measures: Measures) -> None:
+        """Write variants.parquet: `about` (columns by variant) joined with the results of all parts."""
         parts = self._parts()
-        found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
+        if parts is None:
+            parts = _frame(Chunk([], 0.0), measures)
+        found = about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
         with report_write_errors(self.path):
             self.write(TABLE, to_parquet(found))
 

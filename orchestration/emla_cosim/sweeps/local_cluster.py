@@ -18,19 +18,22 @@ from typing import Any, NamedTuple, cast
 
 import psutil
 
+from fmublock.leftovers import make_temporary_folder
+
 from ..base.errors import RunError
 from ..sandbox.processes import count_cores, make_environment, watch_parent
 
 
 class ClusterAddress(NamedTuple):
-    """Address, security and dashboard of a scheduler."""
+    """Address and security of a scheduler."""
 
     address: str
     security: Any
-    dashboard: str
 
 
 _CONFIG = {
+    "distributed.scheduler.http.routes": [],  # the dashboard would answer all local users
+    "distributed.worker.http.routes": [],
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,  # sampling costs time
     "distributed.worker.memory.target": False,  # there is nothing to spill
@@ -77,7 +80,7 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
 
 def main() -> None:
     """Serve until standard input ends or the parent process is gone."""
-    folder = tempfile.mkdtemp(prefix="emla-cluster-")
+    folder = str(make_temporary_folder("cluster"))
     watch_parent(os.getppid(), lambda: _remove_after_parent(folder))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["TMPDIR"] = tempfile.tempdir = folder  # also for the workers, which may be killed
@@ -96,12 +99,13 @@ def main() -> None:
         host="127.0.0.1",
         memory_limit=0,  # variants run in other processes
         dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
         security=security,
         silence_logs=50,
         local_directory=folder,
     ) as made:
         cluster = cast(Any, made)
-        pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
+        pickle.dump((cluster.scheduler_address, security), answer)
         answer.flush()
         sys.stdin.buffer.read()
     sys.stderr.flush()

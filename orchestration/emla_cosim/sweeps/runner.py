@@ -139,7 +139,7 @@ def _open_folder(
         elif resume:
             raise CommandError("to resume a sweep, set `output` to its folder.")
         else:
-            place = held.enter_context(temporary_folder("emla-sweep-"))
+            place = held.enter_context(temporary_folder("sweep"))
         yield SweepFolder(place, overwrite), held
 
 
@@ -180,7 +180,7 @@ def _run(
             whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
         finally:
             wall_s = time.monotonic() - began
-            folder.merge(about)
+            folder.merge(about, measures)
     folder.close(whole, wall_s)
 
 

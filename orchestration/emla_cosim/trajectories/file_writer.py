@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import CommandError
+from ..base.errors import RunError
 from ..base.files import write_atomically
 from .file import WHAT, check_trajectory
 from .motion import OptimisedMotion
@@ -15,14 +15,19 @@ _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 
 
 def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = False) -> None:
-    """Write a motion to a file atomically. Raises CommandError."""
+    """Write a motion to a file atomically.
+
+    Raises:
+        CommandError: If emla did not write the existing file.
+        RunError: If writing fails.
+    """
     place = check_trajectory(path, overwrite)
     content = json.dumps(build_document(result), indent=1, allow_nan=False) + "\n"
     try:
         with write_atomically(place) as stream:
             stream.write(content.encode())
     except OSError as error:
-        raise CommandError(f"{WHAT} '{path}' cannot be written: {error.strerror or error}.") from error
+        raise RunError(f"{WHAT} '{path}' cannot be written: {error.strerror or error}.") from error
 
 
 def build_document(result: OptimisedMotion) -> dict[str, Any]:

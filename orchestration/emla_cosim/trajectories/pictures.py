@@ -11,7 +11,7 @@ from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.trajectory import JOINTS
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError
+from ..base.errors import CommandError, RunError
 from ..base.files import check_output_files, write_atomically
 from ..base.ownership import check_replaceable
 from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
@@ -64,14 +64,19 @@ def picture_places(
 
 
 def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) -> list[Path]:
-    """Draw the pictures beside a trajectory file. Raises CommandError."""
+    """Draw the pictures beside a trajectory file.
+
+    Raises:
+        CommandError: If emla did not write an existing file.
+        RunError: If writing fails.
+    """
     places = picture_places(path, overwrite=overwrite)
     for place, figure in zip(places, draw_pictures(result).values(), strict=True):
         try:
             with write_atomically(place) as stream:
                 save(figure, stream)
         except OSError as error:
-            raise CommandError(f"the picture '{place}' cannot be written: {error.strerror}.") from error
+            raise RunError(f"the picture '{place}' cannot be written: {error.strerror or error}.") from error
     return places
 
 

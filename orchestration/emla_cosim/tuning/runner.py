@@ -10,7 +10,7 @@ from typing import Any, Unpack
 
 import polars
 
-from ..base.errors import CommandError
+from ..base.errors import RunError
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import TuneOptions
@@ -172,7 +172,7 @@ class _Tuning:
         self.reporter.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.scores([{}], training)
         if first is None:
-            raise CommandError("interrupted before anything was tried.")
+            raise RunError("interrupted before any gains were tried.")
         self.start = self.best = Tuned(dict(space.start), {}, first[0])
         self._note_tried(0, [(dict(space.start), first[0])])
         whole = self._search(training)

@@ -85,7 +85,7 @@ def verify(
             check_recording(record, [job.path for job in jobs])
         count = sum(1 if job.system else len(select_needed_checks(job.settings)) for job in jobs)
         progress.begin("verifying", count, "checks")
-        folder = held.enter_context(temporary_folder("emla-verify-"))
+        folder = held.enter_context(temporary_folder("verify"))
         pool = _ExaminerPool(folder, lambda: progress.advance(1))
         found = pool.examined(jobs) if interrupted is None else pool.examined_until(interrupted, jobs)
     started = datetime.now(UTC).isoformat(timespec="seconds")

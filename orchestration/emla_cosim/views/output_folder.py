@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -136,10 +136,11 @@ class OutputFolder(Folder):
         animated: bool = False,
         report: bool = False,
         notes: Sequence[str] = (),
+        interrupted: Callable[[], bool] = lambda: False,
     ) -> tuple[Result, list[Path]]:
         """Save as `save` does, but add a failure to the problems of the result."""
         try:
-            return result, self.save(result, plots, progress, animated, report, notes)
+            return result, self.save(result, plots, progress, animated, report, notes, interrupted)
         except RunError as error:
             return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
@@ -151,20 +152,23 @@ class OutputFolder(Folder):
         animated: bool = False,
         report: bool = False,
         notes: Sequence[str] = (),
+        interrupted: Callable[[], bool] = lambda: False,
     ) -> list[Path]:
         """Write metrics.json, run.json and, if selected, plots, a page and animations.
 
-        `notes` are remarks for the page, without full stops.
+        `notes` are remarks for the page, without full stops. `interrupted` tells whether the user wants to
+        end the command. Plots are then removed.
 
         Returns:
             The files of plots, page and animations.
 
         Raises:
-            RunError: If writing fails, or Ctrl-C interrupts an animation.
+            RunError: If writing fails, or plots or an animation are interrupted.
         """
         with report_write_errors(self.path):
             self._files.claim(self.files)
-            written = self._write(result, plots, progress or Progress(), animated, report, notes)
+            told = progress or Progress()
+            written = self._write(result, plots, told, animated, report, notes, interrupted)
             self._files.settle()
             return written
 
@@ -176,8 +180,9 @@ class OutputFolder(Folder):
         animated: bool,
         report: bool,
         notes: Sequence[str],
+        interrupted: Callable[[], bool],
     ) -> list[Path]:
-        """Write the files as `save` does. Raises OSError."""
+        """Write the files as `save` does. Raises OSError or RunError."""
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
         self.write_json(METRICS, {**to_plain(figures), "run": _run_metrics(result)})
         self.write_json(RECORD, result.record)
@@ -191,13 +196,28 @@ class OutputFolder(Folder):
         if result.steps == 0 or result.table is None:
             return written
         if plots:
-            told.begin("drawing plots", len(FIGURES))
-            for name, figure in drawn(result):
-                written += [self.draw(f"{name}.png", figure)] if figure is not None else []
-                told.advance(1)
+            written += self._draw_all(result, told, interrupted)
         if animated:
             written += animate(result, self._place, told)
         return written
+
+    def _draw_all(self, result: Result, told: Progress, interrupted: Callable[[], bool]) -> list[Path]:
+        """Draw the plots, all or none."""
+        told.begin("drawing plots", len(FIGURES))
+        written, figures = list[Path](), drawn(result)
+        try:
+            while not interrupted():
+                if (found := next(figures, None)) is None:
+                    return written
+                name, figure = found
+                written += [self.draw(f"{name}.png", figure)] if figure is not None else []
+                told.advance(1)
+        except BaseException:
+            self._files.remove([path.name for path in written])
+            raise
+        self._files.remove([path.name for path in written])
+        self._files.settle()
+        raise RunError("the plots were interrupted.")
 
     def change_record(self, **entries: Any) -> None:
         """Add or replace entries of run.json. Raises RunError."""

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -11,11 +11,13 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
+from rich.segment import Segment
 from rich.table import Table
 
 from ..base.errors import CosimError
 from ..base.wording import format_count
 from .formatting import describe_stepping, format_figure
+from .pages.text import make_visible
 
 if TYPE_CHECKING:
     from ..recorders.metrics import Figures, MetricDisplay
@@ -47,7 +49,19 @@ _UNFOLDED = 10_000
 _MOST_FIGURES = 20
 """Most signals whose metrics to show."""
 
-OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
+
+class _SafeConsole(Console):
+    r"""A console that shows control characters of texts, such as \x1b, and does not execute them.
+
+    Texts come from files of others: names, descriptions, records, data. Sequences of rich itself pass.
+    """
+
+    def _render_buffer(self, buffer: Iterable[Segment]) -> str:
+        visible = (s if s.control else s._replace(text=make_visible(s.text)) for s in buffer)
+        return super()._render_buffer(visible)
+
+
+OUT, ERR = _SafeConsole(), _SafeConsole(file=cast(IO[str], _Stderr()))
 """Standard output is for results, standard error for progress and errors."""
 
 
@@ -93,7 +107,7 @@ def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
 def show_table(table: Table) -> None:
     """Print a table as wide as the terminal, or without a terminal so wide that no cell is folded."""
     with _flush_output():
-        (OUT if OUT.is_terminal else Console(width=_UNFOLDED)).print(table)
+        (OUT if OUT.is_terminal else _SafeConsole(width=_UNFOLDED)).print(table)
 
 
 def print_exactly(text: str) -> None:

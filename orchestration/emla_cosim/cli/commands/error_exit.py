@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 
-from ...base.errors import CosimError
+from ...base.errors import CosimError, find_exit_code
 from ...base.files import get_working_folder
 from ...sandbox.interruption import raise_on_interrupt
 
@@ -24,7 +24,7 @@ def exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **kwargs)
         except CosimError as error:
             show_error(str(error))
-            raise typer.Exit(error.exit_code) from error
+            raise typer.Exit(find_exit_code(error)) from error
         except OSError as error:  # of a file or folder that cannot be used now
             reason = error.strerror or error
             show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")

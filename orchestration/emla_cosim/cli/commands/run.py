@@ -88,6 +88,7 @@ def run_into(
                         options.animate and not asked(),
                         options.report,
                         chosen.notes,
+                        asked,
                     )
                     remembered.keep()
     show_result(result, [note for note in chosen.notes if note not in told], output, pictures)

@@ -91,7 +91,7 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
     elif file.suffix.lower() == ".ssd":
         yield Package(file.parent, file, file.name)
     else:
-        with temporary_folder("emla-ssp-") as temporary, show_paths_relative_to(temporary):
+        with temporary_folder("ssp") as temporary, show_paths_relative_to(temporary):
             folder = temporary / file.name
             _unpack(file, folder)
             yield replace(_package(folder, variant, name), unpacked=temporary)

@@ -1,0 +1,100 @@
+"""Temporary folders and files whose names tell which process made them.
+
+A process that is killed leaves them behind, and the next one removes them. The mark in a name is the process
+id, the time at which that process started (process ids are used again), and a hash of the machine's boot and
+of the process namespace (containers and machines that share a folder see other processes). Without
+`/proc`, nothing is removed.
+"""
+
+import hashlib
+import os
+import re
+import shutil
+import stat
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+MARK = r"(\d+)-(\d+)-([0-9a-f]{8})"
+"""Pattern of the marks in names: process, start, place."""
+
+_FOLDER = re.compile(rf"emla-[a-z]+-{MARK}-[a-z0-9_]{{8}}")
+
+
+def mark_of_process() -> str:
+    """Return the mark of this process for the names of its temporary files."""
+    process = os.getpid()
+    return f"{process}-{_start_of(process) or 0}-{_place() or '0' * 8}"
+
+
+def make_temporary_folder(kind: str) -> Path:
+    """Create a temporary folder that `remove_leftovers` removes after this process was killed.
+
+    Args:
+        kind: What the folder is for, in small letters.
+
+    Raises:
+        OSError: If it cannot be created.
+    """
+    return Path(tempfile.mkdtemp(prefix=f"emla-{kind}-{mark_of_process()}-"))
+
+
+def remove_leftovers() -> None:
+    """Remove the temporary folders that killed processes of this user left. Errors are ignored."""
+    with suppress(OSError), os.scandir(tempfile.gettempdir()) as entries:
+        for entry in entries:
+            found = _FOLDER.fullmatch(entry.name)
+            if found is not None and is_left(found[1], found[2], found[3]) and _is_own_folder(entry):
+                remove_folder(entry.path)
+
+
+def remove_folder(folder: str | Path) -> None:
+    """Remove a folder with all that is in it; a few open files are enough. Errors are ignored."""
+    with suppress(OSError):  # from audit hooks, which ignore_errors does not cover
+        shutil.rmtree(folder, ignore_errors=True)
+        for path, folders, files in os.walk(folder, topdown=False):
+            for name in (*folders, *files):
+                place = Path(path, name)
+                with suppress(OSError):
+                    place.unlink() if place.is_symlink() or not place.is_dir() else place.rmdir()
+        Path(folder).rmdir()
+
+
+def is_left(process: str, start: str, place: str) -> bool:
+    """Return whether the process of a mark has ended. If that cannot be known, it has not."""
+    if place != _place():
+        return False
+    try:
+        os.stat(f"/proc/{process}")  # noqa: PTH116 (a path is not needed)
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    return _start_of(int(process)) not in (start, None)
+
+
+def _is_own_folder(entry: os.DirEntry[str]) -> bool:
+    """Return whether an entry is a folder of this user that nobody else can write to, and no link."""
+    status = entry.stat(follow_symlinks=False)
+    return (
+        stat.S_ISDIR(status.st_mode)
+        and status.st_uid == os.geteuid()
+        and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
+
+
+def _start_of(process: int) -> str | None:
+    """Return the start of a process in clock ticks since the boot; None if it is unknown."""
+    with suppress(OSError, IndexError):
+        return Path(f"/proc/{process}/stat").read_text(errors="replace").rpartition(")")[2].split()[19]
+    return None
+
+
+@cache
+def _place() -> str | None:
+    """Return a hash of what process ids depend on; None if it is unknown."""
+    with suppress(OSError):
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
+        return hashlib.sha256(f"{boot}{os.readlink('/proc/self/ns/pid')}".encode()).hexdigest()[:8]  # noqa: PTH115
+    return None

@@ -1,0 +1,137 @@
+"""What a killed process leaves is removed by the next one; what belongs to anybody else stays."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from fmublock import leftovers
+from fmublock.files import UNFINISHED, write_atomically
+from fmublock.leftovers import make_temporary_folder, mark_of_process, remove_folder, remove_leftovers
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="The system has no `/proc`.")
+
+PRINT_MARK = "from fmublock.leftovers import mark_of_process; print(mark_of_process())"
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def dead() -> str:
+    """The mark of a process that has ended."""
+    return subprocess.run(
+        [sys.executable, "-c", PRINT_MARK], capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def test_the_folder_of_a_dead_process_goes_and_that_of_a_living_one_stays(temporary: Path, dead: str) -> None:
+    mine = make_temporary_folder("run")
+    theirs = temporary / f"emla-run-{dead}-abcdefgh"
+    theirs.mkdir(mode=0o700)
+    (theirs / "inside").mkdir()
+    (theirs / "inside" / "a").write_text("left")
+    remove_leftovers()
+    assert list(temporary.iterdir()) == [mine]
+
+
+def test_the_start_tells_two_processes_with_one_id_apart(temporary: Path) -> None:
+    process, start, place = mark_of_process().split("-")
+    assert int(start) == round(
+        (psutil.Process().create_time() - psutil.boot_time()) * os.sysconf("SC_CLK_TCK")
+    )
+    earlier = temporary / f"emla-run-{process}-{int(start) - 1}-{place}-abcdefgh"
+    earlier.mkdir(mode=0o700)
+    remove_leftovers()
+    assert not earlier.exists()
+
+
+def test_what_may_belong_to_another_stays(
+    temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, start, _ = dead.split("-")
+    elsewhere = temporary / f"emla-run-{process}-{start}-{'0' * 8}-abcdefgh"  # another machine or container
+    elsewhere.mkdir(mode=0o700)
+    shared = temporary / f"emla-run-{dead}-abcdefgi"
+    shared.mkdir()
+    shared.chmod(0o777)
+    file = temporary / f"emla-run-{dead}-abcdefgj"
+    file.write_text("a file")
+    outside = temporary / "outside"
+    outside.mkdir()
+    link = temporary / f"emla-run-{dead}-abcdefgk"
+    link.symlink_to(outside)
+    other = temporary / f"emla-thesis-of-mine-{dead}-abcdefgl"
+    other.mkdir(mode=0o700)
+    before = set(temporary.iterdir())
+    remove_leftovers()
+    assert set(temporary.iterdir()) == before
+    theirs = temporary / f"emla-run-{dead}-abcdefgm"
+    theirs.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)  # as if another user looked at it
+    remove_leftovers()
+    assert theirs.exists()
+
+
+def test_without_proc_nothing_is_removed(temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(leftovers, "_place", lambda: None)
+    left = temporary / f"emla-run-{dead}-abcdefgh"
+    left.mkdir(mode=0o700)
+    remove_leftovers()
+    assert left.exists()
+
+
+def test_links_in_a_folder_are_removed_and_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "thesis").write_text("years of work")
+    for rmtree in (leftovers.shutil.rmtree, lambda *given, **how: None):  # as with too few open files
+        monkeypatch.setattr(leftovers.shutil, "rmtree", rmtree)
+        folder = tmp_path / "folder"
+        (folder / "a/b").mkdir(parents=True)
+        (folder / "a/b/file").touch()
+        (folder / "a/link").symlink_to(outside)
+        remove_folder(folder)
+        assert not folder.exists()
+        assert (outside / "thesis").exists()
+
+
+def test_an_incomplete_file_of_a_dead_process_goes(tmp_path: Path, dead: str) -> None:
+    left = tmp_path / f"{UNFINISHED}{dead}-abcdefgh"
+    living = tmp_path / f"{UNFINISHED}{mark_of_process()}-abcdefgh"
+    foreign = tmp_path / f"{UNFINISHED}thesis"
+    for path in (left, living, foreign):
+        path.write_text("half")
+    with write_atomically(tmp_path / "new") as stream:
+        stream.write(b"whole")
+    assert {p.name for p in tmp_path.iterdir()} == {"new", living.name, foreign.name}
+
+
+def test_a_compiler_ends_with_the_process_that_needs_it(tmp_path: Path) -> None:
+    """Also what the compiler itself has started."""
+    slow = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
+    code = (
+        "import os, subprocess, sys\n"
+        "subprocess.Popen([sys.executable, '-m', 'fmublock.compiler_process', str(os.getpid()),"
+        f" sys.executable, '-c', {slow!r}], process_group=0).wait()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code]) as process:
+        parent, family = psutil.Process(process.pid), list[psutil.Process]()
+        until = time.monotonic() + 30.0
+        while len(family) < 3 and time.monotonic() < until:
+            family = parent.children(recursive=True)
+            time.sleep(0.05)
+        assert len(family) == 3
+        process.send_signal(signal.SIGKILL)
+    assert not psutil.wait_procs(family, timeout=10.0)[1]
