@@ -351,7 +351,9 @@ MOTIONS = {
     "observer": Motion(
         "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat", "r_hat"})
     ),
-    "repaired observer": Motion("EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat", "r_hat"})),
+    "repaired observer": Motion(
+        "EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat", "r_hat"})
+    ),
     "compensated observer": Motion(
         "EmlaObserver",
         {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0},

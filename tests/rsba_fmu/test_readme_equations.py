@@ -1,7 +1,7 @@
 """A port of RsbaController from the equations and tables of its README alone, for one step.
 
-Start values and names come from the tables; the equations are written here in the symbols of the page. Nothing
-is imported from the controller's own code but the block that is compared.
+Start values and names come from the tables; the equations are written here in the symbols of the
+page. Nothing is imported from the controller's own code but the block that is compared.
 """
 
 import math
