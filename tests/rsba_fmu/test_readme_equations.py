@@ -42,7 +42,7 @@ def clip(value: float, low: float, high: float) -> float:
 
 
 def port(p: dict, x: SimpleNamespace) -> dict[str, float]:
-    """Return the outputs after the first step, with all switches of ON; theta_hat stays 0."""
+    """Return the outputs after the first step, with the switches of ON; theta_hat stays 0."""
     k = [0.5 * beta for beta in p["beta"]]
     N_p, Phi, L_d, L_q, R_s = (p[f"model.{n}"] for n in ("N_p", "Phi_PM", "L_d", "L_q", "R_s"))
     alpha, A_eq, B_eq, C_eq = (p[f"model.{n}"] for n in ("alpha_RL", "A_eq", "B_eq", "C_eq"))
@@ -67,10 +67,11 @@ def port(p: dict, x: SimpleNamespace) -> dict[str, float]:
     psi = (1.0 - r) * u_max / abs(N_p * alpha * x.v_hat)
     i_f = -min(Phi / L_d, 0.7 * i_max)
     i_l = math.sqrt(max(psi**2 - (Phi + L_d * i_f) ** 2, 0.01 * psi**2)) / L_q
-    limit = min((1.0 - r_i) * i_max, i_l)
+    weakens = p["weaken_field"] == 1.0
+    limit = min((1.0 - r_i) * i_max, i_l) if weakens else (1.0 - r_i) * i_max
     i_q_ref = clip(u_2, -limit, limit)
     i_d_ref = (math.sqrt(max(psi**2 - (L_q * i_q_ref) ** 2, 1e-4 * psi**2)) - Phi) / L_d
-    P_3, P_4 = x.i_q - i_q_ref, x.i_d - clip(i_d_ref, i_f, 0.0)
+    P_3, P_4 = x.i_q - i_q_ref, x.i_d - (clip(i_d_ref, i_f, 0.0) if weakens else 0.0)
 
     # z' = g + omega_u (i - z) from 0, as the voltages before the first step are 0
     decay = 1.0 - math.exp(-omega_u * STEP)
@@ -102,9 +103,10 @@ def test_a_step_is_that_of_the_readme() -> None:
             d_hat=draw.uniform(-4.0, 4.0),
             u_available=draw.choice([300.0, 420.0, 1e4]),
         )
+        parameters["weaken_field"] = float(draw.random() < 0.5)
         x.x_d = x.x_hat + draw.choice([1e-5, 1e-3, 2e-2]) * draw.uniform(-1.0, 1.0)
         instance = Instance(RsbaController())
-        for name, value in (ON | GAINS).items():
+        for name, value in (ON | GAINS | {"weaken_field": parameters["weaken_field"]}).items():
             instance[name] = value
         for i in range(4):
             instance[f"beta[{i + 1}]"], instance[f"zeta[{i + 1}]"] = BETA[i], 0.0
