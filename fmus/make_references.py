@@ -235,7 +235,7 @@ def observer() -> Solution:
     return solved(
         step,
         [given(k) for k in range(count)],
-        [0.24, 0.0, 0.0, 1.0],
+        [0.24, 0.0, 0.0, 1.0, 0.0],
         lambda t, s, u: paper.observer_rates(o, t, s, u["y"], u["i_q_ref"]),
         lambda t, s, u: paper.observer_outputs(o, t, s, u["y"]),
     )

@@ -91,7 +91,7 @@ def test_files_are_those_that_the_script_writes(model: str, tmp_path: Path) -> N
 @pytest.mark.parametrize("model", MODELS)
 def test_reference_solution_excites_every_output(model: str) -> None:
     """A column of zeros would agree with anything. The default controller has no limits to meet."""
-    known = {"RsbaController": {"saturated"}, "EmlaObserver": {"d_hat"}}
+    known = {"RsbaController": {"saturated"}, "EmlaObserver": {"d_hat", "r_hat"}}
     solution = table(model, "ref")
     still = {name for name in solution.dtype.names if np.ptp(solution[name]) == 0.0}
     assert still == known.get(model, set())

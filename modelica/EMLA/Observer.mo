@@ -33,6 +33,8 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
   parameter Boolean use_measured_current = false "Compute the torque of B u from the measured instead of the commanded current";
   parameter Real omega_d(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated disturbance d_hat; 0 is none";
+  parameter Real omega_r(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated rate r_hat of d_hat; 0 is none";
+  parameter Real ahead(unit = "s", min = 0.0) = 0.0 "Time by which d_hat predicts the disturbance";
   parameter Known known "The actuator as the observer knows it";
   parameter Start start "Start";
 
@@ -44,6 +46,8 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{100, 10}, {120, 30}})));
   Interfaces.RealOutput eta_hat(start = start.eta_hat, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
+  Interfaces.RealOutput r_hat(start = 0.0, fixed = true, unit = "m/s3") "Estimated rate of the disturbance"
+    annotation(Placement(transformation(extent = {{100, -30}, {120, -10}})));
   Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
     annotation(Placement(transformation(extent = {{100, -50}, {120, -30}})));
   Interfaces.RealOutput f "Robust term of (21)"
@@ -74,10 +78,11 @@ equation
   current = if use_measured_current then i_q else i_q_ref;
   modelled = if use_model then (1.5 * known.N_p * known.Phi_PM * current - known.B_eq * v_hat) / known.A_eq else 0.0;
   der(x_hat) = v_hat + alpha_1 * y_bar + p_22 / determinant * f;
-  der(v_hat) = modelled + d_hat + alpha_2 * y_bar - p_12 / determinant * f;
+  der(v_hat) = modelled + d_hat - ahead * r_hat + alpha_2 * y_bar - p_12 / determinant * f;
 
   // what the model does not know
-  der(d_hat) = omega_d * alpha_2 * y_bar;
+  der(r_hat) = omega_r * omega_d * alpha_2 * y_bar;
+  der(d_hat) = omega_d * alpha_2 * y_bar + r_hat + ahead * omega_r * omega_d * alpha_2 * y_bar;
 
   // (23)
   der(eta_hat) = -m * ell * eta_hat + ell * H * y_bar_abs;
@@ -95,7 +100,7 @@ only then is |f| &lt;= eta_hat H, as (25) and the stability proof need.</li>
 <li><code>use_model</code>: B u + g is the commanded torque and the viscous friction of the estimated speed; C_eq and the
 reluctance torque are left out, and the load is not in it.</li>
 <li><code>omega_d</code>: an estimate d_hat of what the model does not know, load included, is added to (20); it
-integrates the innovation.</li>
+integrates the innovation. With <code>omega_r</code> it follows ramps, and predicts them by <code>ahead</code>.</li>
 <li>The FMU's <code>interpolate</code> is not here: y and i_q are continuous.</li>
 <li>The defaults are the published numbers of the lift.</li>
 </ul>

@@ -38,6 +38,11 @@ class EmlaObserver(Block):
       (20). It integrates the innovation, d_hat' = omega_d alpha_2 y_bar, so that a constant K causes no
       error of position or speed. With alpha_1 = 3 p, alpha_2 = 3 p^2 and omega_d = p / 3, all three
       poles are at -p. Needs `use_model`.
+    - `omega_r`: d_hat follows ramps as well. r_hat, an estimate of its rate, is added to d_hat' and
+      integrates the innovation: r_hat' = omega_r omega_d alpha_2 y_bar. With alpha_1 = 4 p,
+      alpha_2 = 6 p^2, omega_d = 2 p / 3 and omega_r = p / 4, all four poles are at -p. Needs `omega_d`.
+    - `ahead`: the disturbance that d_hat estimates is that of a later time. A controller that subtracts
+      d_hat acts on the screw after the lag of its current loop; d_hat predicts by this lag. Needs `omega_r`.
     - `interpolate`: inputs are held during a step. If the master holds the values of the step's end,
       x_hat is half a step ahead. With this option, y and i_q move on a straight line from their last
       values. In the first step, and when the step size changes, they are held.
@@ -83,6 +88,12 @@ class EmlaObserver(Block):
     )
     omega_d = Parameter(
         0.0, unit="1/s", minimum=0.0, description="Bandwidth of the estimated disturbance d_hat; 0 is none"
+    )
+    omega_r = Parameter(
+        0.0, unit="1/s", minimum=0.0, description="Bandwidth of the estimated rate r_hat of d_hat; 0 is none"
+    )
+    ahead = Parameter(
+        0.0, unit="s", minimum=0.0, symbol=r"\tau", description="Time by which d_hat predicts the disturbance"
     )
     interpolate = Parameter(False, description="Interpolate y and i_q linearly during a step")
     N_p = Parameter(
@@ -132,6 +143,7 @@ class EmlaObserver(Block):
         0.0, unit="m/s2", description="Estimated disturbance of the screw's acceleration", terminal="estimate"
     )
     eta_hat = State(eta_hat_start, minimum=0.0, description="Estimated bound of the uncertainty")
+    r_hat = State(0.0, unit="m/s3", description="Estimated rate of the disturbance", terminal="estimate")
 
     y_before = DiscreteState(0.0, unit="m", name="before.y", description="Position at the last step's end")
     i_before = DiscreteState(0.0, unit="A", name="before.i_q", description="Current at the last step's end")
@@ -151,12 +163,16 @@ class EmlaObserver(Block):
         measured = self.moving(v, v.i_q, v.i_before)
         current = where(v.use_measured_current, measured, v.i_q_ref)
         torque = 1.5 * v.N_p * v.Phi_PM * current
-        model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq + v.d_hat
+        model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq
+        model = model + v.d_hat - v.ahead * v.r_hat
+        d_hat_gain = v.omega_d * v.alpha_2
+        r_hat_rate = v.omega_r * d_hat_gain * y_bar
         return {
             "x_hat": v.v_hat + v.alpha_1 * y_bar + p_22 / determinant * f,
             "v_hat": model + v.alpha_2 * y_bar - p_12 / determinant * f,
-            "d_hat": v.omega_d * v.alpha_2 * y_bar,
+            "d_hat": d_hat_gain * y_bar + v.r_hat + v.ahead * r_hat_rate,
             "eta_hat": -self.m(v) * v.ell * v.eta_hat + v.ell * self.H(v, y) * abs(y_bar),
+            "r_hat": r_hat_rate,
         }
 
     def update(self, v: Any) -> dict[str, Any]:

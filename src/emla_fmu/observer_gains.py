@@ -1,6 +1,6 @@
 """Rules for the gains of the observer, as published and improved; joint files have the numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,8 @@ class ObserverGains:
     use_model: bool
     use_measured_current: bool = False
     omega_d: float = 0.0
+    omega_r: float = 0.0
+    ahead: float = 0.0
     interpolate: bool = False
 
 
@@ -90,8 +92,25 @@ def compensated(p: float) -> ObserverGains:
     )
 
 
+def damped(p: float, ahead: float) -> ObserverGains:
+    """Return gains like `compensated` with a fourth state, the rate of the disturbance.
+
+    All four poles are at -p rad/s. d_hat predicts the disturbance by `ahead` in s.
+    """
+    return replace(
+        compensated(p),
+        alpha_1=4.0 * p,
+        alpha_2=6.0 * p * p,
+        omega_d=2.0 * p / 3.0,
+        omega_r=0.25 * p,
+        ahead=ahead,
+    )
+
+
 def with_poles(gains: ObserverGains, p: float) -> ObserverGains:
     """Return gains of the same kind with their poles at -p rad/s; the published ones stay unchanged."""
+    if gains.omega_r > 0.0:
+        return damped(p, gains.ahead)
     if gains.omega_d > 0.0:
         return compensated(p)
     return gains if gains.use_model else robust(p)

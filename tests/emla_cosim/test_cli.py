@@ -251,7 +251,10 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
             ["run", "lift", "--controller", "robust"],
             ["'robust' is a set of gains, not a controller", "--gains robust"],
         ),
-        (["run", "lift", "--gains", "pid"], ["no set of gains 'pid'", "compensated, robust and published"]),
+        (
+            ["run", "lift", "--gains", "pid"],
+            ["no set of gains 'pid'", "compensated, damped, robust and published"],
+        ),
         (
             ["run", "lift", "--coupling-tolerance", "1e-6"],
             ["the algorithm gauss-seidel has no coupling tolerance; strong has."],

@@ -122,3 +122,24 @@ def _move(time: np.ndarray, force: np.ndarray) -> np.ndarray:
         ec.load("lift", stop_time=time[-1], input=[load], output_interval=STEP, **OPTIONS).prepare().run()
     )
     return result[POSITION_OUT]
+
+
+@pytest.mark.parametrize("joint", mostly_long(("lift", "tilt", "telescope"), ("lift",)))
+def test_damped_gains_have_the_margins_that_they_promise(joint: str) -> None:
+    """Of the position loop and of the current loop, with one sample of computing delay."""
+    loops = [joint, f"{joint}.controller.u_q -> {joint}.plant.u_q"]
+    delay = {f"{joint}.plant.inverter.delay": STEP}
+    found = ec.linearize(joint, gains="damped", set=delay, open=loops, at=0.35, duration=0.15, stop_time=0.5)
+    assert len(found.margins) == 2
+    for margins in found.margins.values():
+        assert margins.phase_deg >= 30.0 and margins.Ms <= 2.2
+        assert margins.gain_up_dB >= 6.0 and margins.gain_down_dB <= -6.0
+
+
+def test_linearity_is_that_of_the_reaction() -> None:
+    """A pulse of metres saturates everything, and is linear only in itself."""
+    found = ec.linearize(
+        "lift", gains="compensated", set=DELAY, open="lift", at=AT, duration=0.1, stop_time=0.5
+    )
+    (measured,) = found.responses.values()
+    assert measured.amplitude < 1e-5  # m

@@ -437,7 +437,8 @@ def test_observer_at_random_points() -> None:
         given = dict(zip(("H_0", "m_0", "m_decay", "ell"), draw.uniform(0.1, 2.0, size=4), strict=True))
         knows_command = bool(draw.random() < 0.5)
         y, i_q_ref, t = draw.uniform(-1.0, 1.0), draw.uniform(-50.0, 50.0), draw.uniform(0.0, 2.0)
-        s = draw.uniform([y - 2.0, -1.0, -3.0, 0.0], [y + 2.0, 1.0, 3.0, 3.0])
+        s = draw.uniform([y - 2.0, -1.0, -3.0, 0.0, -9.0], [y + 2.0, 1.0, 3.0, 3.0, 9.0])
+        ramp = dict(zip(("omega_r", "ahead"), draw.uniform(0.0, 2.0, size=2), strict=True))
         i_q, omega_d, measures = draw.uniform(-50.0, 50.0), draw.uniform(0.0, 5.0), bool(draw.random() < 0.5)
         o = paper.Observer(
             alpha=(alpha[0], alpha[1]),
@@ -448,11 +449,23 @@ def test_observer_at_random_points() -> None:
             friction=B_eq / A_eq,
             measures_current=measures,
             omega_d=omega_d,
+            **ramp,
         )
 
         v = values(given, alpha_1=alpha[0], alpha_2=alpha[1], Q_11=Q[0], Q_12=Q[1], Q_22=Q[2])
         v = values(vars(v), N_p=N_p, Phi_PM=Phi_PM, A_eq=A_eq, B_eq=B_eq, use_model=float(knows_command))
-        v = values(vars(v), x_hat=s[0], v_hat=s[1], d_hat=s[2], eta_hat=s[3], y=y, i_q_ref=i_q_ref, time=t)
+        v = values(
+            vars(v),
+            x_hat=s[0],
+            v_hat=s[1],
+            d_hat=s[2],
+            eta_hat=s[3],
+            r_hat=s[4],
+            **ramp,
+            y=y,
+            i_q_ref=i_q_ref,
+            time=t,
+        )
         v = values(vars(v), i_q=i_q, omega_d=omega_d, use_measured_current=measures)
         v = values(vars(v), interpolate=0.0, y_before=0.0, i_before=0.0, t_before=0.0, h_before=0.0)
         # p^-1 of a Lyapunov equation solved in two ways

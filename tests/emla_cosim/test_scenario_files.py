@@ -315,7 +315,10 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
             'system = "lift"\ncontroller = "robust"\n',
             ["'robust' is a set of gains, not a controller", 'write gains = "robust"'],
         ),
-        ('system = "lift"\ngains = "pid"\n', ["no set of gains 'pid'", "compensated, robust and published"]),
+        (
+            'system = "lift"\ngains = "pid"\n',
+            ["no set of gains 'pid'", "compensated, damped, robust and published"],
+        ),
         ('system = "lift"\ncoupling_tolerance = 1e-6\n', ["gauss-seidel has no coupling tolerance"]),
         ('system = "lift"\noutput_format = "xls"\n', ["no output format 'xls'", "csv and parquet"]),
         (

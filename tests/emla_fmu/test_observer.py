@@ -97,6 +97,7 @@ def test_repaired_gains_weigh_small_innovations_as_promised(w: float) -> None:
         "i_q_ref": 10.0,
         "i_q": 10.0,
         "d_hat": 0.0,
+        "r_hat": 0.0,
         **dict.fromkeys(("y_before", "i_before", "t_before", "h_before"), 0.0),
     }
     known = {"N_p": 8, "Phi_PM": 0.15, "A_eq": 35.26, "B_eq": 3.67}
@@ -136,6 +137,38 @@ def test_compensated_gains_put_all_poles_at_one_place(p: float) -> None:
     gains = observer_gains.compensated(p)
     poles = np.roots([1.0, gains.alpha_1, gains.alpha_2, gains.omega_d * gains.alpha_2])
     assert poles == pytest.approx([-p, -p, -p], rel=1e-4)  # triple roots are known to a third of the digits
+
+
+@pytest.mark.parametrize("p", [400.0, 1600.0])
+def test_damped_gains_put_all_poles_at_one_place(p: float) -> None:
+    """s^4 + alpha_1 s^3 + alpha_2 s^2 + omega_d alpha_2 s + omega_r omega_d alpha_2, and the rate."""
+    g = observer_gains.damped(p, 1e-4)
+    poles = np.roots([1.0, g.alpha_1, g.alpha_2, g.omega_d * g.alpha_2, g.omega_r * g.omega_d * g.alpha_2])
+    assert poles == pytest.approx([-p] * 4, rel=1e-3)
+    assert observer_gains.with_poles(g, 2.0 * p) == observer_gains.damped(2.0 * p, 1e-4)
+
+
+def _ramp(gains: observer_gains.ObserverGains) -> tuple[float, float]:
+    """Errors of d_hat in m/s2 and v_hat in m/s at an acceleration of 3 t, after 0.2 s."""
+    instance = Instance(EmlaObserver())
+    for name, value in start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "B_eq": 0.0}).items():
+        instance[name] = value
+    instance.enter_initialization()
+    instance.exit_initialization()
+    for k in range(2000):
+        instance["y"] = 0.5 * ((k + 1) * 1e-4) ** 3
+        instance.do_step(k * 1e-4, 1e-4)
+    return instance["d_hat"] - 3.0 * 0.2, instance["v_hat"] - 1.5 * 0.2**2
+
+
+@pytest.mark.parametrize("ahead", [0.0, 2e-3])
+def test_a_ramp_leaves_no_error_with_a_fourth_state(ahead: float) -> None:
+    """Without it d_hat lags by 1 / (p / 3); with `ahead` it is the disturbance of a later time."""
+    d_hat, v_hat = _ramp(observer_gains.damped(400.0, ahead))
+    assert d_hat == pytest.approx(3.0 * ahead, abs=2e-4)
+    assert abs(v_hat) < 1e-6
+    lag, _ = _ramp(observer_gains.compensated(400.0))
+    assert lag == pytest.approx(-3.0 * 3.0 / 400.0, rel=0.02)
 
 
 def _follows(step: float, stop: float, **values: float) -> dict[str, float]:

@@ -349,11 +349,21 @@ MOTIONS = {
     ),
     "motor of a drive": Motion("EmlaMotor", MOTOR, MOTOR_INPUTS),
     "observer": Motion(
-        "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat"})
+        "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat", "r_hat"})
     ),
-    "repaired observer": Motion("EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat"})),
+    "repaired observer": Motion(
+        "EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat", "r_hat"})
+    ),
     "compensated observer": Motion(
-        "EmlaObserver", {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0}, OBSERVER_INPUTS
+        "EmlaObserver",
+        {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0},
+        OBSERVER_INPUTS,
+        rests=frozenset({"r_hat"}),
+    ),
+    "damped observer": Motion(
+        "EmlaObserver",
+        {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0, "omega_r": W / 8.0, "ahead": 4e-4},
+        OBSERVER_INPUTS,
     ),
     "controller": Motion(
         "RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated", "z_q", "z_d"})

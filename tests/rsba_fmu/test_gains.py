@@ -7,7 +7,7 @@ import pytest
 
 from emla_cosim.study.systems import STUDY
 from rsba_fmu.gains import RsbaGains
-from tests.support.joint_data import COMPENSATED, EMLAS, PUBLISHED, ROBUST
+from tests.support.joint_data import COMPENSATED, DAMPED, EMLAS, PUBLISHED, ROBUST
 
 LOADS = {**{joint: study.load.largest for joint, study in STUDY.items()}, "prototype": 75e3}
 """The largest load of each joint in N."""
@@ -39,8 +39,13 @@ COMPENSATIONS = {"limit_speed", "compensate", "weaken_field", "measure_supply"}
 
 @pytest.mark.parametrize(
     ("gains", "on"),
-    [(PUBLISHED, {"x_2d_in_a_1"}), (ROBUST, REPAIRS), (COMPENSATED, REPAIRS | COMPENSATIONS)],
-    ids=["published", "robust", "compensated"],
+    [
+        (PUBLISHED, {"x_2d_in_a_1"}),
+        (ROBUST, REPAIRS),
+        (COMPENSATED, REPAIRS | COMPENSATIONS),
+        (DAMPED, REPAIRS | COMPENSATIONS),
+    ],
+    ids=["published", "robust", "compensated", "damped"],
 )
 def test_each_set_has_its_switches(gains: Mapping[str, RsbaGains], on: set[str]) -> None:
     for joint in gains:

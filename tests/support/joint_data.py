@@ -27,3 +27,4 @@ def observers(name: str) -> dict[str, ObserverGains]:
 PUBLISHED: dict[str, RsbaGains] = gains_of("rsba", "published")
 ROBUST: dict[str, RsbaGains] = gains_of("rsba", "robust")
 COMPENSATED: dict[str, RsbaGains] = gains_of("rsba", "compensated")
+DAMPED: dict[str, RsbaGains] = gains_of("rsba", "damped")

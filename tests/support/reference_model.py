@@ -264,6 +264,10 @@ class Observer:
     """Whether B u is made of the measured current instead of the commanded one."""
     omega_d: float = 0.0
     """Gain of the estimated disturbance over that of the speed, 1/s."""
+    omega_r: float = 0.0
+    """Gain of the disturbance's estimated rate over that of the disturbance, 1/s."""
+    ahead: float = 0.0
+    """Time by which d_hat predicts the disturbance, s."""
 
     @cached_property
     def A_bar(self) -> Vector:
@@ -293,25 +297,31 @@ class Observer:
 
 
 def observer_f(o: Observer, t: float, s: Vector, y: float) -> float:
-    """(21); s = (x_hat, v_hat, d_hat, eta_hat)."""
+    """(21); s = (x_hat, v_hat, d_hat, eta_hat, r_hat)."""
     y_bar, eta_H = y - s[0], s[3] * o.H(y)
     return float(eta_H**2 * y_bar / (eta_H * abs(y_bar) + o.m(t)))
 
 
 def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float, i_q: float = 0.0) -> Vector:
-    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23); d_hat integrates the innovation."""
-    x_hat, v_hat, d_hat, eta_hat = s
+    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23).
+
+    The disturbance d is a ramp: d' = r + omega_d alpha_2 y_bar, r' = omega_r omega_d alpha_2 y_bar. The state
+    d_hat is d + r `ahead`.
+    """
+    x_hat, v_hat, d_hat, eta_hat, r_hat = s
     y_bar = y - x_hat
     model = o.A_2 * (i_q if o.measures_current else i_q_ref) - o.friction * v_hat if o.knows_command else 0.0
-    known = np.array([v_hat, model + d_hat])
+    known = np.array([v_hat, model + (d_hat - r_hat * o.ahead)])
     x_hat_rate = known + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
     eta_hat_rate = -o.m(t) * o.ell * eta_hat + o.ell * o.H(y) * abs(y_bar)
-    return np.array([*x_hat_rate, o.omega_d * o.alpha[1] * y_bar, eta_hat_rate])
+    r_hat_rate = o.omega_r * o.omega_d * o.alpha[1] * y_bar
+    d_hat_rate = r_hat + o.omega_d * o.alpha[1] * y_bar + r_hat_rate * o.ahead
+    return np.array([*x_hat_rate, d_hat_rate, eta_hat_rate, r_hat_rate])
 
 
 def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, float]:
     """What can be seen of the observer, by the names of its FMU."""
-    names = ("x_hat", "v_hat", "d_hat", "eta_hat")
+    names = ("x_hat", "v_hat", "d_hat", "eta_hat", "r_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
         "y_bar": float(y - s[0]),
@@ -564,7 +574,7 @@ def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
 
 JOINT_STATES = (
     *("x_L", "v_L", "i_q", "i_d"),
-    *("x_hat", "v_hat", "d_hat", "eta_hat"),
+    *("x_hat", "v_hat", "d_hat", "eta_hat", "r_hat"),
     *("theta[1]", "theta[2]", "theta[3]", "theta[4]", "z_q", "z_d"),
 )
 """Names of the joint's states in the order of its state vector."""
@@ -583,7 +593,7 @@ class Joint:
 
 def joint_rates(j: Joint, t: float, s: Vector) -> Vector:
     """Right-hand side of the whole joint, with every exchange between its parts instantaneous."""
-    x, estimate, theta, z = s[:4], s[4:8], s[8:12], s[12:]
+    x, estimate, theta, z = s[:4], s[4:9], s[9:13], s[13:]
     y = float(x[0])
     believed = (estimate[0], estimate[1], x[2], x[3])
     signals = control(j.controller, theta, believed, reference(j.motion, t), float(estimate[2]), z)

@@ -46,7 +46,7 @@ START = {
     "eta_hat": 1.0,
 }
 """What is not here starts from 0."""
-_OWNERS = dict.fromkeys(paper.JOINT_STATES[:4], "plant") | dict.fromkeys(paper.JOINT_STATES[4:8], "observer")
+_OWNERS = dict.fromkeys(paper.JOINT_STATES[:4], "plant") | dict.fromkeys(paper.JOINT_STATES[4:9], "observer")
 STATE_SIGNALS = tuple(f"lift.{_OWNERS.get(state, 'controller')}.{state}" for state in paper.JOINT_STATES)
 """Names of the signals that are `JOINT_STATES`, in their order."""
 
@@ -116,6 +116,8 @@ def joint(system: System) -> paper.Joint:
         friction=nominal.B_eq / nominal.A_eq,
         measures_current=o["use_measured_current"],
         omega_d=o["omega_d"],
+        omega_r=o["omega_r"],
+        ahead=o["ahead"],
     )
     return paper.Joint(PLANT, observer, controller, MOTION, SURROUNDINGS)
 

@@ -20,7 +20,7 @@ from .response import (
 )
 from .result import Measured
 
-_FACTORS = (1.0, 3.0, 10.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6)
+_FACTORS = (1.0, 3.0, 10.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 """Heights of pulses to try, relative to the size of the input: large ones first, as sensors are coarse."""
 
 _GOOD, NONLINEAR = 1e-3, 0.05
@@ -120,7 +120,10 @@ def _reaction(perturbation: Perturbation, resolved: ResolvedPlace, height: float
     positive = perturbation.respond(resolved, height)
     negative = perturbation.respond(resolved, -0.5 * height)
     linear = (positive - 4.0 * negative) / 3.0
-    return _Reaction(height, positive, linear, relative_norm(positive + 2.0 * negative, positive))
+    own = np.zeros(len(positive))
+    if resolved.output is None:  # the input is read with the pulse itself, which is linear in any case
+        own[0] = height
+    return _Reaction(height, positive, linear, relative_norm(positive + 2.0 * negative, positive - own))
 
 
 def _check(perturbation: Perturbation, place: Place, found: _Reaction) -> None:

@@ -30,6 +30,7 @@ OBSERVER_RULES: Mapping[str, Callable[..., ObserverGains]] = {
     "published": observer_gains.published,
     "robust": observer_gains.robust,
     "compensated": observer_gains.compensated,
+    "damped": observer_gains.damped,
 }
 """Rules that compute the gains of an observer."""
 
