@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from string import Template
 from xml.etree import ElementTree
@@ -11,6 +12,7 @@ import lief
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.fmu.models import build
 from emla_cosim.verification.libraries import list_exports
 from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
@@ -46,9 +48,19 @@ def moved(folder: str) -> object:
     return lambda files: files.update({LIBRARY.replace(fmpy.platform, folder): files.pop(LIBRARY)})
 
 
-@pytest.mark.parametrize("folder", ["win64" if fmpy.platform != "win64" else "linux64", "Linux64", "lin64"])
-def test_an_fmu_that_cannot_run_here_does_not_pass(folder: str, tmp_path: Path, emla: Emla) -> None:
-    fmu = with_files(moved(folder))(tmp_path)  # type: ignore[arg-type]
+def misspelt(name: str) -> Callable[[Path], Path]:
+    return with_files(moved(name))  # type: ignore[arg-type]
+
+
+def for_another_platform(folder: Path) -> Path:
+    return build("Reference", "native", ["win64" if fmpy.platform != "win64" else "linux64"], folder)
+
+
+@pytest.mark.parametrize("make", [misspelt("Linux64"), misspelt("lin64"), for_another_platform])
+def test_an_fmu_that_cannot_run_here_does_not_pass(
+    make: Callable[[Path], Path], tmp_path: Path, emla: Emla
+) -> None:
+    fmu = make(tmp_path)
     found = emla("verify", str(fmu), "--json", "r.json", "--junit", "r.xml", "--html", "r.html")
     assert "1 FMU did not pass for other reasons." in sentence(found, 1)
     assert f"could not run. binaries.loads: There is no binary for {fmpy.platform}." in found.stdout
