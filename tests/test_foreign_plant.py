@@ -94,6 +94,8 @@ ONLY_OURS |= {"friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"}
 ONLY_OURS |= {"gearbox.directional", "gearbox.eta_back", "stop.stiffness", "stop.damping"}
 ONLY_OURS |= {f"inverter.{name}" for name in ("delay", "dead_time", "f_PWM", "i_0")}
 ONLY_OURS |= {f"sensor.current.{name}" for name in ("sigma", "resolution", "seed")}
+ONLY_OURS |= {"motor.alpha_R", "motor.cogging.amplitude", "motor.cogging.periods"}
+ONLY_OURS |= {"screw.lead_error", "screw.wobble", "sensor.eccentricity"}
 ONLY_THEIRS = {"Motor.Winding_K", "Screw.Retracted_mm", "Motor.IqError_A"}
 
 EVERYTHING = {

@@ -63,7 +63,7 @@ RUNS: dict[str, tuple[dict[str, Any], float, float]] = {
             "i_q": 5.0,
             "load.v": 0.01,
             "load.m": 2e3,
-            "transmission.stiffness": 1e6,
+            "transmission.stiffness": 1e7,
             "transmission.damping": 1e3,
             "motor.i_N": 30.0,
         },

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from emla_cosim.base.option import OUTPUT, RUN, STEPPING, SYSTEM, Option
+from emla_cosim.base.option import OUTPUT, RUN, RUNS, STEPPING, SYSTEM, Option
 from emla_cosim.run.options import list_options
 
 _VALUES = {"Path": "PATH", "float": "NUMBER", "str": "NAME"}
@@ -16,7 +16,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 
 
 def _lines() -> Iterator[str]:
-    for group in (SYSTEM, STEPPING, OUTPUT):
+    for group in (SYSTEM, STEPPING, OUTPUT, RUNS):
         yield f"### {group}\n\n| Command line | Name elsewhere | Meaning |\n|---|---|---|"
         yield from (_row(option) for option in list_options().values() if option.about.group == group)
         yield ""
@@ -28,7 +28,8 @@ def _row(option: Option) -> str:
     choices = f" One of {', '.join(about.choices())}." if about.choices is not None else ""
     unit = f" In {about.unit}, or with a unit." if about.unit else ""
     place = "" if about.in_file else " Not in scenario files."
-    place += "" if RUN in about.commands else " Of `emla export`."
+    if RUN not in about.commands:
+        place += f" Of {' and '.join(f'`emla {c}`' for c in about.commands)}."
     meaning = f"{about.help}{choices}{unit}{_default(option)}{place}"
     return f"| `{flag}{_value(option)}` | `{option.name}` | {meaning} |"
 

@@ -108,7 +108,7 @@ def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Pat
     assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
     same = emla("run", "lift", *SHORT, "--output", "b", "--reference", "a")
     assert same.exit_code == 0
-    assert "49 of 49 signals agree with a/results.csv" in same.stdout
+    assert "50 of 50 signals agree with a/results.csv" in same.stdout
     changed = ("--set", "lift.plant.motor.R_s=0.2")
     other = emla("run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed)
     assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)
@@ -146,12 +146,12 @@ def test_verify_holds_a_package_against_a_run(emla: Emla, tmp_path: Path) -> Non
     good = ec.verify("lift.ssp", reference="a", only="description.readable")
     assert good.passed
     assert [e.label for e in good.examined][-1] == "lift.ssp"
-    assert len(good["lift.ssp"]["system.agrees"].outcome.comparisons) == 49
+    assert len(good["lift.ssp"]["system.agrees"].outcome.comparisons) == 50
     table = polars.read_csv(tmp_path / "a" / "results.csv")
     table = table.with_columns(polars.col("lift.plant.x_L") + 1e-3)
     shutil.copytree(tmp_path / "a", tmp_path / "b")
     table.write_csv(tmp_path / "b" / "results.csv")
     said = emla("verify", "lift.ssp", "--reference", "b", "--only", "description.readable")
     assert sentence(said, 1) == "Error: 1 check failed."
-    assert "1 of 49 signals do not agree with" in said.stdout
+    assert "1 of 50 signals do not agree with" in said.stdout
     assert "lift.plant.x_L left its tube at t = 0 s; it is off by up to 0.001 m" in said.stdout

@@ -149,7 +149,9 @@ def test_missing_gains_are_refused_by_name_for_that_controller_alone(controller:
 
 def test_missing_set_names_the_sets_that_there_are(slew: Path) -> None:
     slew.write_text(without_table(TILT, "gains.rsba.robust"))
-    with pytest.raises(ec.CommandError, match=r"or choose damped, compensated and published with --gains\.$"):
+    with pytest.raises(
+        ec.CommandError, match=r"or choose damped, compensated, compliant and published with --gains\.$"
+    ):
         ec.load(slew)
 
 

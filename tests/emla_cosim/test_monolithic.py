@@ -345,13 +345,17 @@ def shown(block: Block, v: Values) -> dict[str, float]:
 
 def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.Drive, dict[str, Any]]:
     """A drive with each effect on or off, and the same as values by attribute of the block."""
-    effects = ("dead", "friction", "stops", "winding", "gears")
-    on = dict(zip(effects, (draw.random(5) < 0.5).tolist(), strict=True))
+    effects = ("dead", "friction", "stops", "winding", "gears", "cogging", "encoder")
+    on = dict(zip(effects, (draw.random(len(effects)) < 0.5).tolist(), strict=True))
     dead = reference_drive.DeadTime(*draw.uniform([1e-6, 4e3, 0.1], [5e-6, 16e3, 5.0]).tolist())
     friction = reference_drive.Friction(*draw.uniform([10.0, 10.0, 1e-3], [5e3, 9e3, 2e-2]).tolist())
     low, high = (x_L + draw.uniform(-0.05, 0.05, size=2)).tolist()
     stops = reference_drive.EndStops(min(low, high), max(low, high), 1e9 * draw.random(), 9.0 * draw.random())
-    winding = reference_drive.Winding(*draw.uniform([5.0, 50.0, 50.0], [40.0, 150.0, 300.0]).tolist())
+    winding = reference_drive.Winding(
+        *draw.uniform([5.0, 50.0, 50.0, 0.0], [40.0, 150.0, 300.0, 0.01]).tolist()
+    )
+    cogging = reference_drive.Cogging(draw.uniform(0.1, 3.0), int(draw.integers(1, 60)))
+    encoder = reference_drive.MotorEncoder(*draw.uniform([1e-4, -1e-3, 1e-6], [1e-2, 1e-3, 1e-4]).tolist())
     eta_back, v_0 = float(draw.uniform(-0.5, 1.0)), float(10.0 ** draw.uniform(-4.0, -1.0))
     drive = reference_drive.Drive(
         dead if on["dead"] else None,
@@ -360,6 +364,8 @@ def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.
         winding if on["winding"] else None,
         eta_back if on["gears"] else None,
         v_0,
+        cogging if on["cogging"] else None,
+        encoder if on["encoder"] else None,
     )
     F = asdict(friction) if on["friction"] else {"F_C": 0.0, "F_S": 0.0, "v_S": 1.0}
     return drive, {
@@ -375,6 +381,10 @@ def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.
         "i_N": winding.i_N * on["winding"],
         "permitted_rise": winding.permitted_rise,
         "tau_th": winding.time_constant,
+        "alpha_R": winding.alpha_R,
+        "tau_cog": cogging.amplitude * on["cogging"],
+        "n_cog": cogging.periods,
+        **{name: value * on["encoder"] for name, value in asdict(encoder).items()},
         "directional": float(on["gears"]),
         "eta_back": eta_back,
     }
@@ -414,7 +424,7 @@ def test_plant_at_random_points() -> None:
         v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady
         # terms of either sign add up: 3 or 4 of 16 digits are lost; electrical angles of 1e4 rad are
         # known to 2e-12 rad, and so are the parts of 150 A that dead time depends on
-        expected = [*paper.plant_rates(p, x, u), paper.heating(p, x, rise)]
+        expected = [*paper.plant_rates(p, x, u, rise), paper.heating(p, x, rise)]
         assert rates(block, v) == pytest.approx(expected, rel=1e-10)
         outputs = {**paper.plant_outputs(p, x, u), "motor.temperature_rise": rise}
         found, phases = shown(block, v), [f"phase.i_{name}" for name in "abc"]

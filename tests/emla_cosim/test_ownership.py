@@ -44,7 +44,7 @@ CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SH
 TUNE = ("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m")
 TUNE = (*TUNE, "--evaluations", "4", "--validation", "0", *SHORT)
 VERIFY = ("verify", "read.fmu", "--only", "archive")
-LINEARIZE = ("linearize", "lift", "--open", "lift", "--stop-time", "0.02")
+LINEARIZE = ("linearize", "lift", "--open", "lift.controller.u_q->lift.plant.u_q", "--stop-time", "0.1")
 TRAJECTORY = ("trajectory", "--knots", "10", "--points", "5")
 
 PICTURES = [f"{name}.png" for name in FIGURES]

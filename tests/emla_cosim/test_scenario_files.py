@@ -306,7 +306,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ("", ["my.toml' has no system"]),
         (
             'system = "crane"\n',
-            ["names the system 'crane'", "one of study, study-drive, lift"],
+            ["names the system 'crane'", "one of study, study-drive, study-compliant, lift"],
         ),
         ('system = "crane.ssp"\n', ["there is no file 'crane.ssp'"]),
         ("system = 1\n", ["'system' of the scenario 'my.toml' is 1; it must be a text"]),
@@ -317,7 +317,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ),
         (
             'system = "lift"\ngains = "pid"\n',
-            ["no set of gains 'pid'", "compensated, damped, robust and published"],
+            ["no set of gains 'pid'", "compensated, damped, robust, published and compliant"],
         ),
         ('system = "lift"\ncoupling_tolerance = 1e-6\n', ["gauss-seidel has no coupling tolerance"]),
         ('system = "lift"\noutput_format = "xls"\n', ["no output format 'xls'", "csv and parquet"]),

@@ -127,9 +127,6 @@ class Transmission:
 class Drive:
     """All effects, each off unless given."""
 
-    cogging: Cogging | None = None
-    encoder: MotorEncoder | None = None
-
     dead_time: DeadTime | None = None
     friction: Friction | None = None
     end_stops: EndStops | None = None
@@ -137,6 +134,8 @@ class Drive:
     eta_back: float | None = None
     """Efficiency where the load drives; None leaves D_eq as printed."""
     v_0: float = 1e-4
+    cogging: Cogging | None = None
+    encoder: MotorEncoder | None = None
 
     def lost_in_gears(self, F: float, v: float, eta: float) -> float:
         """Force against the motion, by which the motor feels another load than F; of the speed's sign.

@@ -3,12 +3,16 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 from .channel import Channel, ChannelTimeoutError, open_parent_channel
 from .interruption import ignore_interrupts
 from .processes import describe_exit, make_environment, watch_parent
+
+_END_S = 2.0
+"""How long a process takes at most to end after it closed its streams, in s."""
 
 
 class ServerEndedError(Exception):
@@ -117,6 +121,9 @@ def serve(
             channel.send(answered)
         except OSError:
             break
-    if os.getppid() != parent:  # it was killed
+    until = time.monotonic() + _END_S
+    while os.getppid() == parent and time.monotonic() < until:
+        time.sleep(0.01)  # a killed process closes its streams before it has ended
+    if os.getppid() != parent:
         clean_up()
     os._exit(0)

@@ -176,6 +176,9 @@ def _basic(text: str) -> str:
     return '"' + "".join(f"\\U{ord(letter):08x}" for letter in text) + '"'
 
 
+MEASURES = Measures(figures=["y"])
+
+
 def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
     """A folder with these variants in parts."""
     folder = SweepFolder(path)
@@ -183,7 +186,7 @@ def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
     folder.begin({"identity": {}}, polars.DataFrame({"variant": range(12)}), resume=False)
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
-        folder.keep(Chunk(outcomes, 0.1), Measures(figures=["y"]))
+        folder.keep(Chunk(outcomes, 0.1), MEASURES)
     return folder
 
 
@@ -200,7 +203,7 @@ def test_a_table_does_not_depend_on_its_parts(
     for name, split in (("one", [list(range(12))]), ("many", parts)):
         folder = folder_with(split, base / name)
         assert folder.finished() == set(range(12))
-        folder.merge(about)
+        folder.merge(about, MEASURES)
     one, many = ((base / name / "variants.parquet").read_bytes() for name in ("one", "many"))
     assert one == many
 

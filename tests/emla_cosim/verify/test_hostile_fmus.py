@@ -30,7 +30,7 @@ ATTACKS = (
     "unload:write_victim",
     "step:kill_all",
 )
-needs_landlock = pytest.mark.skipif(not can_confine(), reason="this system cannot confine a process")
+needs_landlock = pytest.mark.skipif(not can_confine(), reason="This system cannot confine a process.")
 
 
 @needs_landlock

@@ -56,7 +56,7 @@ def subject_of(path: Path, settings: Settings | None = None) -> Subject:
 
 def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     if not compiling.list_compilers()[0].has_address:
-        pytest.skip("there is no compiler with AddressSanitizer")
+        pytest.skip("There is no compiler with AddressSanitizer.")
     subject = subject_of(build_memory_fmu(tmp_path))
     outcomes = [check.examine(subject) for check in ALL]
     assert [o.verdict for o in outcomes] == [Verdict.PASSED] * 3, outcomes
