@@ -277,7 +277,7 @@ def test_heavy_steps_are_tried_in_threads(
     times = make_communication_points(100.0, 1.0)
     links = [(0, 1), (2, 3)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
-    stepping = FixedSteps(begun(chains(4, links, slow(1e-3)), kind(), times), times, threads=None)
+    stepping = FixedSteps(begun(chains(4, links, slow(4e-3)), kind(), times), times, threads=None)
     found = recorded(stepping)
     report = stepping.report()
     assert found.tobytes() == expected.tobytes()
