@@ -53,7 +53,7 @@ def test_nothing_else_is_an_outcome(text: bytes) -> None:
 
 
 def _open_files() -> set[int]:
-    return {int(name) for name in os.listdir("/dev/fd")}
+    return {int(path.name) for path in Path("/dev/fd").iterdir()}
 
 
 def _write_into_pipes(others: set[int], text: bytes) -> None:
