@@ -11,6 +11,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+from .channel import close_parent_channels
 from .confinement import confine
 from .processes import describe_exit, watch_parent
 from .shield import end_with_parent, shield
@@ -138,6 +139,8 @@ def _called(
     writable: Sequence[Path] | None,
     lines: bool,
 ) -> None:
+    if apart:
+        close_parent_channels()
     if apart and hasattr(os, "setsid"):
         os.setsid()
         _restore_signals()

@@ -58,6 +58,8 @@ def test_an_output_is_measured_by_its_range() -> None:
 
 def test_an_fmu_of_one_instance_gets_no_second_one(tmp_path: Path) -> None:
     """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
-    found = verify(build_good_fmu(tmp_path, Fault.ONLY_ONCE), only=["instance", "process", "values", "state"]).examined[0]
+    found = verify(
+        build_good_fmu(tmp_path, Fault.ONLY_ONCE), only=["instance", "process", "values", "state"]
+    ).examined[0]
     wrong = [f for f in found.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)]
     assert {f.check: f.sentence for f in wrong} == {}

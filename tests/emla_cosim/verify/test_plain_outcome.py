@@ -4,6 +4,8 @@ import contextlib
 import os
 import pickle
 import stat
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -101,3 +103,36 @@ def test_an_answer_that_never_ends_is_a_time_out() -> None:
     assert time.monotonic() - began < 20.0
     assert found.verdict == Verdict.SKIPPED
     assert found.sentence.startswith("It did not finish within 1 s")
+
+
+_EXAMINER = """
+import os
+
+from emla_cosim.sandbox.channel import open_parent_channel
+from emla_cosim.verification.subprocess_run import run_in_subprocess
+from emla_cosim.verification.verdict import passed
+
+
+def list_shared():
+    found = {int(n) for n in os.listdir("/dev/fd")} - {0, 1, 2}
+    shared = [n for n in found if os.path.exists(f"/dev/fd/{n}") and identify(n) in pipes]
+    return passed(f"It shares {shared}.")
+
+
+def identify(number):
+    return os.fstat(number).st_ino
+
+
+pipes = {identify(0), identify(1)}
+channel = open_parent_channel()
+channel.send(run_in_subprocess(list_shared, (), 60.0, 2**31).sentence)
+"""
+"""Does what an examiner does; prints which of the pipes to its parent the process of a check has."""
+
+
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="open files are not listed there")
+def test_a_check_has_no_pipe_to_the_parent_of_its_examiner() -> None:
+    """The parent unpickles what it gets."""
+    words = [sys.executable, "-c", _EXAMINER]
+    done = subprocess.run(words, input=b"", capture_output=True, check=True, timeout=120.0)
+    assert b"It shares []." in done.stdout
