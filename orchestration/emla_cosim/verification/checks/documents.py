@@ -4,7 +4,6 @@ from ..check import check
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, passed, warned
 
-
 _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 """How the names of start pages end."""
 
@@ -12,7 +11,7 @@ _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 @check(
     "documents.present",
     "The documentation has a start page",
-    Clause("2.3", "index.html // entry point of the documentation"),
+    Clause("2.3", "index.html // Entry point of the documentation"),
     "Write documentation/index.html, which may only link to the other files.",
     needs=("description.readable",),
 )
