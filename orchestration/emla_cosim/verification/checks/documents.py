@@ -24,6 +24,6 @@ def present(subject: Subject) -> CheckOutcome:
         return warned(f"documentation/index.html is missing; there is {others[0]}.")
     licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
     has_licence = any(p.is_file() for p in licences) or bool(subject.tree.get("license"))
-    page = "The FMU has a start page" if has_page else "The FMU has no documentation, which is optional"
-    licence = "a licence" if has_licence else "names no licence, which the standard only recommends"
-    return passed(f"{page} {'and' if has_page == has_licence else 'but'} {licence}.")
+    page = "It has a start page." if has_page else "It has no documentation, which is optional."
+    licence = "It has a licence." if has_licence else "It names no licence, which is only recommended."
+    return passed(f"{page} {licence}")
