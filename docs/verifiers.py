@@ -44,10 +44,13 @@ SETS = {
     "the use of memory, with sources": MEMORY,
 }
 LIMIT = 120.0
-"""Time of one tool for one FMU in s; one that takes longer complains, so run it on an idle machine."""
+"""Time of one tool for one FMU in s."""
 
-Tool = Callable[[Path], bool]
-"""Whether a tool complains about an FMU."""
+NO_ANSWER = "no answer"
+"""What the row of an FMU says if a tool exceeds the limit. It is not counted as found."""
+
+Tool = Callable[[Path], str]
+"""Returns `yes` if a tool complains about an FMU, an empty text if not, and `NO_ANSWER` at the limit."""
 
 
 def main() -> None:
@@ -81,14 +84,19 @@ def examine(sets: dict[str, list[Broken]], tools: dict[str, Tool], folder: Path)
     (folder / "Toy.fmu").write_bytes(good_bytes())
     good = [folder / "Toy.fmu", build_good_fmu(folder), build_typed_fmu(folder), build_memory_fmu(folder)]
     noisy = {path.stem: {name for name, tool in tools.items() if tool(path)} for path in good}
+    print("Tools that do not accept the FMU without a fault:", noisy)
 
     def row(group: str, one: Broken) -> dict[str, str]:
         path = ours[one.name].path
-        found = {n for n, tool in tools.items() if n not in noisy[origin(one)] and tool(path)}
-        if ours[one.name][one.check].verdict in (Verdict.FAILED, Verdict.WARNING):
-            found.add(OURS)
-        named = {name: "yes" if name in found else "" for name in (OURS, *tools)}
-        return {"set": group, "fmu": one.name, "what": one.what, **named}
+        answers = {n: "" if n in noisy[origin(one)] else tool(path) for n, tool in tools.items()}
+        is_found = ours[one.name][one.check].verdict in (Verdict.FAILED, Verdict.WARNING)
+        return {
+            "set": group,
+            "fmu": one.name,
+            "what": one.what,
+            OURS: "yes" if is_found else "",
+            **answers,
+        }
 
     with ThreadPoolExecutor(2) as pool:
         jobs = [(group, one) for group, members in sets.items() for one in members]
@@ -102,16 +110,16 @@ def origin(one: Broken) -> str:
     return "Typed" if one in TYPED else "Toy" if one in STATIC else "Good"
 
 
-def with_fmpy(path: Path) -> bool:
-    """Return whether FMPy's validation reports a problem."""
+def with_fmpy(path: Path) -> str:
+    """Return what FMPy's validation says."""
     try:
-        return bool(validate_fmu(str(path)))
+        return "yes" if validate_fmu(str(path)) else ""
     except Exception:
-        return True
+        return "yes"
 
 
-def with_command(command: Sequence[str], path: Path) -> bool:
-    """Return whether another tool complains. A shell stands between: an FMU may end the parent process."""
+def with_command(command: Sequence[str], path: Path) -> str:
+    """Return what another tool says. A shell stands between: an FMU may end the parent process."""
     words = ["sh", "-c", '"$@"; exit $?', "sh", *(word.replace("{}", str(path)) for word in command)]
     with tempfile.TemporaryDirectory() as folder:
         process = subprocess.Popen(
@@ -123,9 +131,9 @@ def with_command(command: Sequence[str], path: Path) -> bool:
             start_new_session=True,
         )
         try:
-            return process.wait(LIMIT) != 0
+            return "yes" if process.wait(LIMIT) != 0 else ""
         except subprocess.TimeoutExpired:
-            return True
+            return NO_ANSWER
         finally:
             with suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
@@ -143,11 +151,15 @@ def summarize(rows: Sequence[dict[str, str]], tools: Sequence[str]) -> str:
     for name in SETS:
         lines.append(_line(name, [r for r in rows if r["set"] == name], tools))
     lines.append(_line("all", rows, tools))
+    late = Counter(tool for row in rows for tool in tools if row[tool] == NO_ANSWER)
+    if late:
+        counted = ", ".join(f"{tool} {number}" for tool, number in late.items())
+        lines += ["", f"FMUs without an answer within {LIMIT:g} s, which do not count: {counted}."]
     return "\n".join(lines) + "\n"
 
 
 def _line(name: str, rows: Sequence[dict[str, str]], tools: Sequence[str]) -> str:
-    counts = Counter(tool for row in rows for tool in tools if row[tool])
+    counts = Counter(tool for row in rows for tool in tools if row[tool] == "yes")
     return f"| {name} | {len(rows)} | {' | '.join(str(counts[tool]) for tool in tools)} |"
 
 

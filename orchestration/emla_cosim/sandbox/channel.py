@@ -106,6 +106,9 @@ class Channel:
                 raise ChannelTimeoutError
 
 
+_to_parent: list[Channel] = []
+
+
 def open_parent_channel() -> Channel:
     """Return the channel to the parent of a process that it started with pipes as standard input and output.
 
@@ -114,4 +117,12 @@ def open_parent_channel() -> Channel:
     incoming, outgoing = os.dup(0), os.dup(1)
     os.dup2(2, 1)
     os.close(0)
-    return Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))
+    channel = Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))
+    _to_parent.append(channel)
+    return channel
+
+
+def close_parent_channels() -> None:
+    """Close what `open_parent_channel` opened: in a fork that runs an FMU, which could write to it."""
+    while _to_parent:
+        _to_parent.pop().close()

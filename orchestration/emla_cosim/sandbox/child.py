@@ -4,16 +4,29 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection
+from functools import partial
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+from .channel import close_parent_channels
 from .confinement import confine
 from .processes import describe_exit, watch_parent
 from .shield import end_with_parent, shield
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
+
+
+_CHUNK = 65536
+"""Bytes that are read at once."""
+
+_PAUSE = 0.005
+"""Seconds between two looks whether a process runs."""
+
+_LONGEST_LINE = 2**29
+"""Bytes of the longest line that is received."""
 
 
 class Child:
@@ -31,6 +44,8 @@ class Child:
             started, and a parent of its own, so that a signal to its parent reaches no other process.
         writable: Folders and files that the child may change, if the system can confine it; default: all.
             Requires `apart`.
+        lines: Whether `do` sends lines of bytes, without their end, for `receive_line`. Nothing of what the
+            child sends is then unpickled, which could execute code in this process.
     """
 
     answers: Connection
@@ -41,10 +56,12 @@ class Child:
         *arguments: Any,
         apart: bool = False,
         writable: Sequence[Path] | None = None,
+        lines: bool = False,
     ) -> None:
         self.answers, theirs = _CONTEXT.Pipe(duplex=False)
+        self._received, self._searched = bytearray(), 0
         self._process = _CONTEXT.Process(
-            target=_called, args=(do, arguments, theirs, apart, writable), daemon=False
+            target=_called, args=(do, arguments, theirs, apart, writable, lines), daemon=False
         )
         self._process.start()
         theirs.close()
@@ -53,17 +70,49 @@ class Child:
         """Return whether the process is running."""
         return self._process.is_alive()
 
+    def receive_line(self, patience: float) -> bytes | None:
+        """Return the next line, or None if it is not complete after `patience` seconds.
+
+        Raises:
+            EOFError: The child closed its end.
+            ValueError: The line is too long.
+        """
+        until = time.monotonic() + patience
+        while (end := self._received.find(b"\n", self._searched)) < 0:
+            self._searched = len(self._received)
+            if not self.answers.poll(max(0.0, until - time.monotonic())):
+                return None
+            part = _read_available(self.answers)
+            if not part:
+                raise EOFError
+            self._received += part
+            if len(self._received) > _LONGEST_LINE:
+                raise ValueError("the line is too long")
+        line = bytes(self._received[:end])
+        del self._received[: end + 1]
+        self._searched = 0
+        return line
+
     def wait(self, patience: float | None = None) -> str:
         """Wait until the process ends, at most `patience` seconds; return how it ended."""
-        self._process.join(patience)
-        code = self._process.exitcode
+        code = self._join(patience)
         return describe_exit(code) if code is not None else "its end of the pipe closed"
 
     def signal_at_end(self, patience: float) -> str:
         """Return the signal that ended the process, or an empty text; wait for the end `patience` seconds."""
-        self._process.join(patience)
-        code = self._process.exitcode
+        code = self._join(patience)
         return describe_exit(code) if code is not None and code < 0 else ""
+
+    def _join(self, patience: float | None) -> int | None:
+        """Wait until the process ends, at most `patience` seconds; return its exit code, None if it runs.
+
+        `Process.join` waits without a limit once the process has written into all its pipes.
+        """
+        until = None if patience is None else time.monotonic() + patience
+        wait([self._process.sentinel], patience)
+        while self._process.is_alive() and (until is None or time.monotonic() < until):
+            time.sleep(_PAUSE)
+        return self._process.exitcode
 
     def kill(self) -> None:
         """End the process."""
@@ -71,7 +120,7 @@ class Child:
 
     def close(self) -> None:
         """End the process and all that it started; requires `apart`."""
-        self._process.join(0.2)
+        self._join(0.2)
         if hasattr(os, "killpg"):
             with contextlib.suppress(OSError):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -88,7 +137,10 @@ def _called(
     answers: Connection,
     apart: bool,
     writable: Sequence[Path] | None,
+    lines: bool,
 ) -> None:
+    if apart:
+        close_parent_channels()
     if apart and hasattr(os, "setsid"):
         os.setsid()
         _restore_signals()
@@ -106,9 +158,23 @@ def _called(
     parent = os.getppid() if hasattr(os, "fork") else getattr(multiprocessing.parent_process(), "pid", None)
     if parent is not None:
         watch_parent(parent, _end_all)
-    do(answers.send, *arguments)
+    do(partial(_send_line, answers) if lines else answers.send, *arguments)
     answers.close()
     os._exit(0)  # exit handlers of FMU libraries must not run
+
+
+def _send_line(answers: Connection, line: bytes) -> None:
+    if os.name == "nt":
+        return answers.send_bytes(line + b"\n")
+    rest = memoryview(line + b"\n")
+    while rest:
+        rest = rest[os.write(answers.fileno(), rest) :]
+    return None
+
+
+def _read_available(answers: Connection) -> bytes:
+    """Return what is there, without waiting for the rest of a message that an FMU began."""
+    return answers.recv_bytes() if os.name == "nt" else os.read(answers.fileno(), _CHUNK)
 
 
 def _restore_signals() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from ..sandbox import black_box
 from ..sandbox.black_box import BlackBoxFile
 from ..sandbox.child import Child, limit_memory, silence
+from .plain_outcome import read_outcome, write_outcome
 from .verdict import RETURNS, CheckOutcome, blocked, failed, own_rule
 
 _FIRST = "its first call"
@@ -75,7 +76,7 @@ def run_each_in_subprocess(
     while left:
         with closing(BlackBoxFile()) as notes, ExitStack() as held:
             places = None if writable is None else [*writable, notes.path]
-            child = Child(_answer, do, left, notes.path, memory, apart=True, writable=places)
+            child = Child(_answer, do, left, notes.path, memory, apart=True, writable=places, lines=True)
             held.callback(child.close)
             whole = True
             while left and whole:
@@ -89,26 +90,23 @@ def run_each_in_subprocess(
 def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOutcome, bool]:
     """Return the next outcome, and whether the process can continue."""
     began = moved = time.monotonic()
-    answers, doing = child.answers, _read(notes)
+    doing = _read(notes)
     try:
-        while not answers.poll(min(_POLL, max(0.0, began + seconds - time.monotonic()))):
+        while (line := child.receive_line(min(_POLL, max(0.0, began + seconds - time.monotonic())))) is None:
             now = time.monotonic()
             if doing != (doing := _read(notes, doing)):
                 moved = now
             if now > began + seconds:
                 return _describe_timeout(doing, seconds, now - moved), False
-            if not child.is_alive() and not answers.poll(0):
+            if not child.is_alive() and not child.answers.poll(0):
                 raise EOFError
-        found = answers.recv()
-        if isinstance(found, CheckOutcome):
-            return found, True
+        return read_outcome(line), True
     except (EOFError, OSError):
         how = child.wait(_TIMEOUT)
         said = f"It ended the process in {_read(notes, doing)} ({how})."
         return failed(said, clause=RETURNS), False
-    except Exception:  # pickle may raise anything
-        found = None
-    return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
+    except ValueError:
+        return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
 
 
 _SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
@@ -126,7 +124,7 @@ def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
 
 
 def _answer(
-    send: Callable[[CheckOutcome], None],
+    send: Callable[[bytes], None],
     do: Callable[..., CheckOutcome],
     items: Sequence[tuple[Any, ...]],
     notes: Path,
@@ -138,7 +136,7 @@ def _answer(
     limit_memory(memory)
     for arguments in items:
         note(_FIRST)
-        send(_call_limited(do, arguments, memory))
+        send(write_outcome(_call_limited(do, arguments, memory)))
 
 
 def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], memory: int) -> CheckOutcome:

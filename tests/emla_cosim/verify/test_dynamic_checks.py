@@ -41,7 +41,10 @@ def test_runs_that_differ_by_rounding_are_no_failure() -> None:
     assert rounded.verdict == Verdict.WARNING
     assert "from y at t = 1 s on" in rounded.sentence
     assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
-    assert compare_runs(_run([[0.0, 1.0]]), wanted, "It").verdict == Verdict.FAILED
+    shorter = compare_runs(_run([[0.0, 1.0]]), wanted, "It")
+    assert (shorter.verdict, shorter.sentence) == (Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s.")
+    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), wanted, "It")
+    assert (negative.verdict, negative.sentence) == (Verdict.PASSED, "It gave the same 2 x 2 values.")
     spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
     assert compare_runs(spoiled, wanted, "It").verdict == Verdict.FAILED
     assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
@@ -51,3 +54,12 @@ def test_an_output_is_measured_by_its_range() -> None:
     """A difference of 0.001 is much where an output moves by 0.01, and little where it moves by 100."""
     one, other = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
     np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])
+
+
+def test_an_fmu_of_one_instance_gets_no_second_one(tmp_path: Path) -> None:
+    """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
+    found = verify(
+        build_good_fmu(tmp_path, Fault.ONLY_ONCE), only=["instance", "process", "values", "state"]
+    ).examined[0]
+    wrong = [f for f in found.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)]
+    assert {f.check: f.sentence for f in wrong} == {}

@@ -59,7 +59,7 @@ def test_fmu_is_only_warned_of(build: object, tmp_path: Path, monkeypatch: pytes
     assert callable(build)
     report = examined_here(build(tmp_path), NAMES, monkeypatch)
     assert {f.check: f.sentence for f in report.of(Verdict.FAILED)} == {}
-    assert {f.check for f in report.of(Verdict.WARNING)} <= {"binaries.imports", "documents.present"}
+    assert {f.check for f in report.of(Verdict.WARNING)} <= {"binaries.imports"}
 
 
 def test_python_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,5 +69,5 @@ def test_python_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "variables.attributes": "n is continuous, but of type Integer; only a Real can be.",
         "structure.initial_unknowns": "InitialUnknowns lacks y, n.",
     }
-    assert {f.check for f in report.of(Verdict.WARNING)} == {"binaries.imports", "documents.present"}
+    assert {f.check for f in report.of(Verdict.WARNING)} == {"binaries.imports"}
     assert "PyBool_FromLong" in report["binaries.imports"].sentence

@@ -63,7 +63,12 @@ ODD = {
     "unknown display unit": ("units.defined", setting("//ScalarVariable[@name='x']/Real", displayUnit="yd")),
     "offset": ("units.consistent", with_unit("degC", K=1)),
     "folder": ("archive.layout", with_files(lambda files: files.update({"Toy/readme.txt": b"!"}))),
-    "no page": ("documents.present", with_files(lambda files: files.pop("documentation/index.html"))),
+    "another page": (
+        "documents.present",
+        with_files(
+            lambda files: files.update({"documentation/a.pdf": files.pop("documentation/index.html")})
+        ),
+    ),
     "depends on a parameter": (
         "structure.dependencies",
         setting("//Outputs/Unknown[@index='16']", dependencies="1 2 12"),
@@ -124,6 +129,9 @@ ALLOWED = {
     "kinds": setting("//Outputs/Unknown[@index='16']", dependenciesKind="dependent tunable"),
     "byte order mark": with_files(
         lambda files: files.update({DESCRIPTION: b"\xef\xbb\xbf" + files[DESCRIPTION]})
+    ),
+    "no documentation": with_files(
+        lambda files: [files.pop(name) for name in list(files) if name.startswith("documentation/")]
     ),
 }
 
@@ -215,3 +223,13 @@ def test_library_that_needs_another(
     assert "libq.so.6" in report["binaries.loads"].sentence
     assert report["binaries.imports"].verdict == Verdict.WARNING
     assert "libq.so.6" in report["binaries.imports"].sentence
+
+
+def test_headers_in_another_folder_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sources compile with an include path, for which FMI 2.0 has no place."""
+    build = with_files(
+        lambda files: files.update({"sources/lib/equations.h": files.pop("sources/equations.h")})
+    )
+    found = examined_here(build(tmp_path), ("sources.compile",), monkeypatch)["sources.compile"]
+    assert found.verdict == Verdict.WARNING
+    assert found.sentence.endswith("which SourceFiles cannot list: lib.")

@@ -1,5 +1,7 @@
 """Compare two runs that should be equal."""
 
+import math
+
 from ..host.instance_runs import OutputTrajectory
 from ..verdict import CheckOutcome, failed, passed, warned
 
@@ -13,7 +15,7 @@ ROUNDING = 1e-9
 def compare_runs(
     found: OutputTrajectory, wanted: OutputTrajectory, what: str, allowed: float = ROUNDING
 ) -> CheckOutcome:
-    """Compare two runs that should be equal to the last bit.
+    """Compare two runs that should be equal.
 
     Args:
         found: Run to judge.
@@ -22,14 +24,21 @@ def compare_runs(
         allowed: Largest allowed difference, relative to an output's range.
 
     Returns:
-        Passed if both are bitwise equal, a warning within `allowed`, otherwise failed.
+        Passed if both are equal, a warning within `allowed`, otherwise failed.
     """
+    apart = found.distance(wanted)
     if found.same(wanted):
         return passed(
             f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values to the last bit."
         )
+    if not apart.any():  # 0 and -0, or two kinds of NaN
+        return passed(f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values.")
+    if len(found.times) != len(wanted.times):
+        return failed(
+            f"{what} ended at t = {found.times[-1]:.9g} s, not at t = {wanted.times[-1]:.9g} s.",
+            figures={"largest_difference": math.inf},
+        )
     name, time = found.first_difference(wanted)
-    apart = found.distance(wanted)
     worst = int(apart.argmax()) if len(apart) else 0
     figures = {"largest_difference": float(apart[worst]) if len(apart) else 0.0}
     sentence = f"{what} differs from {name} at t = {time:.9g} s on{_most(wanted, worst, figures)}."

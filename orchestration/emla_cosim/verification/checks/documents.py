@@ -1,30 +1,29 @@
 """Check the documentation and licence of an FMU."""
 
 from ..check import check
-from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, passed, warned
+
+_PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
+"""How the names of start pages end."""
 
 
 @check(
     "documents.present",
-    "The FMU has documentation and a licence",
-    Clause(
-        "2.3",
-        "It is strongly recommended to include all license and copyright related information in the licenses "
-        "folder of an FMU",
-    ),
-    "Write documentation/index.html and documentation/licenses/license.txt.",
+    "The documentation has a start page",
+    Clause("2.3", "index.html // Entry point of the documentation"),
+    "Write documentation/index.html, which may only link to the other files.",
     needs=("description.readable",),
 )
 def present(subject: Subject) -> CheckOutcome:
-    """Check that there are a start page and a licence, or the name of one."""
+    """Check that documentation has its start page. Documentation and a licence are optional."""
     folder = subject.folder / "documentation"
-    doubts = []
-    if not (folder / "index.html").is_file():
-        others = sorted(p.name for p in folder.glob("*.*") if p.suffix in (".pdf", ".md", ".htm"))
-        doubts.append(f"documentation/index.html is missing{f'; there is {others[0]}' if others else ''}.")
+    others = sorted(p.name for p in folder.glob("*.*") if p.suffix.lower() in _PAGES)
+    has_page = (folder / "index.html").is_file()
+    if others and not has_page:
+        return warned(f"documentation/index.html is missing; there is {others[0]}.")
     licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
-    if not any(p.is_file() for p in licences) and not subject.tree.get("license"):
-        doubts.append("The FMU names no licence.")
-    return judge_problems((), "The FMU has a start page and a licence.", doubts)
+    has_licence = any(p.is_file() for p in licences) or bool(subject.tree.get("license"))
+    page = "It has a start page." if has_page else "It has no documentation, which is optional."
+    licence = "It has a licence." if has_licence else "It names no licence, which is only recommended."
+    return passed(f"{page} {licence}")

@@ -11,7 +11,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..check import check
-from ..messages import Breach, judge_problems, shorten_sentence
+from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
@@ -58,7 +58,15 @@ def compile_(subject: Subject) -> CheckOutcome:
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
         if (outcome := _compiled(folder, names)) is not None:
-            return outcome
+            # some tools put headers into folders that the model description cannot list
+            others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
+            if not others or _compiled(folder, names, others) is not None:
+                return outcome
+            return warned(
+                "The sources compile only with include folders, which SourceFiles cannot list: "
+                f"{join_few_names([p.relative_to(folder).as_posix() for p in others])}.",
+                hint="Include headers by their path from the folder `sources`.",
+            )
     return passed(
         f"{', '.join(dict.fromkeys(n for names in lists.values() for n in names))} compile and link."
     )
@@ -73,13 +81,14 @@ def _inside(folder: Path, name: str) -> bool:
     return path.is_relative_to(folder.resolve()) and path.is_file()
 
 
-def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
-    """Compile and link these files. Return None on success."""
+def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ()) -> CheckOutcome | None:
+    """Compile and link these files, with more include folders. Return None on success."""
     with (
         tempfile.TemporaryDirectory() as scratch,
         as_file(files("fmpy") / "c-code") as headers,
     ):
         command = [*_compiler(), "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
+        command += [f"-I{path}" for path in includes]
         command += ["-Wl,--no-undefined"] if sys.platform == "linux" else []
         command += [str(folder / name) for name in names]
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
