@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 from emla_cosim.base.errors import CommandError
 from emla_cosim.run.scenarios.single_fmu import make_component_name
 from emla_cosim.study.loading import load
+from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import ALL_TYPES
 
 DESCRIPTION = "modelDescription.xml"
 EXPERIMENT = '<DefaultExperiment startTime="0" stopTime="10.0" tolerance="1e-06" stepSize="0.001" />'
@@ -186,3 +189,67 @@ def test_an_fmu_for_model_exchange_without_a_library_is_one_sentence(emla: Emla,
 def test_a_missing_file_is_one_sentence(name: str) -> None:
     with pytest.raises(CommandError, match="there is no FMU file"):
         load(name)
+
+
+def test_short_names_work_beside_an_input_and_a_fault(fmu_folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text("time,load\n0,0.1\n1,0.1\n", encoding="utf-8")
+    scenario = load(
+        fmu_folder / "EmlaPlant" / "EmlaPlant.fmu",
+        stop_time=0.01,
+        input=[f"{table}:F_L=load"],
+        fault=[Fault("EmlaPlant.u_q", "constant", 0.0, value=2.0)],
+        set={"motor.R_s": 0.5},
+        signals=["i_q"],
+    )
+    with scenario.prepare() as simulation:
+        first = simulation.run()
+        second = simulation.run(set={"motor.R_s": 0.25})
+        assert simulation.select_signals(["F_L"]) == ["EmlaPlant.F_L"]
+    assert len(first.record["components"]) > 1
+    resistances = [r.record["components"]["EmlaPlant"]["parameters"]["motor.R_s"] for r in (first, second)]
+    assert resistances == [0.5, 0.25]
+    assert (first["EmlaPlant.i_q"] != second["EmlaPlant.i_q"]).any()
+
+
+def test_a_variable_of_the_added_component_keeps_its_own_name(fmu_folder: Path) -> None:
+    system = System.of({"plant": fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"}).with_main()
+    both = system + System.of({"input": "x.fmu"})
+    assert [(c.name, n) for c, n in map(both.split, ("motor.R_s", "input.motor.R_s", "plant.motor.R_s"))] == [
+        ("plant", "motor.R_s"),
+        ("input", "motor.R_s"),
+        ("plant", "motor.R_s"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU without outputs."""
+    folder = tmp_path_factory.mktemp("silent")
+    built = build_handwritten_fmu(folder / "AllTypes.fmu", ALL_TYPES)
+    with zipfile.ZipFile(built) as archive:
+        text = archive.read(DESCRIPTION).decode()
+    structure = text[text.index("<ModelStructure>") : text.index("</fmiModelDescription>")]
+    local = ('causality="output"', 'causality="local"')
+    return with_description(built, folder / "silent.fmu", local, (structure, "<ModelStructure/>"))
+
+
+def test_a_table_with_the_time_alone_is_reported(silent: Path, emla: Emla) -> None:
+    done = emla("run", str(silent), "--no-plots", "--output", "out")
+    (remark,) = json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"]
+    assert remark.startswith("No signal was recorded, only `time`")
+    assert remark.endswith(
+        "--signals to record other variables, such as AllTypes.x, AllTypes.half and AllTypes.count."
+    )
+    assert remark in " ".join(done.output.split())
+    assert Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0] == "time"
+    assert done.exit_code == 0
+    done = emla("run", str(silent), "--no-plots", "--output", "out", "--signals", "half")
+    assert "No signal was recorded" not in done.output
+    assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"] == []
+
+
+def test_a_system_without_outputs_is_reported_too(silent: Path) -> None:
+    system = System.of({"a": silent, "b": silent})
+    result = load(system, step_size=0.1, stop_time=0.2).prepare().run()
+    assert result.record["remarks"] == result.remarks and "a.x" in result.remarks[0]

@@ -152,6 +152,7 @@ def test_lenient_sets_an_enumeration_by_an_integer(fmu: Path, tmp_path: Path) ->
     with load(system, **times, lenient=True).prepare() as simulation:
         result = simulation.run()
     assert "a.count -> lever.gear" in str(result.record["accepted_faults"])
+    assert "nothing checks that it has this value" in str(result.record["accepted_faults"])
     assert result["a.count"].tolist() == result["lever.seen"].tolist() == [0, 1, 2]
 
 

@@ -34,7 +34,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
         RunError: If an FMU cannot be built.
     """
     tables, as_made = [LoadedInput.of(source) for source in options.input], system
-    system, faults = add_fault_components(system, options.fault)
+    system, faults = add_fault_components(system.with_main(), options.fault)
     system.with_parameters(select_plain_names(options.set))  # report unknown names before anything is built
     replacements = options.replacements()
     for name in replacements:

@@ -41,6 +41,7 @@ from ..recorders.time_series import TimeSeries
 from ..system.model import System, Value
 from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
+from .empty_table import describe_empty_table
 from .execution import Run
 from .followers import following_values
 from .lost_values import describe_lost_values
@@ -150,14 +151,14 @@ class Simulation:
     def select_signals(self, patterns: Sequence[str]) -> list[str]:
         """Return the signals that patterns of the option `signals` name; without any, all outputs.
 
-        In a system of one component, the name of the variable is enough.
+        For the main component, or the only one, the name of the variable is enough.
 
         Raises:
             CommandError: a pattern has no match.
         """
         further = self.further_names if patterns else []
-        if len(self.system.components) == 1:
-            own, known = f"{self.system.components[0].name}.", [*self.names, *further]
+        if (main := self.system.find_main()) is not None:
+            own, known = f"{main.name}.", [*self.names, *further]
             patterns = [
                 p if p.startswith(own) or any(matches_pattern(n, p) for n in known) else own + p
                 for p in patterns
@@ -368,7 +369,18 @@ class Simulation:
             _close_stepping(stepping)
             raise
         self._run = _ActiveRun(
-            run, definition, origin, metrics, taking, every, required, stored, notes, units, outline.types
+            run,
+            definition,
+            origin,
+            metrics,
+            taking,
+            every,
+            required,
+            stored,
+            notes,
+            units,
+            outline.types,
+            has_signals=bool(recorded),
         )
         with self._abandon_on_error():
             # the states in a checkpoint would limit a continued run to the stop time of this run
@@ -618,6 +630,13 @@ class Simulation:
             self._unpacked,
         )
         record["accepted_faults"] = self._faults.shown(self._unpacked)
+        record["remarks"] = [
+            *self._faults.remarks(self._unpacked),
+            *describe_lost_values(record),
+            *([] if going.has_signals else describe_empty_table(self._assembly.unexchanged.values())),
+            *going.metrics.remarks(),
+            *stepping.remarks(),
+        ]
         return Result(
             name=self.name,
             units=units,
@@ -626,12 +645,7 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
-            remarks=[
-                *self._faults.remarks(self._unpacked),
-                *describe_lost_values(record),
-                *going.metrics.remarks(),
-                *stepping.remarks(),
-            ],
+            remarks=record["remarks"],
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,
@@ -664,6 +678,7 @@ class _ActiveRun:
     notes: Sequence[str]
     units: Mapping[str, SiUnit | None]
     types: Mapping[str, SignalType]
+    has_signals: bool
 
 
 def _recorders(given: Any) -> list[Recorder]:

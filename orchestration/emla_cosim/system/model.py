@@ -114,11 +114,13 @@ class System:
         components: components in the order of declaration.
         connections: connections between them.
         bonds: power bonds by name.
+        main: component whose variables need no component's name. A system of one component needs no `main`.
     """
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
     bonds: Mapping[str, Bond] = field(default_factory=dict)
+    main: str = field(default="", compare=False)
 
     @classmethod
     def of(
@@ -162,7 +164,9 @@ class System:
     def __add__(self, other: "System") -> "System":
         """Return a system with the components and connections of both."""
         bonds = {**self.bonds, **other.bonds}
-        return System(self.components + other.components, self.connections + other.connections, bonds)
+        return System(
+            self.components + other.components, self.connections + other.connections, bonds, self.main
+        )
 
     def component(self, name: str) -> Component:
         """Return the component of this name; raise CommandError if it does not exist."""
@@ -181,7 +185,7 @@ class System:
     def split(self, path: str) -> tuple[Component, str]:
         """Split a full name into the component and the name of the variable; both may contain dots.
 
-        In a system of one component, the name of the variable is enough.
+        For the main component, or the only one, the name of the variable is enough.
 
         Raises:
             CommandError: the component does not exist.
@@ -189,8 +193,8 @@ class System:
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
         found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
-        if found is None and len(self.components) == 1 and path:
-            return self.components[0], path
+        if found is None and path and (main := self.find_main()) is not None:
+            return main, path
         if found is None:
             longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
             names = path.split(".")
@@ -199,6 +203,16 @@ class System:
                 raise CommandError(f"'{path}' is not a variable; write it as {example}.", name=path)
             raise self._unknown(".".join(names[:longest]))
         return self._by_name[path[:found]], path[found + 1 :]
+
+    def find_main(self) -> Component | None:
+        """Return the component whose variables need no component's name; None if there is none."""
+        if len(self.components) == 1:
+            return self.components[0]
+        return self._by_name.get(self.main)
+
+    def with_main(self) -> "System":
+        """Return the system with its only component as `main`, so that this holds when others are added."""
+        return replace(self, main=self.components[0].name) if len(self.components) == 1 else self
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
         """Return the system with further start values.

@@ -91,7 +91,8 @@ def _transformation(
         )
         if (source.kind, target.kind) != ("Integer", "Enumeration"):
             raise CommandError(f"{message}.")
-        accept_if_lenient(str(connection), "an Integer sets an Enumeration by its number", message)
+        fault = "an Integer sets an Enumeration by its number, and nothing checks that it has this value"
+        accept_if_lenient(str(connection), fault, message)
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")

@@ -269,17 +269,18 @@ def _finish_result(
         count = table.memory()["rows"]
     problem = f"the run ended at t = {end:.6g} s: {cause}."
     before, steps = begun.result, count - begun.rows
+    remarks = [*describe_lost_values(before.record), *metrics.remarks()]
     return replace(
         before,
         table=None if written else table,
         metrics=metrics.figures(),
         signals=metrics.signals(),
         coupling=metrics.coupling(),
-        remarks=[*describe_lost_values(before.record), *metrics.remarks()],
+        remarks=remarks,
         steps=steps,
         simulated_s=end - before.end_s,
         end_s=end,
         wall_s=ended - begun.at,
         problem=problem,
-        record={**before.record, "status": problem},
+        record={**before.record, "status": problem, "remarks": remarks},
     )
