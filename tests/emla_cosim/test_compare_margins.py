@@ -63,7 +63,13 @@ def test_a_joint_that_is_not_held_has_words_instead_of_margins(compared: ec.Comp
     (row,) = compared.rows.filter(gains="published").rows(named=True)
     assert not row["held"]
     for loop in ("position_loop", "current_loop"):
-        assert row[f"{loop}_problem"]
+        assert row[f"{loop}_problem"] in (
+            "not linear",
+            "gain stays below 1",
+            "unstable",
+            "not decayed",
+            "run ended",
+        )
         assert all(row[f"{loop}_{name}"] is None for name in FIGURES)
 
 

@@ -149,7 +149,9 @@ def test_missing_gains_are_refused_by_name_for_that_controller_alone(controller:
 
 def test_missing_set_names_the_sets_that_there_are(slew: Path) -> None:
     slew.write_text(without_table(TILT, "gains.rsba.robust"))
-    with pytest.raises(ec.CommandError, match=r"or choose damped, compensated and published with --gains\.$"):
+    with pytest.raises(
+        ec.CommandError, match=r"or choose damped, compensated, compliant and published with --gains\.$"
+    ):
         ec.load(slew)
 
 
@@ -206,7 +208,7 @@ LACKING_ENTRIES = {
     "level =": "lacks level, the load force; write level = 57e3",
     "beta_1 =": "[gains.rsba.robust] of the joint file 'slew.toml' lacks beta_1; write beta_1 = ...",
     "zeta =": "[gains.rsba.published] of the joint file 'slew.toml' lacks zeta; write zeta = [..., ...,",
-    "k_p =": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
+    "k_p = 415.0": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
     "eta_hat_start =": "[observer.published] of the joint file 'slew.toml' lacks eta_hat_start",
 }
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import polars
 
-from ..base.errors import CosimError
+from ..base.errors import CosimError, RunError
 from ..base.progress import Progress
 from ..linearization.measurement import NONLINEAR
 from ..linearization.result import Measured
@@ -148,7 +148,7 @@ def _change(found: Mapping[str, Measured | CosimError]) -> float:
 def _figures(found: Measured | CosimError) -> Iterator[tuple[str, Any]]:
     """Return the figures of a loop, or the problem in words."""
     if isinstance(found, CosimError):
-        yield PROBLEM, found.fields.get("reason", str(found))
+        yield PROBLEM, found.fields.get("reason", "run ended" if isinstance(found, RunError) else str(found))
         return
     margins = found.margins
     assert margins is not None
