@@ -208,7 +208,7 @@ LACKING_ENTRIES = {
     "level =": "lacks level, the load force; write level = 57e3",
     "beta_1 =": "[gains.rsba.robust] of the joint file 'slew.toml' lacks beta_1; write beta_1 = ...",
     "zeta =": "[gains.rsba.published] of the joint file 'slew.toml' lacks zeta; write zeta = [..., ...,",
-    "k_p =": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
+    "k_p = 415.0": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
     "eta_hat_start =": "[observer.published] of the joint file 'slew.toml' lacks eta_hat_start",
 }
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import polars
 
-PAPER, ROBUSTNESS, STABILITY, CERTIFICATE = "paper", "robustness", "stability", "certificate"
-TABLES = (PAPER, ROBUSTNESS, STABILITY)
+PAPER, ROBUSTNESS, STABILITY, MARGINS = "paper", "robustness", "stability", "margins"
+CERTIFICATE = "certificate"
+TABLES = (PAPER, ROBUSTNESS, STABILITY, MARGINS)
 """Comparisons with tables of their own."""
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import polars
 
 from ..base.patterns import matches_pattern
@@ -11,6 +12,9 @@ from ..run.result import Result
 from ..study.registration import JOINTS
 from ..study.roles import find_tracked_joints, list_role_patterns
 from ..sweeps.measures import Measures
+
+LARGEST_SPEED, FASTEST_AT = "largest_speed_m_s", "fastest_at_s"
+"""Names of figures of the reference of a joint."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +40,28 @@ class JointMeasures(Measures):
         return table.select("time", *errors)
 
 
+@dataclass(frozen=True)
+class MotionMeasures(JointMeasures):
+    """Also the largest speed of the reference in m/s, and its time in s."""
+
+    def of(self, result: Result) -> dict[str, Any]:
+        """Return the figures by joint."""
+        figures = super().of(result)
+        for joint, (_, reference) in find_tracked_joints(result.names, result.roles).items():
+            signals = result.read(["time", reference])
+            if len(signals["time"]) > 1:
+                speed = np.abs(np.gradient(signals[reference], signals["time"]))
+                k = int(np.argmax(speed))
+                motion = {LARGEST_SPEED: float(speed[k]), FASTEST_AT: float(signals["time"][k])}
+                figures[joint] = figures.get(joint, {}) | motion
+        return figures
+
+
 FIGURES_ALONE = JointMeasures()
 """Figures only."""
 
 WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_d"))
 """Figures, and errors over time."""
+
+WITH_MOTION = MotionMeasures(signals=WITH_ERRORS.signals, read=WITH_ERRORS.read)
+"""Figures, errors over time, and when the reference moves fastest."""

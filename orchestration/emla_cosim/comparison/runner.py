@@ -27,9 +27,10 @@ from ..sweeps.variants import Chunk, VariantOutcome
 from ..sweeps.worker_payload import REGISTRIES, WorkerPayload, check_portable
 from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
 from .controller_variants import ALL, Choice, ControllerVariant, list_other_variants, select_variants
-from .data import PAPER, ROBUSTNESS, STABILITY, TABLES
+from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, TABLES
 from .folder import CompareFolder, build_record
-from .measures import FIGURES_ALONE, WITH_ERRORS
+from .margins import add_margins, measure_margins
+from .measures import FIGURES_ALONE, WITH_ERRORS, WITH_MOTION
 from .plan import ComparisonPlan, ComparisonTerms, plan_runs
 from .reserves import parse_reserves
 from .result import CompareResult
@@ -69,7 +70,8 @@ def compare(
         gains: sets of gains: SET for each controller that has it, CONTROLLER/SET for one, "all" for all.
             Default: the recommended set of each controller.
         table: "paper" (Tables VI and VIII of the paper beside ours), "robustness" (the scenario in many
-            conditions), "stability" (maps over delay and parameters), or None.
+            conditions), "stability" (maps over delay and parameters), "margins" (stability margins of each
+            joint's loops beside its errors), or None.
         seeds: number of held-out seeds, the same for all controllers; 0 for the seeds of the scenario.
             Default: 5, for maps 0.
         reserves: parts of current and voltage that each controller keeps, such as (0.02, 0.2). Default: those
@@ -126,6 +128,7 @@ class _CollectedOutcomes:
     def __init__(self) -> None:
         self.outcomes: dict[int, VariantOutcome] = {}
         self.errors: dict[int, polars.DataFrame] = {}
+        self.margins: polars.DataFrame | None = None
         self.complete = False
         self.wall_s = 0.0
 
@@ -144,6 +147,8 @@ def _run(
     """Run all planned runs, or those that end before an interrupt."""
     ran = _CollectedOutcomes()
     measures = FIGURES_ALONE if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
+    if table == MARGINS:
+        measures = WITH_MOTION
     shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", plan.groups)
 
     def keep(chunk: Chunk) -> None:
@@ -156,6 +161,9 @@ def _run(
         reporter.begin("comparing", len(plan.runs), "runs")
         began = time.monotonic()
         ran.complete = found.run(plan.work(), plan.variant, measures, 0, keep, interrupted)
+        if table == MARGINS:
+            ran.margins = measure_margins(plan, ran.outcomes, interrupted, reporter)
+            ran.complete = ran.complete and not interrupted()
         ran.wall_s = time.monotonic() - began
     if ran.outcomes and all(outcome.status == REFUSED for outcome in ran.outcomes.values()):
         raise RunError(str(next(iter(ran.outcomes.values())).problem))
@@ -170,7 +178,7 @@ def _result(
     return CompareResult(
         name=name,
         table=table,
-        rows=rows_of(plan, ran.outcomes),
+        rows=add_margins(rows_of(plan, ran.outcomes), ran.margins),
         entrants=list(map(str, compared)),
         errors=ran.errors,
         commands={number: shlex.join(words) for number, words in commands.items() if words},

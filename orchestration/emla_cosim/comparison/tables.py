@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
+from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, CompareData
+from .margin_tables import build_margin_tables
 from .paper_tables import build_paper_tables
 from .rows import HELD, LOST_AT, SHOWN, WHY, Row, label_variant
 from .statistics import SeedStatistics, format_mean, group_by_variant, mark_winner
@@ -30,6 +31,8 @@ def build_tables(result: CompareData) -> list[TextTable]:
         return list(_robustness(result))
     if result.table == STABILITY:
         return list(_stability(result))
+    if result.table == MARGINS:
+        return build_margin_tables(result)
     return list(_plain(result))
 
 

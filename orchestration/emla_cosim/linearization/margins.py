@@ -37,6 +37,11 @@ class Margins:
     Ms: float
     Ms_at: float
 
+    @property
+    def has_crossover(self) -> bool:
+        """Whether the gain of the loop is 1 at any frequency."""
+        return math.isfinite(self.phase_deg)
+
 
 def compute_margins(frequency: Vector, L: Complex) -> Margins:
     """Return the margins of a loop gain at increasing frequencies in Hz.

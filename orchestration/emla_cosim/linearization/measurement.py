@@ -69,7 +69,8 @@ def measure(
     if integrators is None or (integrators and place.is_loop):
         raise RunError(
             f"the effect of a pulse on {place.input} has not decayed after {perturbation.duration:g} s; "
-            "choose a longer duration."
+            "choose a longer duration.",
+            reason="not decayed",
         )
     later = perturbation.respond(resolved, found.amplitude, at=1)
     drift = relative_norm(later[1:] - found.positive[:-1], found.positive)
@@ -131,13 +132,15 @@ def _check(perturbation: Perturbation, place: Place, found: _Reaction) -> None:
     if place.is_loop and is_growing(found.linear):
         raise RunError(
             f"the system is unstable {at}: the effect of a pulse on {place.input} grows. Choose another time "
-            "or other gains."
+            "or other gains.",
+            reason="unstable",
         )
     if found.nonlinearity > NONLINEAR:
         raise RunError(
             f"{place.label} is not linear {at}: effects of pulses of other size and sign differ by "
             f"{100.0 * found.nonlinearity:.2g} %. Saturation, backlash, friction or a coarse sensor may "
-            "cause this. Choose another time or amplitude."
+            "cause this. Choose another time or amplitude.",
+            reason="not linear",
         )
 
 

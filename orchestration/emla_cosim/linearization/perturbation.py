@@ -126,7 +126,9 @@ class Perturbation:
         self._simulation.advance(self.at)
         failed = self._simulation.time < self.at - 1e-9 * max(1.0, abs(self.at))
         if failed:
-            raise RunError(f"the run did not reach the operating point at t = {self.at:g} s.")
+            raise RunError(
+                f"the run did not reach the operating point at t = {self.at:g} s.", reason="run ended before"
+            )
 
     def _rewind(self) -> None:
         if self._snapshot is not None:

@@ -1,10 +1,10 @@
 """Compute frequency responses of a system at a time of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, CosimError
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import LoadOptions
@@ -14,12 +14,12 @@ from ..run.simulation import Simulation
 from ..study.joint import ideal_sensors
 from ..study.loading import load
 from ..system.fault import Fault
-from ..system.model import System
+from ..system.model import System, Value
 from .folder import LinearizeFolder
 from .measurement import measure
 from .perturbation import Perturbation
 from .places import Place, parse_opening
-from .response import choose_frequencies
+from .response import FrequencyResponse, choose_frequencies
 from .result import LinearizeResult, Measured
 
 SAMPLES = 2000
@@ -101,6 +101,55 @@ def linearize(
     return result
 
 
+def measure_loops(
+    scenario: Scenario, loops: Sequence[str], at: float, duration: float, values: Mapping[str, Value]
+) -> dict[str, Measured | CosimError]:
+    """Measure loops one by one, so that one without margins leaves the others.
+
+    Args:
+        scenario: The scenario.
+        loops: Where to open loops, as for `linearize`.
+        at: Time of the operating point in s.
+        duration: Length of the responses in s.
+        values: Start values that differ. Noise and steps of the sensors are off.
+
+    Returns:
+        What was measured for each loop, or the error that explains why there are no margins.
+    """
+    start, count = _stretch(scenario, at, duration)
+    found = dict[str, Measured | CosimError]()
+    try:
+        with scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation:
+            perturbation = Perturbation(simulation, start, count)
+            try:
+                frequency = choose_frequencies(perturbation.step, count, _POINTS)
+                for loop in loops:
+                    try:
+                        found[loop] = measure(perturbation, parse_opening(scenario.system, loop), frequency)
+                    except CosimError as error:
+                        found[loop] = error
+            finally:
+                perturbation.close()
+    except CosimError as error:
+        return dict.fromkeys(loops, error)
+    return found
+
+
+def describe_missing_crossover(label: str, response: FrequencyResponse) -> str:
+    """Return a sentence on a loop whose gain is 1 at no frequency."""
+    is_above = response.gain_dB[0] > 0.0
+    text = (
+        f"{label}: the loop gain stays {'above' if is_above else 'below'} 1 from {response.frequency[0]:.3g} "
+        f"to {response.frequency[-1]:.4g} Hz, so there is no phase margin."
+    )
+    if is_above:
+        return text
+    return (
+        f"{text} A limit, such as that of the current, may cut the loop; then the other margins do not say "
+        "that it is stable."
+    )
+
+
 def _texts(given: str | Sequence[str]) -> list[str]:
     return [given] if isinstance(given, str) else list(given)
 
@@ -173,6 +222,8 @@ def _measure_all(
 
 def _remarks(label: str, measured: Measured) -> list[str]:
     found = []
+    if measured.margins is not None and not measured.margins.has_crossover:
+        found.append(describe_missing_crossover(label, measured.response))
     if measured.nonlinearity > _SUSPECT_NONLINEARITY:
         found.append(
             f"{label} is not quite linear: effects of two pulses differ by "

@@ -1,5 +1,7 @@
 """Terminal output of a linearization."""
 
+import math
+
 from rich.markup import escape
 from rich.table import Table
 
@@ -22,8 +24,14 @@ def format_margins(result: LinearizeResult) -> list[Table]:
         for heading in ("", "margin", "", "at / Hz"):
             table.add_column(heading, justify="right" if heading in ("margin", "at / Hz") else "left")
         for label, value, at, unit, factor in _ROWS:
-            where = f"{getattr(margins, at):.4g}" if at is not None else ""
-            table.add_row(label, f"{factor * getattr(margins, value):.4g}", unit, where)
+            found, where = getattr(margins, value), None if at is None else getattr(margins, at)
+            is_known = math.isfinite(found)
+            table.add_row(
+                label,
+                f"{factor * found:.4g}" if is_known else "none",
+                unit if is_known else "",
+                f"{where:.4g}" if is_known and where is not None else "",
+            )
         tables.append(table)
     return tables
 

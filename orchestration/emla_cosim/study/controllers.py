@@ -91,7 +91,7 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "foc": Controller(
         FocController,
-        _in_files("tuned", "rule"),
+        _in_files("tuned", "damped", "rule"),
         foc_gains.FocGains,
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),

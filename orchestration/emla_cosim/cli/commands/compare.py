@@ -61,6 +61,7 @@ def command(
         typer.Option(
             help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
             "the gain sets robust and rule too. stability: maps over delay and parameters. "
+            "margins: stability margins of each joint's loops. "
             "certificate: the stability proof of RSBA's gain sets.",
             metavar="|".join((*TABLES, CERTIFICATE)),
             rich_help_panel=_WHO,
