@@ -82,7 +82,7 @@ def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
     return passed("It did no harm.")
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="pipes have no number there")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_what_a_process_sends_is_not_executed(tmp_path: Path) -> None:
     found = run_in_subprocess(_send_a_program, (_open_files(), tmp_path / "here"), 20.0, 2**31)
     assert not (tmp_path / "here").exists()
@@ -96,7 +96,7 @@ def _begin_an_answer(others: set[int]) -> CheckOutcome:
     return passed("It came to an end.")
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="pipes have no number there")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_an_answer_that_never_ends_is_a_time_out() -> None:
     began = time.monotonic()
     found = run_in_subprocess(_begin_an_answer, (_open_files(),), 1.0, 2**31)
@@ -130,7 +130,7 @@ channel.send(run_in_subprocess(list_shared, (), 60.0, 2**31).sentence)
 """Does what an examiner does; prints which of the pipes to its parent the process of a check has."""
 
 
-@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="open files are not listed there")
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="Open files are not listed there.")
 def test_a_check_has_no_pipe_to_the_parent_of_its_examiner() -> None:
     """The parent unpickles what it gets."""
     words = [sys.executable, "-c", _EXAMINER]
