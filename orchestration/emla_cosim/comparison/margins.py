@@ -48,8 +48,8 @@ _DURATION = 1500
 """Length of responses in steps."""
 
 _LATER, _CONSTANT = (0, 100, 200), 0.01
-"""Steps to wait for a point at which the loop is constant, and the largest change of one that is: events
-such as a current through the dead band of the inverter disturb a measurement.
+"""Steps to wait for a point at which the loop is constant, and the largest change of one that is. Margins
+measured during a larger change differed by 20 degrees from those around it.
 """
 
 _Motion = tuple[float, float]
