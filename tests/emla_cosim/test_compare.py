@@ -50,7 +50,10 @@ def test_who_is_compared() -> None:
         (("--controllers", "rsba,foc", "--gains", "soft"), "no controller that is compared has the set"),
         (("--controllers", "rsba", "--gains", "rsba/soft"), "the controller rsba has no set of gains 'soft'"),
         (("--controllers", "rsba", "--gains", "foc/rule"), "for the controller 'foc', which is not compared"),
-        (("--table", "small"), "there is no table 'small'; choose from paper, robustness and stability"),
+        (
+            ("--table", "small"),
+            "there is no table 'small'; choose from paper, robustness, stability and margins",
+        ),
         (("--resolution", "5"), "only the table stability has a resolution"),
         (("--table", "stability", "--resolution", "1"), "must be from 2 to 100"),
         (("--set", "lift.plant.motor.R=1"), "R_s"),

@@ -120,7 +120,7 @@ class System:
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
     bonds: Mapping[str, Bond] = field(default_factory=dict)
-    main: str = field(default="", compare=False)
+    main: str | None = field(default=None, compare=False)
 
     @classmethod
     def of(
@@ -208,7 +208,7 @@ class System:
         """Return the component whose variables need no component's name; None if there is none."""
         if len(self.components) == 1:
             return self.components[0]
-        return self._by_name.get(self.main)
+        return None if self.main is None else self._by_name.get(self.main)
 
     def with_main(self) -> "System":
         """Return the system with its only component as `main`, so that this holds when others are added."""
