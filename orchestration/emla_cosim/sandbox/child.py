@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -106,10 +106,10 @@ class Child:
     def _join(self, patience: float | None) -> int | None:
         """Wait until the process ends, at most `patience` seconds; return its exit code, None if it runs.
 
-        `Process.join` waits without a limit once the process has written into all its pipes.
+        The sentinel of `multiprocessing` is a pipe. The process may write into it, and `Process.join` then
+        waits without a limit. Processes that it started may keep the pipe open.
         """
         until = None if patience is None else time.monotonic() + patience
-        wait([self._process.sentinel], patience)
         while self._process.is_alive() and (until is None or time.monotonic() < until):
             time.sleep(_PAUSE)
         return self._process.exitcode

@@ -1,11 +1,16 @@
 """Run a part of a check in a process that has not loaded the FMU yet."""
 
+import math
+import time
 from collections.abc import Callable
 from typing import Any
 
 from ...sandbox.child import Child
 from ..subject import Subject
 from ..subprocess_run import last_note
+
+_POLL = 0.05
+"""Seconds between two looks whether the process runs."""
 
 
 class EndedError(Exception):
@@ -32,9 +37,12 @@ def in_fresh_process(do: Callable[..., Any], *arguments: Any, patience: float | 
     """
     child = Child(_answer, do, arguments)
     try:
-        if patience is not None and not child.answers.poll(patience):
-            child.kill()
-            raise EOFError
+        until = math.inf if patience is None else time.monotonic() + patience
+        while not child.answers.poll(_POLL):  # a process that the FMU started may keep the pipe open
+            if time.monotonic() > until:
+                child.kill()
+            if not child.is_alive() and not child.answers.poll(0):
+                raise EOFError
         done, found = child.answers.recv()
     except (EOFError, OSError):
         how = child.wait()
