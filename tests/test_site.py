@@ -83,7 +83,10 @@ def test_pages_need_nothing_from_elsewhere(site: Path) -> None:
 
 def test_equations_are_typeset(site: Path) -> None:
     plant = page(site, "fmus/EmlaPlant.html")
-    assert len(plant.xpath("//*[local-name() = 'math']")) > 30
+    formulas = plant.xpath("//*[local-name() = 'svg'][@role = 'img']")
+    assert len(formulas) > 30
+    assert any(r"\dot{x}_1" in formula.get("aria-label") for formula in formulas)
+    assert all(formula.xpath(".//*[local-name() = 'path']") for formula in formulas)
     assert not plant.xpath("//*[@class = 'arithmatex']")
 
 

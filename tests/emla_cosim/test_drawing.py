@@ -1,4 +1,4 @@
-"""Panels as pictures: motion and rest apart, limits where they matter, no room for what does not change."""
+"""Panels as pictures: linear time, settling apart, limits where they matter, no room for what is constant."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,21 +70,39 @@ def test_limits_are_products_of_parameters() -> None:
     assert resolved(Curve("", "F"), RangeLimit("unknown", ("gone",)), parameters=parameters).limits == ()
 
 
-def test_motion_is_drawn_wider_than_the_rest() -> None:
-    figure = draw_panels([panel(MOVE)], "Tracking", "study", rest=1.0)
-    (axes,) = figure.axes
+def test_time_is_linear_and_shared_by_rows_of_one_part() -> None:
+    begin = Plot("x", (Line("", TIME[:100], MOVE[:100]),), column="lift", part="settling")
+    rows = [begin, panel(MOVE, part="settled"), panel(MOVE, part="settled")]
+    figure = draw_panels(rows, "Tracking", "study")
+    first, second, third = figure.axes
+    assert [axes.get_xscale() for axes in figure.axes] == ["linear"] * 3
+    assert [axes.get_xlabel() for axes in figure.axes] == ["time / s", "", "time / s"]
+    assert second.get_xlim() == third.get_xlim() != first.get_xlim()
+    assert first.get_xlim()[1] < 1.0 < 9.0 < third.get_xlim()[1]
+    tops = [axes.get_position().y1 for axes in figure.axes]
+    assert tops == sorted(tops, reverse=True)
+
+
+@pytest.mark.parametrize("since", [2.5, np.nan])
+def test_parts_meet_where_metrics_begin(since: float) -> None:
+    specs = tuple(PanelSpec("l", (Curve("", "F"),), part) for part in ("", "settling", "settled"))
+    time = 5.0 + TIME
+    result = Known({"joints": {"j": {"evaluated_from_s": 5.0 + since}}}, {"j.F": TIME})
+    found = Picture("p", specs, "joints").resolved(result, {"time": time, "j.F": TIME})  # pyright: ignore[reportArgumentType]
+    border = 5.0 + (0.3 if np.isnan(since) else since)
+    ends = [(one.lines[0].time[0], one.lines[0].time[-1]) for one in found]
+    assert ends == [(5.0, 15.0), (5.0, pytest.approx(border)), (pytest.approx(border), 15.0)]
+
+
+def test_a_legend_hides_no_curve() -> None:
+    shown = Plot("x", (Line("one", TIME, MOVE), Line("two", TIME, -MOVE, dashed=True)), column="a")
+    figure = draw_panels([shown, Plot("x", (Line("one", TIME, MOVE),), column="b")], "t", "r")
+    legends = [axes.get_legend() for axes in figure.axes]
+    assert legends[0] is None
+    assert [text.get_text() for text in legends[1].get_texts()] == ["one", "two"]
     figure.canvas.draw()
-    said = {float(label.get_text()): label.get_position()[0] for label in axes.get_xticklabels()}
-    assert said[0.0] == 0.0
-    assert said[1.0] == pytest.approx(0.62 / 1.15)
-    assert said[10.0] == 1.0
-    x, y = axes.lines[0].get_xdata(), axes.lines[0].get_ydata()
-    assert np.interp(said[1.0] / 2.0, x, y) == pytest.approx(0.5, abs=1e-3)
-    assert axes.get_xlabel() == "time / s, wider until 1.1 s"
-    for late in (None, 6.0, 0.0, np.nan):
-        (axes,) = draw_panels([panel(MOVE)], "Tracking", "study", rest=late).axes
-        assert axes.get_xlabel() == "time / s"
-        assert axes.get_xlim()[1] > 9.0
+    assert legends[1].get_window_extent().x0 >= figure.axes[1].get_window_extent().x1
+    assert legends[1].get_window_extent().x1 <= figure.bbox.x1
 
 
 def test_every_extreme_of_both_parts_is_drawn() -> None:
@@ -92,7 +110,7 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
     values[1_234], values[150_000] = 1.0, -1.0
     time = np.linspace(0.0, 10.0, len(values))
     shown = Plot("x", (Line("", time, values),), column="lift")
-    (axes,) = draw_panels([shown], "t", "r", rest=1.0).axes
+    (axes,) = draw_panels([shown], "t", "r").axes
     drawn = axes.lines[0].get_ydata()
     assert (np.min(drawn), np.max(drawn)) == (-1.0, 1.0)
     assert len(drawn) < 5_000
@@ -119,7 +137,7 @@ def test_what_does_not_change_takes_no_row() -> None:
 )
 def test_odd_values_are_borne(values: np.ndarray) -> None:
     shown = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
-    assert draw_panels(shown, "t", "r", rest=1.0).axes
+    assert draw_panels(shown, "t", "r").axes
 
 
 def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:

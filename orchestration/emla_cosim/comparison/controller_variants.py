@@ -54,7 +54,7 @@ def select_variants(
     """
     names = list(dict.fromkeys(_controllers(controllers)))
     sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
-    named = _check_sets(convert_value(list(gains or ()), Sequence[str], "the gains to compare"), sets)
+    named = _check_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
     if not gains:
         for one in (c for c in names if c in CONTROLLERS):
             named[one] = {sets[one][0], *also}

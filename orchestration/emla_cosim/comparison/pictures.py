@@ -25,8 +25,8 @@ NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "co
 """Names of the pictures."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
-_WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
-"""Figures on logarithmic axes, each with the value in its unit below which the axis is linear."""
+_WIDE = {"position_error_m", "velocity_error_m_s"}
+"""Figures on logarithmic axes, drawn as points: bars have no beginning there."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
 """Colours of errors, the smallest error first."""
 _HOLDS, _LOST = "#cfe0f1", "#b0413e"
@@ -75,7 +75,11 @@ def _bars(result: CompareData) -> "Figure":
                 shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
             ]
             spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
-            axes.barh(names, values, xerr=spreads, color=[_color(result, n) for n in names], height=0.7)
+            colors = [_color(result, n) for n in names]
+            if name in _WIDE:
+                _draw_points(axes, names, values, spreads, colors)
+            else:
+                axes.barh(names, values, xerr=spreads, color=colors, height=0.7)
             for place, one in enumerate(found.values()):
                 if not one.is_held:
                     text = format_lost(one, shown)
@@ -84,11 +88,12 @@ def _bars(result: CompareData) -> "Figure":
             if said is not None:
                 axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
             known = [*values, *([shown.factor * said] if said is not None else [])]
-            if name in _WIDE:
-                axes.set_xscale("symlog", linthresh=_WIDE[name])
-            axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
+            if name not in _WIDE:
+                axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
             axes.invert_yaxis()
             tidy_axes(axes)
+            if name in _WIDE:
+                _label_decades(axes)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
@@ -97,6 +102,35 @@ def _bars(result: CompareData) -> "Figure":
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
     figure.suptitle(f"Controllers side by side{paper}", fontsize=12, fontweight="bold")
     return figure
+
+
+def _draw_points(
+    axes: "Axes", names: Sequence[str], values: Sequence[float], spreads: Sequence[float], colors: list[str]
+) -> None:
+    """Draw means and standard deviations on a logarithmic axis; zero stands for no value."""
+    shown = np.array([max(value, _SMALLEST) if value else np.nan for value in values])
+    axes.barh(names, np.zeros(len(names)), height=0.7)  # a place for each name
+    axes.hlines(
+        np.arange(len(names)), 0.0, 1.0, transform=axes.get_yaxis_transform(), color="#eeeeee", lw=4.0
+    )
+    axes.scatter(shown, names, c=colors, s=28.0, zorder=3)
+    for place, (value, spread, color) in enumerate(zip(shown, spreads, colors, strict=True)):
+        low = max(value - spread, 0.1 * value)
+        axes.plot([low, value + spread], [place, place], color=color, lw=1.5, zorder=2)
+    axes.set_xscale("log")
+
+
+def _label_decades(axes: "Axes") -> None:
+    """Label a logarithmic axis with plain numbers, over at least one decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    room = max(1.3, float(np.sqrt(10.0 * low / high)))
+    low, high = low / room, high * room
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else (1.0, 3.0), numticks=5))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 _TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
@@ -128,7 +162,7 @@ def _errors(result: CompareData) -> "Figure":
     figure.legend(
         handles=handles, loc="outside lower center", ncols=min(len(handles), 5), fontsize=8, frameon=False
     )
-    figure.suptitle("Position errors", fontsize=12, fontweight="bold")
+    figure.suptitle("Position errors: the largest in each 400th of the time", fontsize=12, fontweight="bold")
     return figure
 
 

@@ -29,18 +29,16 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "errors": Picture(
         "Tracking errors",
         (
-            PanelSpec("position / mm", (Curve("", "x_L", less="x_d", scale=1e3),)),
-            PanelSpec("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), True),
-            PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), True),
+            PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_d", scale=1e3),), "settling"),
+            PanelSpec("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), "settled"),
+            PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), "settled"),
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "currents": Picture(
         "Motor currents",
@@ -57,7 +55,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "voltages": Picture(
         "Motor voltages after the inverter's limit",
@@ -67,7 +64,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "torque": Picture(
         "Motor torque and load",
@@ -77,7 +73,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "power": Picture(
         "Power and energy",
@@ -101,7 +96,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "adaptation": Picture(
         "Adaptation of the controller",
@@ -117,7 +111,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
     "observer": Picture(
         "Observer errors",
@@ -127,7 +120,6 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
-        moving="v_d",
     ),
 }
 """The plots of a joint by file name; their signals are roles."""
@@ -164,7 +156,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
             PanelSpec(
                 "acceleration / (m/s²), settled",
                 (Curve("piston", "a_L"), Curve("reference", "a_d", ORANGE, dashed=True)),
-                late=True,
+                part="settled",
             ),
         ),
         of="joints",

@@ -50,7 +50,8 @@ class Plot:
     """Lines over time with the quantity and unit of `label`. The area beyond `limits` is shaded.
 
     `items` are names for values, such as those of an enumeration, which the axis shows.
-    `column` is their subject; plots with the same subject zoom together on a page.
+    `column` is their subject; plots with the same subject zoom together on a page. `part` is the part of the
+    time that they show, if it is not the whole; a plot of another part zooms by itself.
 
     The other attributes are for pages. `mark` is a time on the first line, and `since` the time from which
     conditions differ, both with a text. With `against`, the index of a line, the page can show differences
@@ -65,4 +66,5 @@ class Plot:
     against: int | None = None
     limits: tuple[Limit, ...] = ()
     column: str = ""
+    part: str = ""
     items: Mapping[int, str] = field(default_factory=dict)

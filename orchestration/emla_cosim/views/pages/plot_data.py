@@ -62,7 +62,7 @@ def as_json(plot: Plot, points: int | None = None) -> str:
         "since": None,
         "base": None if plot.against is None else make_visible(lines[plot.against].label),
         "limits": [{"label": make_visible(x.label), "low": x.low, "high": x.high} for x in _limits(plot)],
-        "group": plot.column or None,
+        "group": " ".join(filter(None, (plot.column, plot.part))) or None,
     }
     if plot.since is not None and np.isfinite(plot.since[0]):
         content["since"] = {"at": float(plot.since[0]), "label": make_visible(plot.since[1])}

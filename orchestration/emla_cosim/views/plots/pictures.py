@@ -4,13 +4,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ...base.arrays import Vector
 from ..formatting import format_headline
-from ..pages.curve_data import mask_undrawable
 from ..panels import Limit, Line, Plot
 from .panel_drawing import draw_panels, has_changes
 from .style import BLUE
@@ -20,11 +19,14 @@ if TYPE_CHECKING:
 
     from ...run.result import Result
 
-_MOST_ROWS = 20_000
-"""Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
+_MOST_ROWS = 200_000
+"""Of longer results only every n-th row is drawn."""
 
 _TRANSIENT = 0.3
-"""Time in s after which errors are small enough for a scale of their own."""
+"""Time in s from which a subject counts as settled if its metrics do not say it."""
+
+
+Part = Literal["", "settling", "settled"]
 
 
 class Drawing(ABC):
@@ -83,11 +85,14 @@ class RangeLimit:
 
 @dataclass(frozen=True)
 class PanelSpec:
-    """One row of axes, with the same curves for each column. `late` leaves out the initial transient."""
+    """One row of axes, with the same curves for each column.
+
+    `part` is the part of the time that it shows: all of it, the initial transient, or what comes after that.
+    """
 
     label: str
     curves: tuple[Curve, ...]
-    late: bool = False
+    part: Part = ""
     bound: RangeLimit | None = None
 
 
@@ -101,14 +106,13 @@ class Picture(Drawing):
 
     `find` returns the full name of a column's signal, or None. Its arguments are the column, the signal's
     name in the curve, all names, and the result's roles. By default the full name is the
-    column's name, a dot and the signal's name. The time in which the signal `moving` changes is drawn wider.
+    column's name, a dot and the signal's name.
     """
 
     title: str
     panels: tuple[PanelSpec, ...]
     of: str
     find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
-    moving: str | None = None
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of the curves of all columns."""
@@ -117,7 +121,7 @@ class Picture(Drawing):
         found = (
             self.find(column, signal, names, result.roles)
             for column in result.metrics.get(self.of, ())
-            for signal in (*wanted, *([self.moving] if self.moving else []))
+            for signal in wanted
         )
         return [name for name in found if name is not None]
 
@@ -126,13 +130,17 @@ class Picture(Drawing):
         shown = self.resolved(result, data)
         if not has_changes(shown):
             return None
-        return draw_panels(shown, self.title, format_headline(result), self._rest(result, data))
+        return draw_panels(shown, self.title, format_headline(result))
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        finds = {c: self._find(result, c) for c in result.metrics.get(self.of, ())}
+        metrics, start = result.metrics.get(self.of, {}), float(data["time"][0])
+        finds = {c: self._find(result, c) for c in metrics}
         found = [
-            [_resolve_panel(panel, column, find, data, result.parameters) for column, find in finds.items()]
+            [
+                _resolve_panel(panel, column, find, data, result.parameters, _settled(metrics[column], start))
+                for column, find in finds.items()
+            ]
             for panel in self.panels
         ]
         some = [any(row[i].lines for row in found) for i in range(len(finds))]
@@ -141,17 +149,6 @@ class Picture(Drawing):
 
     def _find(self, result: "Result", column: str) -> Find:
         return lambda name, names: self.find(column, name, names, result.roles)
-
-    def _rest(self, result: "Result", data: Mapping[str, Vector]) -> float | None:
-        """Return the time from which nothing moves, or None if it is unknown or never comes."""
-        times = []
-        for column in result.metrics.get(self.of, ()) if self.moving else ():
-            name = self.find(column, str(self.moving), data, result.roles)
-            if name is not None:
-                away = np.abs(mask_undrawable(data[name]) - mask_undrawable(data[name])[-1])
-                moves = np.flatnonzero(away > 1e-3 * np.nanmax(away, initial=0.0))
-                times += [data["time"][moves[-1]]] if len(moves) else []
-        return max(times, default=None)
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -172,20 +169,43 @@ def _list_signals(result: "Result") -> list[str]:
     return ["time", *(name for name in result.names if name in wanted)]
 
 
+def _settled(metrics: Mapping[str, Any], start: float) -> float:
+    """Return the time in s from which the metrics count a subject as settled."""
+    since = metrics.get("evaluated_from_s")
+    return since if isinstance(since, float) and math.isfinite(since) else start + _TRANSIENT
+
+
 def _resolve_panel(
-    panel: PanelSpec, column: str, find: Find, data: Mapping[str, Vector], parameters: Mapping[str, float]
+    panel: PanelSpec,
+    column: str,
+    find: Find,
+    data: Mapping[str, Vector],
+    parameters: Mapping[str, float],
+    settled: float,
 ) -> Plot:
     time = data["time"]
-    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
-    part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    shown = _select_rows(time, panel.part, settled)
     lines = []
     for curve in panel.curves:
         values = [None if (n := find(name, data)) is None else data[n] for name in curve.names]
         if all(v is not None for v in values):
-            shown = _values(curve, [v for v in values if v is not None], time)[part]
-            lines.append(Line(curve.label, time[part], shown, curve.color, curve.dashed))
+            drawn = _values(curve, [v for v in values if v is not None], time)[shown]
+            lines.append(Line(curve.label, time[shown], drawn, curve.color, curve.dashed))
     limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
-    return Plot(panel.label, tuple(lines), limits=limits, column=column)
+    return Plot(
+        panel.label,
+        tuple(lines),
+        limits=limits,
+        column=column,
+        part="" if panel.part == "whole" else panel.part,
+    )
+
+
+def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
+    """Return the mask of the rows of a part of the time. A result that is too short is shown whole."""
+    if not part or time[-1] <= time[0] + 2.0 * (settled - time[0]):
+        return np.ones(len(time), dtype=bool)
+    return time <= settled if part == "settling" else time >= settled
 
 
 def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:

@@ -1,7 +1,7 @@
 """Common style of all plots: colours, figures without matplotlib's global state, labels without markup."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Literal
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..panels import Line
+
 __all__ = [
     "BLUE",
     "COLORS",
@@ -22,13 +24,21 @@ __all__ = [
     "ORANGE",
     "PURPLE",
     "RED",
+    "add_legend",
     "is_picture",
+    "line_style",
     "new_figure",
     "save",
     "tidy_axes",
     "with_margins",
 ]
 
+
+_DPI = 150
+"""Pixels per inch."""
+
+_LETTER = 0.065
+"""Width of a letter of a legend in inches."""
 
 _SOFTWARE = "emla-cosim, Matplotlib"
 
@@ -59,28 +69,55 @@ def new_figure(
             return content.getvalue()
 
     size = (1.2 + width * columns, 0.8 + height * rows)
-    figure = NotebookFigure(figsize=size, dpi=120, layout="constrained" if measured else None)
+    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained" if measured else None)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
 
 
-def with_margins(figure: "Figure", grid: np.ndarray) -> None:
-    """Set fixed margins that leave room for titles and labels of common size.
+def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:
+    """Set fixed margins that leave room for titles, labels, and legends of so many letters.
 
     Measuring every label takes longer than all of the drawing.
     """
     rows, columns = grid.shape
     width, height = figure.get_size_inches()
-    left, right, bottom, top = 0.95, 0.15, 0.55, 0.78
-    between, below = 0.75, 0.25
+    left, bottom, top, between = 0.95, 0.55, 0.78, 0.75
+    right = 0.5 + _LETTER * letters if letters else 0.15
+    gaps = [0.65 if row[0].get_xlabel() else 0.25 for row in grid[:-1]]
     wide = (width - left - right - between * (columns - 1)) / columns
-    high = (height - bottom - top - below * (rows - 1)) / rows
-    figure.subplots_adjust(
-        left / width, bottom / height, 1 - right / width, 1 - top / height, between / wide, below / high
-    )
+    high = (height - bottom - top - sum(gaps)) / rows
+    for i, row in enumerate(grid):
+        y = bottom + (rows - 1 - i) * high + sum(gaps[i:])
+        for j, axes in enumerate(row):
+            x = left + j * (wide + between)
+            axes.set_position((x / width, y / height, wide / width, high / height))
     for axes in grid.flat:
         axes.set_title(axes.get_title(), y=1.0, fontsize=11, parse_math=False)
         axes.xaxis.set_label_coords(0.5, -0.28 / high)
         axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
+
+
+def add_legend(axes: "Axes", lines: "Mapping[str, Line]") -> None:
+    """Add a legend beside the axes, where it hides no curve; without lines add none."""
+    from matplotlib.lines import Line2D
+
+    if not lines:
+        return
+    handles = [Line2D([], [], color=x.color, linestyle=line_style(x), linewidth=1.1) for x in lines.values()]
+    legend = axes.legend(
+        handles,
+        ["label"] * len(handles),
+        fontsize=8,
+        edgecolor="none",
+        loc="center left",
+        bbox_to_anchor=(1.0, 0.5),
+    )
+    for text, label in zip(legend.get_texts(), lines, strict=True):
+        text.set(text=label, parse_math=False)
+
+
+def line_style(line: "Line") -> str | tuple[int, tuple[int, int]]:
+    """Return the line style for Matplotlib."""
+    return (0, (4, 2)) if line.dashed else "-"
 
 
 def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
