@@ -144,4 +144,4 @@ def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:
     data = [{"file": str(tmp_path / name), "signals": {}} for name in ("load.csv", "way.csv")]
     changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
     said = format_headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
-    assert said == "study \u00b7 a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"
+    assert said == "Run of study with a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"

@@ -27,7 +27,7 @@ FORMAT = "emla-output"
 _VERSION = 1
 
 _HEAD = 4096
-"""Bytes at the beginning of a file in which a mark must be."""
+"""Bytes at the beginning and at the end of a file in which a mark must be."""
 
 _PART = 2**20
 """Bytes at each end of a file that its fingerprint depends on."""
@@ -72,11 +72,11 @@ def is_new(path: Path) -> bool:
 
 
 def has_mark(*marks: bytes) -> IsOurs:
-    """Return a function that recognizes files with one of these marks near their beginning."""
+    """Return a function that recognizes files with one of these marks near their beginning or end."""
 
     def is_ours(path: Path) -> bool:
-        head = _read_head(path)
-        return any(mark in head for mark in marks)
+        ends = _read_head(path), _read_tail(path)
+        return any(mark in end for mark in marks for end in ends)
 
     return is_ours
 
@@ -247,6 +247,14 @@ def _is_regular(path: Path) -> bool:
 def _read_head(path: Path) -> bytes:
     """Return the beginning of a file, empty if it cannot be read."""
     with suppress(OSError), path.open("rb") as stream:
+        return stream.read(_HEAD)
+    return b""
+
+
+def _read_tail(path: Path) -> bytes:
+    """Return the end of a file, empty if it cannot be read."""
+    with suppress(OSError), path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - _HEAD, 0))
         return stream.read(_HEAD)
     return b""
 

@@ -96,7 +96,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "controller": _controllers,
     "controllers": _controllers,
     "gains": _gains,
-    **{name: _choices(name) for name in ("algorithm", "flavour", "platform", "output_format")},
+    **{name: _choices(name) for name in ("algorithm", "flavour", "platform", "output_format", "plot_format")},
 }
 """Completions by parameter name."""
 

@@ -96,7 +96,7 @@ def _bars(result: CompareData) -> "Figure":
                 _label_decades(axes)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
-        axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
+        axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
     for axes, name in zip(grid[-1], bars, strict=True):
         axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
@@ -153,7 +153,7 @@ def _errors(result: CompareData) -> "Figure":
                 _draw_error(axes, errors, joint, _color(result, label_variant(row)))
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
-        axes.set_ylabel(f"{scenario}, {joint}\n|error| / µm", fontsize=9)
+        axes.set_ylabel(f"{', '.join(dict.fromkeys([scenario, joint]))}\n|error| / µm", fontsize=9)
         tidy_axes(axes)
     grid[-1, 0].set_xlabel("time / s", fontsize=9)
     from matplotlib.lines import Line2D

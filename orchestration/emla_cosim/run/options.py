@@ -56,6 +56,7 @@ from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from ..system.bond import Bond
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
+from .plot_formats import PLOT_FORMATS
 
 _Kind = TypeVar("_Kind")
 
@@ -378,6 +379,9 @@ class Options:
         60.0, help="Wall time to wait while the cluster has no workers.", unit="s", above=0.0
     )
     plots: bool = _shown(True, help="Draw plots into the output folder.")
+    plot_format: str = _shown(
+        "png", help="File format of the plots.", choices=lambda: PLOT_FORMATS, commands=(RUN,)
+    )
     animate: bool = _shown(
         False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError
+from ..base.errors import CommandError, check_choice
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..base.values import convert_value
@@ -17,6 +17,7 @@ from ..recorders.table import Table
 from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance
 from .agreement import compare_with_stored
+from .plot_formats import PLOT_FORMATS
 
 if TYPE_CHECKING:
     import pandas
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Signals, metrics and record of a run.
 
@@ -86,6 +87,17 @@ class Result:
     notes: Sequence[str] = ()
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return one line: scenario, time, steps and number of signals."""
+        kept = "no table" if self.table is None else f"{len(self.names)} signals"
+        return f"<Result of {self.name}: until {self.end_s:g} s, {self.steps} steps, {kept}>"
+
+    def __str__(self) -> str:
+        """Return the tables of metrics that `emla run` prints."""
+        from ..views.terminal import format_result
+
+        return format_result(self)
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal as an array of shape (rows,), in its unit.
@@ -155,21 +167,24 @@ class Result:
 
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
-    def plot(self, *names: str) -> "Figure":
+    def plot(self, *names: str, title: str | None = None, layout: str = "screen") -> "Figure":
         """Draw signals over time, with one panel for each unit.
 
         Args:
             *names: names of signals, or patterns such as `lift.*.x_*`.
+            title: title of the figure. Default: the name of the scenario on a screen, none on paper.
+            layout: `screen`, or `one-column` and `two-columns` for the columns of a paper: 88 mm and 181 mm
+                wide, with letters of 8 points.
 
         Returns:
             A matplotlib figure.
 
         Raises:
-            CommandError: no signal has one of the names.
+            CommandError: no signal has one of the names, or the layout does not exist.
         """
         from ..views.plots.overlay import plot_signals
 
-        return plot_signals(self, names)
+        return plot_signals(self, names, title, layout)
 
     def compare(
         self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
@@ -207,6 +222,7 @@ class Result:
         animate: bool = False,
         report: bool = False,
         overwrite: bool = False,
+        plot_format: str = "png",
     ) -> list[Path]:
         """Write the table, metrics.json, run.json and pictures to a folder.
 
@@ -216,6 +232,7 @@ class Result:
             animate: add an animation of the manipulator, a GIF.
             report: add a page, report.html.
             overwrite: replace files that emla did not write.
+            plot_format: file format of the pictures: png, pdf or svg.
 
         Returns:
             Paths of the pictures.
@@ -227,12 +244,14 @@ class Result:
         from ..views.animation import check_animated
         from ..views.output_folder import OutputFolder
 
+        check_choice("plot format", plot_format, PLOT_FORMATS)
         if animate:
             check_animated(self.name, self.names, self.names)
         output = OutputFolder(
             convert_value(folder, Path, "the folder"),
             self.record["settings"]["output_format"],
             plots=plots,
+            plot_format=plot_format,
             animated=animate,
             report=report,
             overwrite=overwrite,

@@ -73,7 +73,7 @@ class Folder:
     def draw(self, name: str, figure: "Figure") -> Path:
         """Write a plot and return its path. Raises OSError."""
         with self._written(name) as stream:
-            save(figure, stream)
+            save(figure, stream, Path(name).suffix[1:])
         return self.path / name
 
     @contextlib.contextmanager

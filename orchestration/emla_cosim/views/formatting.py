@@ -69,7 +69,7 @@ def format_headline(result: "Result") -> str:
     words = ", ".join(
         f"{name} {format_short(value)}".removeprefix("set ") for name, value in list_overrides(result)
     )
-    return make_visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " ")
+    return make_visible(f"Run of {result.name}{' with ' if words else ''}{words}").replace("\n", " ")
 
 
 def format_short(value: Any) -> str:

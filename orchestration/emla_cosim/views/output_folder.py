@@ -22,6 +22,7 @@ from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
+from ..run.plot_formats import PLOT_FORMATS
 from ..run.result import Result
 from .animation import ANIMATIONS, animate
 from .folder import Folder
@@ -53,6 +54,7 @@ class OutputFolder(Folder):
         form: str = "csv",
         *,
         plots: bool = True,
+        plot_format: str = "png",
         animated: bool = False,
         report: bool = False,
         overwrite: bool = False,
@@ -63,6 +65,7 @@ class OutputFolder(Folder):
             path: The folder.
             form: Format of the table of results, a name of `TABLES`.
             plots: Whether plots are written.
+            plot_format: Format of plots, one of `PLOT_FORMATS`.
             animated: Whether animations are written.
             report: Whether a page is written.
             overwrite: Whether to replace files that emla did not write.
@@ -70,11 +73,12 @@ class OutputFolder(Folder):
         Raises:
             CommandError: If the folder or a file cannot be written, or emla did not write the existing one.
         """
-        self.form, self.results = form, path / f"results.{form}"
-        pictures, animations = [f"{name}.png" for name in FIGURES], [f"{name}.gif" for name in ANIMATIONS]
+        self.form, self.results, self.plot_format = form, path / f"results.{form}", plot_format
+        pictures, animations = [f"{name}.{plot_format}" for name in FIGURES], [f"{n}.gif" for n in ANIMATIONS]
         self.files = [self.results.name, METRICS, RECORD]
         self.files += [REPORT] * report + pictures * plots + animations * animated
-        known = [*table_names(), METRICS, RECORD, REPORT, *pictures, *animations]
+        plotted = [f"{name}.{form}" for name in FIGURES for form in PLOT_FORMATS]
+        known = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
         self.pictures = [name for name in known if name not in self.files]
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -210,7 +214,7 @@ class OutputFolder(Folder):
                 if (found := next(figures, None)) is None:
                     return written
                 name, figure = found
-                written += [self.draw(f"{name}.png", figure)] if figure is not None else []
+                written += [self.draw(f"{name}.{self.plot_format}", figure)] if figure is not None else []
                 told.advance(1)
         except BaseException:
             self._files.remove([path.name for path in written])

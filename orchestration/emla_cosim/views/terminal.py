@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -130,14 +131,11 @@ def show_result(
     result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
 ) -> None:
     """Show the metrics as tables, the statistics of the steps, and the files."""
-    for remark in result.remarks:
-        print_line(remark)
-    span = result.end_s - result.times.start
-    for kind, figures in result.metrics.items():
-        if result.shown[kind]:
-            show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
-    if not any(result.metrics.values()) and result.signals:
-        _show_signals(result, f"{result.name}, {span:g} s simulated")
+    for part in _list_metrics(result):
+        if isinstance(part, str):
+            print_line(part)
+        else:
+            show(part)
     for note in notes:
         print_line(f"Note: {note}.")
     if result.comparisons:
@@ -151,6 +149,14 @@ def show_result(
     for path in pictures:
         if path.suffix == ".html":
             print_line(f"Report: {path}")
+
+
+def format_result(result: "Result") -> str:
+    """Return remarks, metrics as tables, and the error message of a result as plain text."""
+    console = _SafeConsole(file=StringIO(), width=_UNFOLDED, color_system=None, legacy_windows=False)
+    for part in (*_list_metrics(result), *filter(None, [result.problem]), *describe_stepping(result)):
+        console.print(part, markup=False, highlight=False, soft_wrap=isinstance(part, str))
+    return cast(StringIO, console.file).getvalue().rstrip()
 
 
 def show_error(sentence: str) -> None:
@@ -180,6 +186,17 @@ def print_line(text: str) -> None:
     show(text, markup=False, highlight=False, soft_wrap=True)
 
 
+def _list_metrics(result: "Result") -> Iterator[Table | str]:
+    """Yield the remarks on a result and its metrics: by kind, or of signals."""
+    yield from result.remarks
+    title = f"{result.name}, {result.end_s - result.times.start:g} s simulated"
+    for kind, figures in result.metrics.items():
+        if result.shown[kind]:
+            yield _figures(title, figures, result.shown[kind])
+    if not any(result.metrics.values()) and result.signals:
+        yield from _list_signals(result, title)
+
+
 def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -> Table:
     table = Table(title=escape(title), title_justify="left")
     table.add_column("")
@@ -192,8 +209,8 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -
     return table
 
 
-def _show_signals(result: "Result", title: str) -> None:
-    """Show a table with the metrics of the first signals."""
+def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
+    """Yield a table with the metrics of the first signals, and how many more there are."""
     names = ("minimum", "maximum", "rms", "final")
     table = Table(title=escape(title), title_justify="left")
     table.add_column("", overflow="fold")
@@ -204,9 +221,9 @@ def _show_signals(result: "Result", title: str) -> None:
         unit = result.units.get(signal)
         values = ("none" if math.isnan(figures[name]) else f"{figures[name]:.5g}" for name in names)
         table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
-    show(table)
+    yield table
     if (more := len(result.signals) - _MOST_FIGURES) > 0:
-        print_line(f"The metrics of {more} more signals are in metrics.json.")
+        yield f"The metrics of {more} more signals are in metrics.json."
 
 
 def _show_agreement(result: "Result") -> None:

@@ -64,6 +64,7 @@ class _RunState:
     folder: Path
     form: str
     plots: bool
+    plot_format: str
     animate: bool
     report: bool
     notes: Sequence[str]
@@ -89,6 +90,7 @@ class CrashRecorder(Recorder):
             output.path,
             output.form,
             scenario.options.plots,
+            output.plot_format,
             scenario.options.animate,
             scenario.options.report,
             scenario.notes,
@@ -185,6 +187,7 @@ def rescue_results(how: str, ended: float) -> None:
             told.folder,
             told.form,
             plots=told.plots,
+            plot_format=told.plot_format,
             animated=told.animate,
             report=told.report,
             overwrite=told.overwrite,

@@ -11,8 +11,10 @@ from ...base.option import PLOT
 from ...base.ownership import check_replaceable
 from ...base.quantities import parse_quantity, parse_unit_name
 from ...recorders.registry import TABLES
+from ...run.plot_formats import PLOT_FORMATS
 from ...study.registration import register
 from ...views.plots.overlay import overlay_runs, read_traces
+from ...views.plots.stacked import SCREEN
 from ...views.plots.style import is_picture, save
 from ...views.terminal import print_line, show_file
 
@@ -38,7 +40,9 @@ def command(
             metavar="PATTERN",
         ),
     ] = None,
-    output: Annotated[Path, typer.Option(help="Plot file to write.", metavar="FILE.png")] = Path("plot.png"),
+    output: Annotated[
+        Path, typer.Option(help="Plot file to write: .png, .pdf or .svg.", metavar="FILE")
+    ] = Path("plot.png"),
     begin: Annotated[
         str | None,
         typer.Option("--from", help="First time to plot, in s or with a unit.", metavar="TIME"),
@@ -47,18 +51,30 @@ def command(
         str | None,
         typer.Option("--to", help="Last time to plot, in s or with a unit.", metavar="TIME"),
     ] = None,
+    title: Annotated[
+        str | None,
+        typer.Option(help="Title. Default: the names of the runs; on paper none.", metavar="TEXT"),
+    ] = None,
+    layout: Annotated[
+        str,
+        typer.Option(
+            help="Size of the figure: screen, or one-column and two-columns for papers (88 and 181 mm wide).",
+            metavar="LAYOUT",
+        ),
+    ] = SCREEN,
     *,
     given: dict[str, Any],
 ) -> None:
     """Plot signals of runs over time: one run by unit, several runs overlaid with a panel per signal."""
-    if output.suffix.lower() != ".png":
-        raise CommandError(f"the plot file '{output}' must end in .png.")
+    if (form := output.suffix.lower()[1:]) not in PLOT_FORMATS:
+        raise CommandError(f"the plot file '{output}' must end in .png, .pdf or .svg.")
     found = read_traces(runs)
     check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
     check_replaceable(output, "the plot", is_picture, given.get("overwrite", False))
-    overlay = overlay_runs(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
+    start, stop = _seconds("--from", begin), _seconds("--to", end)
+    overlay = overlay_runs(found, signals or [], start, stop, title, layout)
     with report_write_errors(output.parent), write_atomically(output) as stream:
-        save(overlay.figure, stream)
+        save(overlay.figure, stream, form)
     for note in overlay.notes:
         print_line(f"Note: {note}")
     show_file(output)

@@ -64,6 +64,7 @@ def run_into(
             folder,
             options.output_format,
             plots=options.plots,
+            plot_format=options.plot_format,
             animated=options.animate,
             report=options.report,
             overwrite=options.overwrite,

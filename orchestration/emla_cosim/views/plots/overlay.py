@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError, suggest_names
+from ...base.errors import CommandError, check_choice, suggest_names
 from ...base.files import read_text
 from ...base.patterns import matches_pattern
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
@@ -17,8 +17,10 @@ from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
 from .stacked import (
+    LAYOUTS,
     MOST_LINES,
     MOST_PANELS,
+    SCREEN,
     build_unit_panels,
     count_panels,
     draw_stacked,
@@ -75,7 +77,9 @@ def read_traces(places: Sequence[Path]) -> list[Traces]:
     return [_read_trace(place, label) for place, label in zip(places, labels, strict=True)]
 
 
-def plot_signals(result: "Result", patterns: Sequence[str]) -> "Figure":
+def plot_signals(
+    result: "Result", patterns: Sequence[str], title: str | None = None, layout: str = SCREEN
+) -> "Figure":
     """Plot signals of a result, panels by unit. Raise CommandError for unknown or too many signals."""
     if not patterns:
         raise CommandError("nothing to plot; name at least one signal.")
@@ -84,7 +88,7 @@ def plot_signals(result: "Result", patterns: Sequence[str]) -> "Figure":
             result.read([name])  # raises an error with a suggestion
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
     run = Traces(result.name, result.names, units, result.types, result, result.roles)
-    return overlay_runs([run], patterns).figure
+    return overlay_runs([run], patterns, title=title, layout=layout).figure
 
 
 def overlay_runs(
@@ -92,6 +96,8 @@ def overlay_runs(
     patterns: Sequence[str] = (),
     begin: float | None = None,
     end: float | None = None,
+    title: str | None = None,
+    layout: str = SCREEN,
 ) -> Overlay:
     """Plot the signals that match the patterns: one run by unit, several with a panel per signal.
 
@@ -101,11 +107,14 @@ def overlay_runs(
             first signals.
         begin: First time in s.
         end: Last time in s.
+        title: Title of the figure. Default: the names of the runs on a screen, none on paper.
+        layout: A name of `LAYOUTS`.
 
     Raises:
-        CommandError: If a pattern has no match, the signals do not fit in a plot, or there are no rows
-            between these times.
+        CommandError: If the layout does not exist, a pattern has no match, the signals do not fit in a plot,
+            or there are no rows between these times.
     """
+    check_choice("layout", layout, LAYOUTS)
     if begin is not None and end is not None and not begin < end:
         raise CommandError(f"the plot begins at {begin:g} s, which must be before its end, {end:g} s.")
     names = list(dict.fromkeys(name for run in runs for name in run.names))
@@ -130,7 +139,9 @@ def overlay_runs(
         panels = build_unit_panels(chosen, units, data[0], runs[0].label, types)
     else:
         panels = [panel for name in chosen for panel in _overlay_signal(name, runs, units, types, data)]
-    return Overlay(draw_stacked(panels, ", ".join(run.label for run in runs)), notes)
+    if title is None and layout == SCREEN:
+        title = ", ".join(run.label for run in runs)
+    return Overlay(draw_stacked(panels, title, LAYOUTS[layout]), notes)
 
 
 def _read_trace(place: Path, label: str) -> Traces:

@@ -39,14 +39,15 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str) -> "Figure":
         for axes, panel in zip(grid[i], row, strict=True):
             _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(row[0].label, parse_math=False)
-        add_legend(grid[i, -1], labels[i])
+        add_legend(grid[i, -1], list(labels[i].items()))
         if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
             _join(grid[i], grid[i + 1])
         else:
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
-        grid[0, j].set_title("   ".join([column, *said[column]]), fontsize=11, parse_math=False)
+        named = [column] if len(columns) > 1 or column not in run else []
+        grid[0, j].set_title("   ".join([*named, *said[column]]), fontsize=11, parse_math=False)
     width, height = figure.get_size_inches()
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
     said_of_run = shorten_text(run, int(_LETTERS * width))

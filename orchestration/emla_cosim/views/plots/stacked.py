@@ -1,17 +1,40 @@
 """Draw signals over time in stacked panels: by unit, or several runs overlaid."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
 from ..panels import Line, Plot, make_steps
 from .panel_drawing import draw_line
-from .style import COLORS, new_figure, tidy_axes
+from .style import COLORS, add_legend, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Size of a figure: its `width` and the `height` of a panel in inches, and of its `text` in points.
+
+    The legends are beside the panels, or above them in a number of `columns`.
+    """
+
+    width: float
+    height: float
+    text: float
+    columns: int = 0
+
+
+SCREEN = "screen"
+LAYOUTS = {
+    SCREEN: Layout(8.7, 2.1, 10.0),
+    "one-column": Layout(3.46, 1.4, 8.0, 2),
+    "two-columns": Layout(7.13, 1.4, 8.0, 4),
+}
+"""Layouts of figures by name: for screens, and for papers of one and two columns of 88 mm."""
 
 MOST_LINES = len(COLORS)
 """Most signals in a panel, each with its own colour."""
@@ -87,22 +110,27 @@ def numbered(number: int, label: str, time: Vector, values: Vector, kind: Signal
     return Line(label, time, values, COLORS[number % len(COLORS)], dashed)
 
 
-def draw_stacked(panels: Sequence[Plot], title: str) -> "Figure":
-    """Draw panels below each other, in two columns if there are many.
+def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAYOUTS[SCREEN]) -> "Figure":
+    """Draw panels below each other, on a screen in two columns if there are many.
 
     If they have different subjects, each panel has its own title.
     """
-    columns = 2 if len(panels) > _TALLEST else 1
-    figure, grid = new_figure(-(-len(panels) // columns), columns, 7.5)
-    axes, of = list(grid.flat), {panel.column for panel in panels}
-    for place, panel in zip(axes, panels, strict=False):
-        _draw(place, panel, titled=len(of) > 1)
-    for place in axes[len(panels) :]:
-        place.set_visible(False)
-    for place in axes[max(len(panels) - columns, 0) : len(panels)]:
-        place.tick_params(labelbottom=True)
-        place.set_xlabel("time / s")
-    figure.suptitle(title, fontsize=12, fontweight="bold", parse_math=False)
+    from matplotlib import rc_context
+
+    columns = 2 if len(panels) > _TALLEST and not layout.columns else 1
+    with rc_context({"font.size": layout.text, "axes.labelsize": layout.text}):
+        figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, layout.height)
+        axes, of = list(grid.flat), {panel.column for panel in panels}
+        for place, panel in zip(axes, panels, strict=False):
+            _draw(place, panel, len(of) > 1, layout)
+        for place in axes[len(panels) :]:
+            place.set_visible(False)
+        for place in axes[max(len(panels) - columns, 0) : len(panels)]:
+            place.tick_params(labelbottom=True)
+            place.set_xlabel("time / s")
+        if title:
+            size = 1.2 * layout.text
+            figure.suptitle(title, fontsize=size, fontweight="bold", parse_math=False)
     return figure
 
 
@@ -113,7 +141,7 @@ def shorten_name(name: str) -> str:
     return f"{name[: _LONGEST // 2 - 2]}...{name[-(_LONGEST // 2 - 1) :]}"
 
 
-def _draw(axes: "Axes", panel: Plot, titled: bool) -> None:
+def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     for line in panel.lines:
         draw_line(axes, line)
     axes.set_ylabel(panel.label, parse_math=False)
@@ -123,7 +151,5 @@ def _draw(axes: "Axes", panel: Plot, titled: bool) -> None:
             label.set_parse_math(False)
     if titled:
         axes.set_title(shorten_name(panel.column), fontsize=9, loc="left", parse_math=False)
-    tidy_axes(axes, [shorten_name(line.label) for line in panel.lines])
-    if (legend := axes.get_legend()) is not None:
-        legend.set_loc("center left")
-        legend.set_bbox_to_anchor((1.0, 0.5))  # beside the curves, which it would hide
+    tidy_axes(axes)
+    add_legend(axes, [(shorten_name(line.label), line) for line in panel.lines], layout.columns)

@@ -1,7 +1,7 @@
 """Common style of all plots: colours, figures without matplotlib's global state, labels without markup."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Literal
 
@@ -42,7 +42,7 @@ _LETTER = 0.065
 
 _SOFTWARE = "emla-cosim, Matplotlib"
 
-is_picture = has_mark(b"Software\x00emla-cosim")
+is_picture = has_mark(b"Software\x00emla-cosim", b"/Creator (emla-cosim", b"<dc:title>emla-cosim")
 """Marks plots that `save` wrote."""
 
 
@@ -96,22 +96,23 @@ def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:
         axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
 
 
-def add_legend(axes: "Axes", lines: "Mapping[str, Line]") -> None:
-    """Add a legend beside the axes, where it hides no curve; without lines add none."""
+def add_legend(axes: "Axes", lines: "Sequence[tuple[str, Line]]", columns: int = 0) -> None:
+    """Add a legend of labels and lines where it hides no curve: beside the axes, or above in columns."""
     from matplotlib.lines import Line2D
 
     if not lines:
         return
-    handles = [Line2D([], [], color=x.color, linestyle=line_style(x), linewidth=1.1) for x in lines.values()]
+    handles = [Line2D([], [], color=x.color, linestyle=line_style(x), linewidth=1.1) for _, x in lines]
     legend = axes.legend(
         handles,
         ["label"] * len(handles),
         fontsize=8,
         edgecolor="none",
-        loc="center left",
-        bbox_to_anchor=(1.0, 0.5),
+        loc="lower left" if columns else "center left",
+        bbox_to_anchor=(0.0, 1.0) if columns else (1.0, 0.5),
+        ncols=max(columns, 1),
     )
-    for text, label in zip(legend.get_texts(), lines, strict=True):
+    for text, (label, _) in zip(legend.get_texts(), lines, strict=True):
         text.set(text=label, parse_math=False)
 
 
@@ -132,12 +133,15 @@ def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
     axes.margins(x=0.01)
 
 
-def save(figure: "Figure", stream: IO[bytes]) -> None:
-    """Write a figure as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
+    """Write a figure in one of `PLOT_FORMATS`. The same figure has the same bytes."""
+    from matplotlib import rc_context
 
-    with warnings.catch_warnings():
+    creator = {"png": "Software", "pdf": "Creator", "svg": "Creator"}[form]
+    dates = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[form]
+    fixed = {"svg.hashsalt": _SOFTWARE, "pdf.fonttype": 42}
+    with warnings.catch_warnings(), rc_context(fixed):
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from", UserWarning
         )  # the missing glyph is visible as a box
-        FigureCanvasAgg(figure).print_png(stream, metadata={"Software": _SOFTWARE})
+        figure.savefig(stream, format=form, metadata={creator: _SOFTWARE, **dates})
