@@ -38,7 +38,13 @@ LATE = {
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
         RESULT,
-        {"recorders.stored", "views.animation", "views.output_folder", "views.plots.overlay"},
+        {
+            "recorders.stored",
+            "views.animation",
+            "views.output_folder",
+            "views.plots.overlay",
+            "views.terminal",
+        },
     ),
     "study.joint": (ON_DEMAND, {"fmu.interface"}),
     "sweeps.worker": (BY_VALUE, {"sweeps.worker"}),

@@ -111,6 +111,46 @@ def test_a_condensed_curve_keeps_both_edges_of_every_gap(gaps: list[tuple[int, i
     assert {0, 999} <= set(found.tolist()) and len(found) <= 200
 
 
+@pytest.mark.parametrize(("ending", "begin"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_formats_follow_the_ending_and_emla_knows_its_own(
+    ending: str, begin: bytes, tmp_path: Path, emla: Emla, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    name = f"plot.{ending}"
+    content = list[bytes]()
+    for _ in range(2):
+        assert emla("plot", "a", "--output", name).exit_code == 0
+        content.append(Path(name).read_bytes())
+    assert content[0].startswith(begin) and content[0] == content[1]
+    Path(name).write_bytes(begin + b" of another program")
+    assert emla("plot", "a", "--output", name).exit_code == 2
+    assert Path(name).read_bytes() == begin + b" of another program"
+
+
+@pytest.mark.parametrize(("layout", "width"), [("screen", 8.7), ("one-column", 3.46), ("two-columns", 7.13)])
+def test_layouts_have_the_width_of_a_column(layout: str, width: float, tmp_path: Path) -> None:
+    names = {f"machine.component.signal_{i}": [0, i] for i in range(3)}
+    traces = read_traces([kept(tmp_path / "a", {"time": [0, 1], **names})])
+    figure = overlay_runs(traces, layout=layout).figure
+    assert figure.get_figwidth() == pytest.approx(width)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.get_window_extent().width > 0.55 * figure.bbox.width  # the legend leaves room for curves
+    assert (figure.get_suptitle() == "a") is (layout == "screen")
+    assert overlay_runs(traces, layout=layout, title="mine").figure.get_suptitle() == "mine"
+
+
+def test_a_result_prints_as_a_short_table() -> None:
+    result = ec.load("lift", stop_time=0.4).prepare().run()
+    text = str(result)
+    error = result.metrics["joints"]["lift"]["position_error_m"]
+    row = next(line for line in text.splitlines() if "position error" in line)
+    assert f"{1e6 * error:.4g}" in row and "µm" in row
+    assert len(text) < 2000 and "\x1b" not in text
+    assert repr(result) == "<Result of lift: until 0.4 s, 4000 steps, 50 signals>"
+
+
 def test_many_signals_are_bounded(tmp_path: Path) -> None:
     columns = {"time": [0, 1], **{f"s{i}.{'n' * 300}": [i, i] for i in range(1000)}}
     place = kept(tmp_path / "a", columns)
@@ -155,7 +195,7 @@ WRONG = [
     (["a", "--from", "nan"], "--from is 'nan'; it must be a number, or a number and a unit"),
     (["a", "--from", "9 h"], "there are no rows to plot between these times."),
     (["a", "--from", "1", "--to", "1"], "the plot begins at 1 s, which must be before its end, 1 s."),
-    (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png."),
+    (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png, .pdf or .svg."),
     (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
     (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
     (["header"], "there are no rows to plot between these times."),

@@ -114,7 +114,17 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 }
 """Keys by what they bring to the settings in run.json."""
 
-ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
+ELSEWHERE = {
+    "system",
+    "description",
+    "mapping",
+    "output",
+    "output_format",
+    "plot_format",
+    "plots",
+    "require",
+    "signals",
+} | {
     "animate",
     "actuator",
     "input",

@@ -92,7 +92,7 @@ def _bars(result: CompareData) -> "Figure":
                 axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
             axes.invert_yaxis()
             tidy_axes(axes)
-            if name in _WIDE:
+            if name in _WIDE and any(values):
                 _label_decades(axes)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
@@ -108,16 +108,15 @@ def _draw_points(
     axes: "Axes", names: Sequence[str], values: Sequence[float], spreads: Sequence[float], colors: list[str]
 ) -> None:
     """Draw means and standard deviations on a logarithmic axis; zero stands for no value."""
-    shown = np.array([max(value, _SMALLEST) if value else np.nan for value in values])
-    axes.barh(names, np.zeros(len(names)), height=0.7)  # a place for each name
-    axes.hlines(
-        np.arange(len(names)), 0.0, 1.0, transform=axes.get_yaxis_transform(), color="#eeeeee", lw=4.0
-    )
-    axes.scatter(shown, names, c=colors, s=28.0, zorder=3)
-    for place, (value, spread, color) in enumerate(zip(shown, spreads, colors, strict=True)):
-        low = max(value - spread, 0.1 * value)
-        axes.plot([low, value + spread], [place, place], color=color, lw=1.5, zorder=2)
-    axes.set_xscale("log")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    for place, (value, spread, color) in enumerate(zip(values, spreads, colors, strict=True)):
+        axes.axhline(place, color="#eeeeee", lw=4.0)
+        if value:
+            axes.plot([max(value - spread, 0.1 * value), value + spread], [place, place], color=color, lw=1.5)
+            axes.plot([value], [place], "o", color=color)
+    if any(values):
+        axes.set_xscale("log")
 
 
 def _label_decades(axes: "Axes") -> None:

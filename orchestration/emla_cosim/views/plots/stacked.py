@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 class Layout:
     """Size of a figure: its `width` and the `height` of a panel in inches, and of its `text` in points.
 
-    The legends are beside the panels, or above them in a number of `columns`.
+    Its legends are beside the panels, or `above` them in as many columns as fit.
     """
 
     width: float
     height: float
     text: float
-    columns: int = 0
+    above: bool = False
 
 
 SCREEN = "screen"
 LAYOUTS = {
     SCREEN: Layout(8.7, 2.1, 10.0),
-    "one-column": Layout(3.46, 1.4, 8.0, 2),
-    "two-columns": Layout(7.13, 1.4, 8.0, 4),
+    "one-column": Layout(3.46, 1.4, 8.0, above=True),
+    "two-columns": Layout(7.13, 1.4, 8.0, above=True),
 }
 """Layouts of figures by name: for screens, and for papers of one and two columns of 88 mm."""
 
@@ -117,7 +117,7 @@ def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAY
     """
     from matplotlib import rc_context
 
-    columns = 2 if len(panels) > _TALLEST and not layout.columns else 1
+    columns = 2 if len(panels) > _TALLEST and not layout.above else 1
     with rc_context({"font.size": layout.text, "axes.labelsize": layout.text}):
         figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, layout.height)
         axes, of = list(grid.flat), {panel.column for panel in panels}
@@ -152,4 +152,5 @@ def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     if titled:
         axes.set_title(shorten_name(panel.column), fontsize=9, loc="left", parse_math=False)
     tidy_axes(axes)
-    add_legend(axes, [(shorten_name(line.label), line) for line in panel.lines], layout.columns)
+    lines = [(shorten_name(line.label), line) for line in panel.lines]
+    add_legend(axes, lines, layout.width - 1.0 if layout.above else None)

@@ -96,12 +96,14 @@ def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:
         axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
 
 
-def add_legend(axes: "Axes", lines: "Sequence[tuple[str, Line]]", columns: int = 0) -> None:
-    """Add a legend of labels and lines where it hides no curve: beside the axes, or above in columns."""
+def add_legend(axes: "Axes", lines: "Sequence[tuple[str, Line]]", width: float | None = None) -> None:
+    """Add a legend where it hides no curve: beside the axes, or above in columns that fit `width` inches."""
     from matplotlib.lines import Line2D
 
     if not lines:
         return
+    letters = max(len(label) for label, _ in lines)
+    columns = 0 if width is None else max(int(width / (0.5 + _LETTER * letters)), 1)
     handles = [Line2D([], [], color=x.color, linestyle=line_style(x), linewidth=1.1) for _, x in lines]
     legend = axes.legend(
         handles,
