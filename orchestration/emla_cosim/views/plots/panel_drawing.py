@@ -90,7 +90,7 @@ def _constant(panel: Plot) -> str:
 def _draw_panel(axes: "Axes", panel: Plot) -> None:
     for line in panel.lines:
         draw_line(axes, line)
-    axes.locator_params(axis="y", nbins=5)  # every tick takes time to draw
+    axes.locator_params(nbins=5)  # every tick takes time to draw
     tidy_axes(axes)
     _shade(axes, panel)
 

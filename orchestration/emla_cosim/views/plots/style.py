@@ -146,4 +146,8 @@ def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from", UserWarning
         )  # the missing glyph is visible as a box
-        figure.savefig(stream, format=form, metadata={creator: _SOFTWARE, **dates})
+        fast = (
+            {"compress_level": 3} if form == "png" else None
+        )  # 1/6 larger, but the default takes a tenth more
+        metadata = {creator: _SOFTWARE, **dates}
+        figure.savefig(stream, format=form, metadata=metadata, pil_kwargs=fast)
