@@ -85,7 +85,7 @@ def is_truth(result: SweepData, figure: str) -> bool:
 
 
 def find_varying_figures(result: SweepData) -> list[str]:
-    """Return the figures that differ between variants that are done: numbers first, those with a label first."""
+    """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
 

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from io import BytesIO
-from typing import IO, TYPE_CHECKING, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -146,8 +146,7 @@ def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from", UserWarning
         )  # the missing glyph is visible as a box
-        fast = (
-            {"compress_level": 3} if form == "png" else None
-        )  # 1/6 larger, but the default takes a tenth more
-        metadata = {creator: _SOFTWARE, **dates}
-        figure.savefig(stream, format=form, metadata=metadata, pil_kwargs=fast)
+        options: dict[str, Any] = {"metadata": {creator: _SOFTWARE, **dates}}
+        if form == "png":  # the default takes a tenth of the drawing time more, for a sixth less
+            options["pil_kwargs"] = {"compress_level": 3}
+        figure.savefig(stream, format=form, **options)
