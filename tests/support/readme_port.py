@@ -1,4 +1,4 @@
-"""What a port of a block needs beside its equations: the values of the README's tables, and its integration."""
+"""What a port of a block needs beside its equations: values of the README's tables, and integration."""
 
 import math
 import re

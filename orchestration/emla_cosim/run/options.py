@@ -60,6 +60,7 @@ from ..system.model import Replacement, Value
 _Kind = TypeVar("_Kind")
 
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE)
+_INTEGRATED = (RUN, SWEEP, COMPARE, LINEARIZE)
 
 
 def read_threads(text: str) -> int | None:
@@ -215,25 +216,28 @@ class Options:
         help="Relative tolerance of the solvers inside the FMUs. Default: that of each FMU's experiment.",
         above=0.0,
         identity="FMI tolerance",
+        commands=_INTEGRATED,
     )
     integrator: str = _stepping(
         "bdf",
         help="Method of CVode for FMUs that run as Model Exchange: bdf for stiff models, adams for others.",
         choices=lambda: METHODS,
         identity="integrator",
+        commands=_INTEGRATED,
     )
     integrator_step: float | None = _stepping(
         help="Largest step of CVode in FMUs that run as Model Exchange. Default: the communication step.",
         unit="s",
         above=0.0,
         identity="integrator step",
+        commands=_INTEGRATED,
     )
     integrate_together: bool = _system(
         True,
         help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
         "integrator; see docs/model-exchange.md.",
         flag="--together",
-        commands=(RUN, SWEEP, COMPARE, INFO),
+        commands=(RUN, SWEEP, COMPARE, INFO, LINEARIZE),
         identity="integrators",
         stage=LOADING,
         in_sweep=SAME,
