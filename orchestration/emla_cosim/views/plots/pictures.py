@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 _MOST_ROWS = 20_000
 """Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
 
+EVALUATED_FROM = "evaluated_from_s"
+"""Metric of a column, if it has it: the time in s from which its errors count."""
+
 _TRANSIENT = 0.3
-"""Time in s after which errors are small enough for a scale of their own."""
+"""Time in s after which errors are small enough for a scale of their own, where that metric is missing."""
 
 
 class Drawing(ABC):
@@ -83,7 +86,10 @@ class RangeLimit:
 
 @dataclass(frozen=True)
 class PanelSpec:
-    """One row of axes, with the same curves for each column. `late` leaves out the initial transient."""
+    """One row of axes, with the same curves for each column.
+
+    `late` leaves out the time before `EVALUATED_FROM`.
+    """
 
     label: str
     curves: tuple[Curve, ...]
@@ -130,9 +136,14 @@ class Picture(Drawing):
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        finds = {c: self._find(result, c) for c in result.metrics.get(self.of, ())}
+        columns = result.metrics.get(self.of, {})
+        finds = {c: self._find(result, c) for c in columns}
+        begins = {c: _begin(figures, data["time"]) for c, figures in columns.items()}
         found = [
-            [_resolve_panel(panel, column, find, data, result.parameters) for column, find in finds.items()]
+            [
+                _resolve_panel(panel, column, find, data, result.parameters, begins[column])
+                for column, find in finds.items()
+            ]
             for panel in self.panels
         ]
         some = [any(row[i].lines for row in found) for i in range(len(finds))]
@@ -173,11 +184,15 @@ def _list_signals(result: "Result") -> list[str]:
 
 
 def _resolve_panel(
-    panel: PanelSpec, column: str, find: Find, data: Mapping[str, Vector], parameters: Mapping[str, float]
+    panel: PanelSpec,
+    column: str,
+    find: Find,
+    data: Mapping[str, Vector],
+    parameters: Mapping[str, float],
+    begin: float,
 ) -> Plot:
     time = data["time"]
-    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
-    part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    part = time >= (begin if panel.late else time[0])
     lines = []
     for curve in panel.curves:
         values = [None if (n := find(name, data)) is None else data[n] for name in curve.names]
@@ -186,6 +201,14 @@ def _resolve_panel(
             lines.append(Line(curve.label, time[part], shown, curve.color, curve.dashed))
     limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
     return Plot(panel.label, tuple(lines), limits=limits, column=column)
+
+
+def _begin(figures: Mapping[str, Any], time: Vector) -> float:
+    """Return the time in s at which late panels of a column begin."""
+    begin = figures.get(EVALUATED_FROM)
+    if begin is None or math.isnan(begin):  # it has not settled, or has no such metric
+        return float(time[0]) + (_TRANSIENT if time[-1] > time[0] + 2 * _TRANSIENT else 0.0)
+    return begin if (time >= begin).sum() > 1 else float(time[0])
 
 
 def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
