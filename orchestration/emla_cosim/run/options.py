@@ -56,6 +56,7 @@ from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from ..system.bond import Bond
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
+from .stored_margins import RECORD
 
 _Kind = TypeVar("_Kind")
 
@@ -386,6 +387,14 @@ class Options:
         False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
     )
     report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
+    margins: Path | None = _output(
+        help="Keep the stability margins of this output folder of emla linearize in run.json, and show them "
+        "in the report.",
+        metavar="FOLDER",
+        commands=(RUN,),
+        in_file=False,
+        recorded=False,
+    )
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
         in_file=False,
@@ -498,6 +507,8 @@ class Options:
         if self.reference is not None:
             for table in (self.reference, *(self.reference / name for name in table_names())):
                 found[table] = "the run to compare with"
+        if self.margins is not None:
+            found |= dict.fromkeys((self.margins, self.margins / RECORD), "the margins")
         return found
 
     def read_bonds(self) -> dict[str, Bond]:
