@@ -150,5 +150,5 @@ class ContinuousSystem:
 
 def _state_names(member: ModelExchangeInstance) -> list[str]:
     """Return the names of the states in the order of the FMU."""
-    derivatives = (x.variable for x in member.file.description.derivatives)
+    derivatives = [x.variable for x in member.file.description.derivatives if x.variable is not None]
     return [str(d.name if d.derivative is None else d.derivative.name) for d in derivatives]
