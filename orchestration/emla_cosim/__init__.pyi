@@ -20,6 +20,7 @@ from .linearization.margins import Margins as Margins
 from .linearization.response import FrequencyResponse as FrequencyResponse
 from .linearization.result import LinearizeResult as LinearizeResult
 from .linearization.runner import linearize as linearize
+from .linearization.state_space import StateSpace as StateSpace
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit
 from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel

@@ -45,7 +45,7 @@ class EmlaObserver(Block):
       d_hat acts on the screw after the lag of its current loop; d_hat predicts by this lag. Needs `omega_r`.
     - `interpolate`: inputs are held during a step. If the master holds the values of the step's end,
       x_hat is half a step ahead. With this option, y and i_q move on a straight line from their last
-      values. In the first step, and when the step size changes, they are held.
+      values, which takes as long as the last step. In the first step they are held.
 
     Norms: the paper calls ||.|| the squared norm (after (19)). Here ||y_bar|| is the absolute value in
     (21) and (23). Only then does |f| <= eta_hat H hold, which (25) and the stability proof need.

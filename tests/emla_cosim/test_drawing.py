@@ -145,3 +145,26 @@ def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:
     changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
     said = format_headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
     assert said == "Run of study with a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"
+
+
+@pytest.mark.parametrize(
+    ("figures", "begin"),
+    [
+        ({"evaluated_from_s": 1.2}, 1.2),
+        ({"evaluated_from_s": np.nan}, 0.3),
+        ({"evaluated_from_s": None}, 0.3),
+        ({}, 0.3),
+        ({"evaluated_from_s": TIME[-1]}, TIME[0]),  # one point is no curve
+    ],
+)
+def test_settled_panels_begin_where_errors_count(figures: dict[str, Any], begin: float) -> None:
+    power = {"j.F": 2.0 + TIME, "k.F": TIME}
+    result = Known({"joints": {"j": figures, "k": {"evaluated_from_s": 0.7}}}, power)
+    panels = (PanelSpec("all", (Curve("", "F"),)), PanelSpec("settled", (Curve("", "F"),), "settled"))
+    found = Picture("p", panels, "joints").resolved(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
+    starts = {(panel.label, panel.column): panel.lines[0].time[0] for panel in found}
+    after = {column: TIME[TIME >= at][0] for column, at in (("j", begin), ("k", 0.7))}
+    assert starts == {
+        **{("all", column): TIME[0] for column in ("j", "k")},
+        **{("settled", column): at for column, at in after.items()},
+    }

@@ -6,6 +6,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.linearization.margins import compute_margins
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
+from tests.support.linear_drive import GAINS as GAINS_OF_MODEL
 from tests.support.long import mostly_long
 
 AT, DURATION = 0.35, 0.15
@@ -60,6 +61,18 @@ def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controll
         limit = 10.0 ** (-margin / 20.0)
         assert LinearDrive(controller, 0.05, 33.0, 0.0, limit**0.9).is_stable()
         assert not LinearDrive(controller, 0.05, 33.0, 0.0, limit**1.1).is_stable()
+
+
+@pytest.mark.parametrize(("w_i", "phase", "up", "down"), [(0.0, 6.2, 4.0, -2.0), (233.6, 5.7, 3.4, -2.1)])
+def test_the_integral_of_the_current_controllers_costs_margin(
+    w_i: float, phase: float, up: float, down: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model of others, without this integral, has the first figures for `tuned` of FOC."""
+    monkeypatch.setitem(GAINS_OF_MODEL["foc"], "w_i", w_i)
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    margins = compute_margins(frequency, LinearDrive("foc", 0.05, 33.0, 0.0).loop_gain(POSITION, frequency))
+    found = margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB
+    assert found == pytest.approx((phase, up, down), abs=0.1)
 
 
 @pytest.mark.parametrize("opened_at", PLACES)

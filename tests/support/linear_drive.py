@@ -83,8 +83,8 @@ class LinearDrive:
     def _inertia_of_model(self) -> float:
         return ALPHA * (0.016 + 156.5 / ALPHA**2)
 
-    def _plant(self) -> tuple[Matrix, Matrix]:
-        """Return the matrices of position, speed, i_q and i_d over a step of held voltages."""
+    def plant(self) -> tuple[Matrix, Matrix]:
+        """Return the matrices of the derivatives of position, speed, i_q and i_d, with voltages as inputs."""
         inertia = self.inertia * self._inertia_of_model
         emf_q, emf_d = N_P * ALPHA * (self.i_d + PHI / L), N_P * ALPHA * self.i_q
         A = np.array(
@@ -96,6 +96,11 @@ class LinearDrive:
             ]
         )
         B = np.array([[0.0, 0.0], [0.0, 0.0], [1.0 / L, 0.0], [0.0, 1.0 / L]])
+        return A, B
+
+    def _plant(self) -> tuple[Matrix, Matrix]:
+        """Return the matrices over a step of held voltages."""
+        A, B = self.plant()
         both = expm(STEP * np.block([[A, B], [np.zeros((2, 6))]]))
         return both[:4, :4], both[:4, 4:]
 

@@ -11,7 +11,7 @@ RECORD, TABLE, BODE, NYQUIST = "linearize.json", "responses.csv", "bode.png", "n
 
 
 class LinearizeFolder(Folder):
-    """`linearize.json` with the margins, `responses.csv`, `bode.png` and `nyquist.png`."""
+    """`linearize.json` with margins or matrices; `responses.csv`, `bode.png`, `nyquist.png` of responses."""
 
     what = "linearization"
     files = (RECORD, TABLE)
@@ -22,6 +22,9 @@ class LinearizeFolder(Folder):
         """Write all files. Raises RunError."""
         with report_write_errors(self.path):
             self.write_json(RECORD, to_plain(result.record))
+            if not result.responses:
+                self._files.remove((TABLE, *self.pictures))
+                return
             self.write(TABLE, result.table.write_csv().encode())
             if plots:
                 self.draw(BODE, draw_bode(result))

@@ -9,11 +9,10 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..master.algorithms.operation_table import OperationTableAlgorithm
 from ..master.algorithms.snapshot import Snapshot
-from ..master.instances.described_instance import DescribedInstance
 from ..master.network import Network
 from ..master.stepping.fixed_steps import FixedSteps
 from ..run.simulation import Simulation
-from .places import Place, ResolvedPlace, resolve_place
+from .places import Place, ResolvedPlace, find_described, resolve_place
 
 
 class Perturbation:
@@ -83,9 +82,8 @@ class Perturbation:
         system, units = self._simulation.system, []
         for name in (place.output, place.input):
             component, variable = system.split(name)
-            instance = next(s for s in self._network.instances if s.name == component.name)
-            assert isinstance(instance, DescribedInstance)
-            units.append(instance.file.interface.unit(component.alias(variable).variable))
+            own = find_described(self._network, component.name).own
+            units.append(own.file.interface.unit(component.alias(variable).variable))
         return "/".join(
             "1" if unit is None else f"({unit})" if "/" in str(unit) else str(unit) for unit in units
         )
@@ -93,10 +91,7 @@ class Perturbation:
     def scale(self, place: ResolvedPlace) -> float:
         """Return the size of an input: its largest value in the stretch, at least its nominal value."""
         values = self.undisturbed(replace(place, output=None))
-        instance = self._network.instances[place.instance]
-        assert isinstance(instance, DescribedInstance)
-        nominal = instance.read[place.input].nominal
-        return max(float(np.abs(values).max()), abs(float(nominal or 1.0)))
+        return max(float(np.abs(values).max()), place.nominal)
 
     def undisturbed(self, place: ResolvedPlace) -> Vector:
         """Return the signal at a place without a pulse, shape (count,). Raise RunError if a step fails."""

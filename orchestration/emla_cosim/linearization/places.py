@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from ..base.errors import CommandError, suggest_names
 from ..master.instances.described_instance import DescribedInstance
+from ..master.instances.integrated_instance import IntegratedInstance
+from ..master.integrated_group import IntegratedGroup
 from ..master.network import Network
 from ..study.joint import position_loop
 from ..system.model import System
@@ -33,12 +35,44 @@ class ResolvedPlace:
     Attributes:
         instance: Position of the FMU instance with the input.
         input: Position of the input in its vector.
+        nominal: Nominal value of the input, 1 if it has none.
         output: Position of the output in the signals; None to read the input itself.
     """
 
     instance: int
     input: int
+    nominal: float
     output: int | None
+
+
+@dataclass(frozen=True)
+class Described:
+    """A component in a network, alone or in a group that is integrated together.
+
+    Attributes:
+        position: Position of the FMU instance in the network.
+        own: The instance of the component's own FMU.
+        inputs: Positions of its inputs in the vector of the instance, by name.
+    """
+
+    position: int
+    own: DescribedInstance
+    inputs: dict[str, int]
+
+
+def find_described(network: Network, component: str) -> Described:
+    """Return a component of a network by name."""
+    for i, instance in enumerate(network.instances):
+        members = instance.members if isinstance(instance, IntegratedInstance) else [instance]
+        for m, own in enumerate(members):
+            if own.name == component:
+                assert isinstance(own, DescribedInstance)
+                ends = [(m, k) for k in range(len(own.read))]
+                if isinstance(instance, IntegratedGroup):
+                    ends = instance.free
+                inputs = {own.read[k].name: n for n, (at, k) in enumerate(ends) if at == m}
+                return Described(i, own, inputs)
+    raise ValueError(component)
 
 
 def parse_opening(system: System, text: str) -> Place:
@@ -93,31 +127,35 @@ def resolve_place(system: System, network: Network, place: Place) -> ResolvedPla
         CommandError: The input is no connected input, one of the signals does not exist, or is not Real.
     """
     component, variable = system.split(place.input)
-    names = [instance.name for instance in network.instances]
-    i = names.index(component.name)
-    instance = network.instances[i]
-    assert isinstance(instance, DescribedInstance)
-    read = [v.name for v in instance.read]
+    found = find_described(network, component.name)
+    read = {v.name: v for v in found.own.read}
     own = component.alias(variable).variable
     if own not in read:
         raise CommandError(f"{place.input} is no input; {suggest_names(variable, read)}", name=place.input)
-    j = read.index(own)
-    if instance.read[j].type != "Real":
+    if read[own].type != "Real":
         raise CommandError(
-            f"{place.input} is {instance.read[j].type}; a frequency response needs a Real.", name=place.input
+            f"{place.input} is {read[own].type}; a frequency response needs a Real.", name=place.input
         )
+    if own not in found.inputs:
+        raise CommandError(
+            f"{place.input} is connected inside of components that are integrated together; set "
+            "--no-together, or compute state matrices.",
+            name=place.input,
+        )
+    at, nominal = (found.position, found.inputs[own]), abs(float(read[own].nominal or 1.0))
     if not place.output:
-        return ResolvedPlace(i, j, None)
-    if place.output not in network.names:
+        return ResolvedPlace(*at, nominal, None)
+    reached, variable = system.split(place.output)
+    output = reached.alias(variable).variable
+    full = f"{reached.name}.{output}"
+    if full not in network.names:
         raise CommandError(
             f"{place.output} is no Real output; {suggest_names(place.output, network.names)}",
             name=place.output,
         )
-    reached, variable = system.split(place.output)
-    output = reached.alias(variable).variable
-    if place.is_loop and not instance.file.interface.direct.among({output}, own):
+    if place.is_loop and not found.own.file.interface.direct.among({output}, own):
         raise CommandError(
             f"{place.output} does not depend on {place.input} without delay, so no loop can be opened there.",
             name=place.output,
         )
-    return ResolvedPlace(i, j, network.names.index(place.output))
+    return ResolvedPlace(*at, nominal, network.names.index(full))

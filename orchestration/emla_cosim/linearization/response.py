@@ -55,13 +55,18 @@ class FrequencyResponse:
         Raises:
             CommandError: python-control is not installed.
         """
-        try:
-            import control  # type: ignore[import-not-found]
-        except ImportError as error:
-            raise CommandError(
-                "python-control is not installed; install it with pip install 'emla-cosim[control]'."
-            ) from error
-        return control.frd(self.value, 2.0 * np.pi * self.frequency, self.step)
+        return import_control().frd(self.value, 2.0 * np.pi * self.frequency, self.step)
+
+
+def import_control() -> Any:
+    """Return the module of python-control; CommandError if it is not installed."""
+    try:
+        import control  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise CommandError(
+            "python-control is not installed; install it with pip install 'emla-cosim[control]'."
+        ) from error
+    return control
 
 
 def choose_frequencies(step: float, count: int, points: int) -> Vector:

@@ -8,6 +8,7 @@ import polars
 
 from .margins import Margins
 from .response import FrequencyResponse
+from .state_space import StateSpace
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class LinearizeResult:
         step: Sample time in s.
         rolled_back: Whether FMUs were set back to the operating point; otherwise runs were repeated.
         responses: What was measured, by name.
+        matrices: State matrices, if they were to be computed.
+        is_steady: Whether the operating point is a steady state.
         remarks: What limits the validity of the responses.
     """
 
@@ -48,6 +51,8 @@ class LinearizeResult:
     rolled_back: bool
     responses: Mapping[str, Measured]
     remarks: tuple[str, ...] = ()
+    matrices: StateSpace | None = None
+    is_steady: bool = False
 
     def __getitem__(self, name: str) -> FrequencyResponse:
         """Return a response by name."""
@@ -61,19 +66,19 @@ class LinearizeResult:
     @property
     def record(self) -> dict[str, Any]:
         """Content of `linearize.json`."""
-        return {
-            "format": "emla-linearization",
-            "scenario": self.name,
-            "at_s": self.at,
-            "sample_time_s": self.step,
-            "rolled_back": self.rolled_back,
-            "responses": {n: _record(m) for n, m in self.responses.items()},
-            "remarks": list(self.remarks),
-        }
+        found: dict[str, Any] = {"format": "emla-linearization", "scenario": self.name, "at_s": self.at}
+        if self.matrices is not None:
+            found |= {"steady": self.is_steady, "matrices": self.matrices.record}
+        else:
+            responses = {n: _record(m) for n, m in self.responses.items()}
+            found |= {"sample_time_s": self.step, "rolled_back": self.rolled_back, "responses": responses}
+        return {**found, "remarks": list(self.remarks)}
 
     @property
     def table(self) -> polars.DataFrame:
         """All responses: name, frequency, real and imaginary part, gain, phase and estimated error."""
+        if not self.responses:
+            return polars.DataFrame()
         return polars.concat(
             polars.DataFrame(
                 {

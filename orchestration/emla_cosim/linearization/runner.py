@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from ..base.errors import CommandError, CosimError
+import numpy as np
+
+from ..base.errors import CommandError, CosimError, RunError
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import LoadOptions
@@ -15,7 +17,9 @@ from ..study.joint import ideal_sensors
 from ..study.loading import load
 from ..system.fault import Fault
 from ..system.model import System, Value
+from .continuous_system import ContinuousSystem
 from .folder import LinearizeFolder
+from .matrices import compute_matrices, find_steady_state
 from .measurement import measure
 from .perturbation import Perturbation
 from .places import Place, parse_opening
@@ -39,6 +43,9 @@ def linearize(
     at: float | None = None,
     duration: float | None = None,
     amplitude: float | None = None,
+    matrices: bool = False,
+    steady: bool = False,
+    free: str | Sequence[str] = (),
     output: str | Path | None = None,
     plots: bool = True,
     progress: Progress | None = None,
@@ -61,17 +68,21 @@ def linearize(
         duration: length of the responses in s. Default: 2000 steps, at most half of the run.
         amplitude: height of the pulses, in the unit of the input. Default: the height with the most linear
             effect.
+        matrices: compute the state matrices from the inputs `perturb` to the outputs `read` instead, with
+            poles and damping. All FMUs must run as Model Exchange. `at` is the stop time by default.
+        steady: compute the matrices at the nearest steady state, where the derivatives of all states are 0.
+        free: inputs whose values may change to find the steady state.
         output: folder for results.
         plots: draw Bode and Nyquist plots into the folder.
         progress: receives the progress.
         **options: options as for `load`.
 
     Returns:
-        The responses, and the margins of the loops.
+        The responses, and the margins of the loops; or the matrices.
 
     Raises:
         CommandError: a name or a time does not fit.
-        RunError: the system is unstable or not linear at this time, or a run fails.
+        RunError: the system is unstable or not linear at this time, there is no steady state, or a run fails.
 
     Examples:
         >>> import emla_cosim as ec
@@ -81,19 +92,32 @@ def linearize(
         True
     """
     scenario, told = load(source, **options), progress or Progress()
-    places = _places(scenario.system, _texts(open), _texts(perturb), _texts(read))
+    if matrices:
+        _check_no_responses(_texts(open), duration, amplitude)
+        places = []
+    elif steady or free:
+        raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
+    else:
+        places = _places(scenario.system, _texts(open), _texts(perturb), _texts(read))
     folder = None
     if output is not None:
         folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
         if plots:
             folder.check_files(folder.pictures)
         folder.check_unread([scenario.options.files_read()])
-    start, count = _stretch(scenario, at, duration)
-    free = [Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)]
-    faults = [*scenario.options.fault, *{f.signal: f for f in free}.values()]
     values = ideal_sensors(scenario.system) | dict(scenario.options.set)
-    with scenario.prepare(told, fault=faults, set=values) as simulation:
-        result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+    if matrices:
+        with scenario.prepare(told, set=values) as simulation:
+            names = _texts(perturb), _texts(read), _texts(free)
+            result = _compute_matrices(scenario, simulation, *names, at, steady)
+    else:
+        start, count = _stretch(scenario, at, duration)
+        ends = [
+            Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
+        ]
+        faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
+        with scenario.prepare(told, fault=faults, set=values) as simulation:
+            result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
     if folder is not None:
         with folder.alone():
             folder.keep(result, plots)
@@ -166,6 +190,47 @@ def _places(
     if not places:
         raise CommandError("there is nothing to compute; set 'open', or 'perturb' and 'read'.")
     return list({p.label: p for p in places}.values())
+
+
+def _check_no_responses(openings: Sequence[str], duration: float | None, amplitude: float | None) -> None:
+    if openings or duration is not None or amplitude is not None:
+        raise CommandError(
+            "state matrices are not measured with pulses; leave out 'open', 'duration' and 'amplitude', or "
+            "'matrices'."
+        )
+
+
+def _compute_matrices(
+    scenario: Scenario,
+    simulation: Simulation,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    free: Sequence[str],
+    at: float | None,
+    steady: bool,
+) -> LinearizeResult:
+    """Return the state matrices at a time in s, or at the steady state that is nearest to the state there."""
+    times = run_times(scenario.options, scenario.name)
+    at = times.stop if at is None else at
+    if not times.start <= at <= times.stop:
+        raise CommandError(
+            f"the operating point t = {at:g} s is outside of the run, {times.start:g} s to {times.stop:g} s."
+        )
+    if free and not steady:
+        raise CommandError("'free' inputs are for a steady state; set 'steady', too.")
+    simulation.start(recorders=[])
+    simulation.advance(at)
+    if simulation.time < at - 1e-9 * max(1.0, abs(at)):
+        raise RunError(
+            f"the run did not reach the operating point at t = {at:g} s.", reason="run ended before"
+        )
+    system = ContinuousSystem(simulation, list(dict.fromkeys([*inputs, *free])), outputs)
+    states, shifts = system.read_states(), np.zeros(len(system.inputs))
+    if steady:
+        states, shifts = find_steady_state(system, free)
+    found, remarks = compute_matrices(system, states, shifts)
+    step = times.step
+    return LinearizeResult(scenario.name, at, step, False, {}, tuple(remarks), found, steady)
 
 
 def _is_free(system: System, place: Place) -> bool:

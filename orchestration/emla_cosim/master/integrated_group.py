@@ -69,6 +69,12 @@ class _Transfer:
         self._member.get_reals(*self._arguments)
         signals[self._signals] = self._values
 
+    def shift(self, member: ModelExchangeInstance, reference: int, by: float) -> bool:
+        """Add a constant to one of its inputs; return whether it has this input."""
+        places = self._references == reference if member is self._member else np.zeros(0, dtype=bool)
+        self._offsets[places] += by
+        return bool(places.any())
+
     def write(self, signals: Vector) -> None:
         """Pass signals to inputs of the FMU."""
         signals.take(self._signals, out=self._values, mode="clip")
@@ -182,6 +188,12 @@ class IntegratedGroup(IntegratedInstance):
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return None: the derivative through several FMUs is not known."""
+
+    def shift_input(self, member: int, reference: int, by: float) -> None:
+        """Add a constant to a continuous input; see `IntegratedInstance`."""
+        inside = [x for stage in self._stages for x in stage.writes]
+        if not any(x.shift(self.members[member], reference, by) for x in inside):
+            super().shift_input(member, reference, by)
 
     def _set_all_inputs(self) -> None:
         self._network.signals[: len(self.inputs)] = self.inputs

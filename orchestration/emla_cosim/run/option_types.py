@@ -45,6 +45,7 @@ class RunOptions(TypedDict, total=False):
     require: Sequence[str]
     reference: str | Path | None
     tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
+    margins: str | Path | None
     checkpoint: str | Path | None
     resume: str | Path | None
     extrapolation: str

@@ -57,10 +57,12 @@ from ..system.bond import Bond
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
 from .plot_formats import PLOT_FORMATS
+from .stored_margins import RECORD
 
 _Kind = TypeVar("_Kind")
 
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE)
+_INTEGRATED = (RUN, SWEEP, COMPARE, LINEARIZE)
 
 
 def read_threads(text: str) -> int | None:
@@ -216,25 +218,28 @@ class Options:
         help="Relative tolerance of the solvers inside the FMUs. Default: that of each FMU's experiment.",
         above=0.0,
         identity="FMI tolerance",
+        commands=_INTEGRATED,
     )
     integrator: str = _stepping(
         "bdf",
         help="Method of CVode for FMUs that run as Model Exchange: bdf for stiff models, adams for others.",
         choices=lambda: METHODS,
         identity="integrator",
+        commands=_INTEGRATED,
     )
     integrator_step: float | None = _stepping(
         help="Largest step of CVode in FMUs that run as Model Exchange. Default: the communication step.",
         unit="s",
         above=0.0,
         identity="integrator step",
+        commands=_INTEGRATED,
     )
     integrate_together: bool = _system(
         True,
         help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
         "integrator; see docs/model-exchange.md.",
         flag="--together",
-        commands=(RUN, SWEEP, COMPARE, INFO),
+        commands=(RUN, SWEEP, COMPARE, INFO, LINEARIZE),
         identity="integrators",
         stage=LOADING,
         in_sweep=SAME,
@@ -386,6 +391,14 @@ class Options:
         False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
     )
     report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
+    margins: Path | None = _output(
+        help="Keep the stability margins of this output folder of emla linearize in run.json, and show them "
+        "in the report.",
+        metavar="FOLDER",
+        commands=(RUN,),
+        in_file=False,
+        recorded=False,
+    )
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
         in_file=False,
@@ -498,6 +511,8 @@ class Options:
         if self.reference is not None:
             for table in (self.reference, *(self.reference / name for name in table_names())):
                 found[table] = "the run to compare with"
+        if self.margins is not None:
+            found |= dict.fromkeys((self.margins, self.margins / RECORD), "the margins")
         return found
 
     def read_bonds(self) -> dict[str, Bond]:

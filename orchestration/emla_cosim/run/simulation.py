@@ -53,6 +53,7 @@ from .requirements import Requirement, check_requirements, describe_unmet, parse
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import run_times, select_isolated, select_signals, steps_per_row
+from .stored_margins import read_margins
 
 
 class Simulation:
@@ -291,6 +292,7 @@ class Simulation:
         self._abandon()
         required = [parse_requirement(text) for text in chosen.require]
         stored = open_stored_run(chosen.reference) if chosen.reference is not None else None
+        margins = read_margins(chosen.margins) if chosen.margins is not None else None
         if stored is not None and len(self._as_made.components) == 1:  # inputs and faults add components
             stored = stored.of_component(self._as_made.components[0].name)
         control = chosen.make_step_size_control()
@@ -381,6 +383,7 @@ class Simulation:
             units,
             outline.types,
             has_signals=bool(recorded),
+            margins=margins,
         )
         with self._abandon_on_error():
             # the states in a checkpoint would limit a continued run to the stop time of this run
@@ -637,6 +640,8 @@ class Simulation:
             *going.metrics.remarks(),
             *stepping.remarks(),
         ]
+        if going.margins is not None:
+            record["margins"] = going.margins
         return Result(
             name=self.name,
             units=units,
@@ -679,6 +684,7 @@ class _ActiveRun:
     units: Mapping[str, SiUnit | None]
     types: Mapping[str, SignalType]
     has_signals: bool
+    margins: Mapping[str, Any] | None
 
 
 def _recorders(given: Any) -> list[Recorder]:

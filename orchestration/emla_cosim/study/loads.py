@@ -15,7 +15,7 @@ from ..recorders.metrics import Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from ..run.requirements import NamedFigures
 from .criteria import criteria_of
-from .metrics import EVALUATED_AFTER
+from .metrics import EVALUATED_AFTER, TOO_SHORT, format_length
 from .roles import RoleNames, find_all_joints, find_variable
 from .settling import Settling
 
@@ -28,11 +28,24 @@ _ROLES = ("x_load", "x_L", "x_d")
 
 @dataclass
 class LoadFigures:
-    """One load's part of metrics.json; docs/metrics.md defines each figure. NaN marks one without value."""
+    """One load's part of metrics.json; docs/metrics.md defines each figure. NaN marks one without value.
 
-    position_error_m: float
-    swing_m: float
-    deflection_m: float
+    `load_within_window` tells whether the joint has settled and the load's position error stays within the
+    position window of the joint. `load_reason` says why not.
+    """
+
+    load_within_window: bool
+    load_reason: str | None
+    load_position_error_m: float
+    load_swing_m: float
+    load_deflection_m: float
+
+
+_SHOWN = (
+    MetricDisplay("load_position_error_m", "load position error", 1e6, "µm", "m"),
+    MetricDisplay("load_swing_m", "load swing, peak to peak", 1e6, "µm", "m"),
+    MetricDisplay("load_deflection_m", "deflection", 1e6, "µm", "m"),
+)
 
 
 def load_metrics(outline: Outline) -> "LoadMetrics | None":
@@ -59,11 +72,7 @@ def load_metrics(outline: Outline) -> "LoadMetrics | None":
 class LoadMetrics(Metrics):
     """Figures by joint; they count from the time from which those of the joint count."""
 
-    shown = (
-        MetricDisplay("position_error_m", "load position error", 1e6, "µm", "m"),
-        MetricDisplay("swing_m", "load swing, peak to peak", 1e6, "µm", "m"),
-        MetricDisplay("deflection_m", "deflection", 1e6, "µm", "m"),
-    )
+    shown = (MetricDisplay("load_within_window", "load within window"), *_SHOWN)
 
     def __init__(
         self, joints: Sequence[str], columns: Sequence[Sequence[int]], criteria: Mapping[str, float | str]
@@ -72,8 +81,12 @@ class LoadMetrics(Metrics):
         self._joints = list(joints)
         self._columns = np.array(columns).T
         each = criteria_of(self._joints, criteria)
+        self._windows = [each[joint].position_window for joint in self._joints]
         self._settling = Settling([each[joint] for joint in self._joints])
-        self._start = np.nan
+        self._start = self._last = np.nan
+        self._farthest_at = np.full(len(self._joints), np.nan)
+        """When the position error was largest, in s."""
+        self._ended: str | None = None
         self._evaluated_from = np.full(len(self._joints), np.nan)
         self._highest, self._lowest, self._deflection = np.full((3, len(self._joints)), np.nan)
         """Largest and smallest position error, and largest deflection, in m."""
@@ -87,17 +100,22 @@ class LoadMetrics(Metrics):
         with np.errstate(invalid="ignore", over="ignore"):
             error, deflection = x_load - x_d, np.abs(x_L - x_load)
             self._settling.write(time, np.abs(x_L - x_d))
+        self._last = float(time[-1])
+        self.shown = _SHOWN if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
         for joint in range(len(self._joints)):
             settled = self._settling.settled_at(joint)
             since = earliest if math.isnan(settled) else max(earliest, settled)
             if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
                 self._evaluated_from[joint] = since
-                for counted in (self._highest, self._lowest, self._deflection):
+                for counted in (self._highest, self._lowest, self._deflection, self._farthest_at):
                     counted[joint] = np.nan
             begin = int(np.searchsorted(time, since - _ROUNDING))
             if begin < len(time):
                 of = error[joint, begin:]
+                size, before = np.abs(of), np.fmax(np.abs(self._highest[joint]), np.abs(self._lowest[joint]))
+                if not size.max() <= before:  # also if there is none before
+                    self._farthest_at[joint] = time[begin + int(np.argmax(size))]
                 self._highest[joint] = np.fmax(self._highest[joint], of.max())
                 self._lowest[joint] = np.fmin(self._lowest[joint], of.min())
                 self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, begin:].max())
@@ -108,7 +126,49 @@ class LoadMetrics(Metrics):
 
     def _figures(self, joint: int) -> LoadFigures:
         highest, lowest = float(self._highest[joint]), float(self._lowest[joint])
-        return LoadFigures(max(abs(highest), abs(lowest)), highest - lowest, float(self._deflection[joint]))
+        reason = self._reason(joint)
+        if reason is None and self._is_short:
+            reason = f"{TOO_SHORT}."
+        return LoadFigures(
+            load_within_window=(reason or self._ended) is None,
+            load_reason=reason or self._ended,
+            load_position_error_m=self._farthest(joint),
+            load_swing_m=highest - lowest,
+            load_deflection_m=float(self._deflection[joint]),
+        )
+
+    def _farthest(self, joint: int) -> float:
+        """Return the largest position error in m."""
+        return max(abs(float(self._highest[joint])), abs(float(self._lowest[joint])))
+
+    def _reason(self, joint: int) -> str | None:
+        """Return why a load is not within its window, except that the run is too short."""
+        if self._is_short:
+            return None
+        name, window = self._joints[joint], self._windows[joint]
+        if not self._settling.is_settled(joint):
+            return f"{name} has not settled."
+        farthest = self._farthest(joint)
+        if farthest <= window:
+            return None
+        return (
+            f"The load of {name} left the position window of {format_length(window)}: its position error was "
+            f"largest at t = {self._farthest_at[joint]:.6g} s, {format_length(farthest)}."
+        )
+
+    @property
+    def _is_short(self) -> bool:
+        """Whether the run is too short for a verdict."""
+        return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
+
+    def remarks(self) -> Sequence[str]:
+        """Return why loads are not within their windows, for joints that have settled."""
+        settled = [i for i in range(len(self._joints)) if self._settling.is_settled(i)]
+        return [reason for i in settled if (reason := self._reason(i)) is not None]
+
+    def ended_early(self, problem: str) -> None:
+        """Give no load a verdict, because the run ended before its stop time."""
+        self._ended = problem
 
     def memory(self) -> Any:
         """Return the state as plain data."""
@@ -123,4 +183,4 @@ class LoadMetrics(Metrics):
         self._settling.remember(memory["settling"])
 
 
-_STATE = ("_start", "_evaluated_from", "_highest", "_lowest", "_deflection")
+_STATE = ("_start", "_last", "_evaluated_from", "_highest", "_lowest", "_deflection", "_farthest_at")

@@ -289,7 +289,7 @@ class JointMetrics(Metrics):
     def _reasons(self, number: int) -> list[str]:
         """Return the reasons why a joint is not held, except that the run is too short."""
         joint = self._joints[number]
-        window = _length(self._criteria[joint].position_window)
+        window = format_length(self._criteria[joint].position_window)
         found = list[str]()
         if not math.isnan(at := self._not_finite[number]):
             found.append(f"{joint} has no finite position error from t = {at:.6g} s on.")
@@ -297,14 +297,14 @@ class JointMetrics(Metrics):
             found.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
             found.append(
-                f"{joint} has not settled: its position error was {_length(self._first[number])} at the "
-                f"start and is {_length(self._final[number])} at the end; its window is {window}."
+                f"{joint} has not settled: its position error was {format_length(self._first[number])} at "
+                f"the start and is {format_length(self._final[number])} at the end; its window is {window}."
             )
         if (left := self._excursions(number)) is not None:
             times = "once" if left["count"] == 1 else f"{left['count']} times"
             found.append(
                 f"{joint} left its position window of {window} {times} after settling; its position "
-                f"error was largest at t = {left['time_s']:.6g} s, {_length(left['largest_m'])}."
+                f"error was largest at t = {left['time_s']:.6g} s, {format_length(left['largest_m'])}."
             )
         if (oscillation := self._oscillation.oscillation(number)) is not None:
             found.append(oscillation.sentence(joint))
@@ -395,7 +395,7 @@ def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[st
     return 1.5 * poles * flux * float(np.fmin(*currents))
 
 
-def _length(value: float) -> str:
+def format_length(value: float) -> str:
     """Return a length in m as text with a suitable unit."""
     if value < 1e-3:
         return f"{1e6 * value:.4g} µm"

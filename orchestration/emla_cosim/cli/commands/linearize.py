@@ -10,7 +10,7 @@ from ...base.quantities import parse_quantity
 from ...base.units import find_unit
 from ...linearization.folder import BODE, NYQUIST, RECORD, TABLE
 from ...linearization.runner import linearize
-from ...linearization.summary import format_lines, format_margins
+from ...linearization.summary import format_lines, format_margins, format_point, format_poles
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
@@ -25,6 +25,7 @@ EXAMPLES = (
     "emla linearize study-drive --open lift --stop-time 1",
     "emla linearize lift --open 'lift.controller.u_q->lift.plant.u_q' --stop-time 1",
     "emla linearize lift --perturb lift.plant.F_L --read lift.plant.x_L --stop-time 1",
+    "emla linearize pendulum.fmu --kind me --matrices --perturb torque --read angle --steady",
 )
 """Examples in the help."""
 
@@ -82,6 +83,31 @@ def command(
             rich_help_panel=_WHAT,
         ),
     ] = None,
+    matrices: Annotated[
+        bool,
+        typer.Option(
+            "--matrices",
+            help="Compute state matrices, poles and damping instead, from the inputs of --perturb to the "
+            "outputs of --read. All FMUs must run as Model Exchange.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = False,
+    steady: Annotated[
+        bool,
+        typer.Option(
+            "--steady",
+            help="Compute the matrices at the steady state that is nearest to the state at --at.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = False,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Input whose value may change to find the steady state (repeatable).",
+            metavar="COMPONENT.INPUT",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(help="Output folder. Default: results/linearize-SCENARIO.", rich_help_panel=_OUT),
@@ -101,6 +127,9 @@ def command(
             at=_time(at, "--at"),
             duration=_time(duration, "--duration"),
             amplitude=amplitude,
+            matrices=matrices,
+            steady=steady,
+            free=free or (),
             output=place,
             plots=plots,
             progress=progress,
@@ -108,8 +137,11 @@ def command(
         )
     for table in format_margins(result):
         show(table)
+    if result.matrices is not None:
+        show(format_point(result, result.matrices))
+        show(format_poles(result.matrices))
     pictures = [BODE, *([NYQUIST] if result.margins else [])] if plots else []
-    files = ", ".join((RECORD, TABLE, *pictures))
+    files = ", ".join((RECORD, TABLE, *pictures) if result.responses else (RECORD,))
     for line in (*format_lines(result), f"Wrote {place}/: {files}"):
         print_line(line)
 

@@ -202,6 +202,41 @@ class IntegratedInstance(FmuInstance):
         """Free the solver; the FMUs have their own `close`."""
         self._free_solver()
 
+    def read_states(self) -> Vector:
+        """Return the present states of the FMUs."""
+        found = np.empty(self._count)
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.read_states(found.ctypes.data + offset)
+        return found
+
+    def derivatives(self, states: Vector) -> Vector:
+        """Set the states, and return their derivatives at the present time, per s."""
+        found = np.empty(self._count)
+        self._is_discontinuous = self._is_interrupted = True
+        self._place(self._time, states.ctypes.data)
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.derive(found.ctypes.data + offset)
+        return found
+
+    def shift_input(self, member: int, reference: int, by: float) -> None:
+        """Add a constant to a continuous input; a connection to it adds the constant from now on.
+
+        Args:
+            member: Position of the FMU in `members`.
+            reference: Value reference of the input.
+            by: The constant, in the unit of the input.
+        """
+        references, values = np.array([reference], dtype=np.uint32), np.empty(1)
+        arguments = references.ctypes.data, 1, values.ctypes.data
+        self.members[member].get_reals(*arguments)
+        values += by
+        self.members[member].set_reals(*arguments)
+
+    def handle_event(self) -> None:
+        """Do an event, in which the FMUs find their discrete states and relations for the present states."""
+        with self._event():
+            pass
+
     def _set_all_inputs(self) -> None:
         """Pass all inputs to the FMUs, which are in initialization mode or event mode."""
         self.members[0].set_inputs()
@@ -270,7 +305,7 @@ class IntegratedInstance(FmuInstance):
                 raise self._integration_error("a state became infinite or NaN.")
             states = solver.states
         else:
-            self._time, states = target, self._read_states()
+            self._time, states = target, self.read_states()
         self._place(self._time, states.ctypes.data)
         for member in self.members:
             found = member.complete_step() or found
@@ -319,20 +354,13 @@ class IntegratedInstance(FmuInstance):
             share = RESTARTED if self._is_interrupted else SAFETY
             tolerance = max(share * self._tolerance, _SMALLEST)
             if self._count:
-                solver.states[:] = self._read_states()
+                solver.states[:] = self.read_states()
                 if fresh or any(m.has_new_nominals for m in self.members):
                     self._nominals = np.concatenate([m.read_nominals() for m in self.members])
                 solver.absolute[:] = tolerance * self._nominals
             solver.restart(self._time, tolerance, self._largest)
             self._is_discontinuous = self._is_interrupted = False
         return solver
-
-    def _read_states(self) -> Vector:
-        """Return the present states of the FMUs."""
-        found = np.empty(self._count)
-        for member, offset in zip(self.members, self._states, strict=True):
-            member.read_states(found.ctypes.data + offset)
-        return found
 
     def _place(self, time: float, states: int) -> None:
         """Set the time in s, the states from an address, and the inputs that follow."""

@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 _MOST_ROWS = 200_000
 """Of longer results only every n-th row is drawn."""
 
-_TRANSIENT = 0.3
-"""Time in s from which a subject counts as settled if its metrics do not say it."""
+EVALUATED_FROM = "evaluated_from_s"
+"""Metric of a column, if it has it: the time in s from which its errors count."""
 
+_TRANSIENT = 0.3
+"""Time in s after which errors are small enough for a scale of their own, where that metric is missing."""
 
 Part = Literal["", "settling", "settled"]
 
@@ -87,7 +89,7 @@ class RangeLimit:
 class PanelSpec:
     """One row of axes, with the same curves for each column.
 
-    `part` is the part of the time that it shows: all of it, the initial transient, or what comes after that.
+    `part` is the part of the time that it shows: all of it, or what is before or after `EVALUATED_FROM`.
     """
 
     label: str
@@ -134,11 +136,12 @@ class Picture(Drawing):
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        metrics, start = result.metrics.get(self.of, {}), float(data["time"][0])
-        finds = {c: self._find(result, c) for c in metrics}
+        columns, time = result.metrics.get(self.of, {}), data["time"]
+        finds = {c: self._find(result, c) for c in columns}
+        begins = {c: _begin(figures, time) for c, figures in columns.items()}
         found = [
             [
-                _resolve_panel(panel, column, find, data, result.parameters, _settled(metrics[column], start))
+                _resolve_panel(panel, column, find, data, result.parameters, begins[column])
                 for column, find in finds.items()
             ]
             for panel in self.panels
@@ -169,12 +172,6 @@ def _list_signals(result: "Result") -> list[str]:
     return ["time", *(name for name in result.names if name in wanted)]
 
 
-def _settled(metrics: Mapping[str, Any], start: float) -> float:
-    """Return the time in s from which the metrics count a subject as settled."""
-    since = metrics.get("evaluated_from_s")
-    return since if isinstance(since, float) and math.isfinite(since) else start + _TRANSIENT
-
-
 def _resolve_panel(
     panel: PanelSpec,
     column: str,
@@ -192,20 +189,22 @@ def _resolve_panel(
             drawn = _values(curve, [v for v in values if v is not None], time)[shown]
             lines.append(Line(curve.label, time[shown], drawn, curve.color, curve.dashed))
     limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
-    return Plot(
-        panel.label,
-        tuple(lines),
-        limits=limits,
-        column=column,
-        part="" if panel.part == "whole" else panel.part,
-    )
+    return Plot(panel.label, tuple(lines), limits=limits, column=column, part=panel.part)
 
 
 def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
     """Return the mask of the rows of a part of the time. A result that is too short is shown whole."""
-    if not part or time[-1] <= time[0] + 2.0 * (settled - time[0]):
+    if not part or settled <= time[0]:
         return np.ones(len(time), dtype=bool)
     return time <= settled if part == "settling" else time >= settled
+
+
+def _begin(figures: Mapping[str, Any], time: Vector) -> float:
+    """Return the time in s at which settled panels of a column begin."""
+    begin = figures.get(EVALUATED_FROM)
+    if begin is None or math.isnan(begin):  # it has not settled, or has no such metric
+        return float(time[0]) + (_TRANSIENT if time[-1] > time[0] + 2 * _TRANSIENT else 0.0)
+    return begin if (time >= begin).sum() > 1 else float(time[0])
 
 
 def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:

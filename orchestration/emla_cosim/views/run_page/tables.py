@@ -1,6 +1,7 @@
 """Metrics and settings of a run as rows."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,13 +21,24 @@ BONDS = (
 """Labels and units of the metrics of power bonds."""
 
 
+MARGINS = (
+    MetricDisplay("phase_deg", "phase margin", 1.0, "°"),
+    MetricDisplay("gain_up_dB", "gain margin, up", 1.0, "dB"),
+    MetricDisplay("gain_down_dB", "gain margin, down", 1.0, "dB"),
+    MetricDisplay("delay_s", "delay margin", 1e3, "ms"),
+    MetricDisplay("Ms", "sensitivity Ms"),
+)
+"""Labels and units of stability margins."""
+
+
 @dataclass(frozen=True)
 class FigureTable:
-    """Metrics of one kind: subjects as columns, and rows with label, values and unit."""
+    """Metrics of one kind: subjects as columns, and rows with label, values and unit; maybe with a title."""
 
     kind: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, tuple[str, ...], str], ...]
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,22 @@ def list_figure_tables(result: Result) -> Iterator[FigureTable]:
             for one in BONDS
         )
         yield FigureTable("power bonds", tuple(bonds), rows)
+
+
+def list_margin_tables(result: Result) -> Iterator[FigureTable]:
+    """Yield the table of stability margins that the run was given, if there are any."""
+    if (found := result.record.get("margins")) is not None:
+        loops: Mapping[str, Mapping[str, float | None]] = found["loops"]
+        rows = tuple(
+            (one.label, tuple(_format_margin(of.get(one.name), one) for of in loops.values()), one.unit)
+            for one in MARGINS
+        )
+        title = f"Stability margins of {found['scenario']} at {found['at_s']:g} s"
+        yield FigureTable("margins", tuple(loops), rows, title)
+
+
+def _format_margin(value: float | None, figure: MetricDisplay) -> str:
+    return format_figure(math.nan if value is None else value, figure)
 
 
 def list_settings(result: Result) -> list[tuple[str, str]]:

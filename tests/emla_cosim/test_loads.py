@@ -1,0 +1,100 @@
+"""Figures and verdict of loads that are not rigid, from rows whose figures are known."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.run.requirements import flatten_figures
+from emla_cosim.study.loads import LoadMetrics
+
+STEP = 1e-3
+COLUMNS = [[1, 2, 3]]  # x_load, x_L, x_d
+
+
+def judged(
+    load: Any, screw: Any = 0.0, stop: float = 2.0, start: float = 0.0, pieces: int = 1, **criteria: float
+) -> tuple[dict[str, Any], LoadMetrics]:
+    """Return the figures of a load and a screw beside a reference at 0, in pieces that are handed on."""
+    time = start + STEP * np.arange(round(stop / STEP) + 1)
+    values = [f(time) if callable(f) else np.full(len(time), f) for f in (load, screw, 0.0)]
+    given = {f"j.{name}": value for name, value in criteria.items()}
+    metrics = LoadMetrics(["j"], COLUMNS, given)
+    for rows in np.array_split(np.column_stack([time, *values]), pieces):
+        memory = json.loads(json.dumps(metrics.memory()))
+        metrics = LoadMetrics(["j"], COLUMNS, given)
+        metrics.remember(memory)
+        metrics.write(rows)
+    return dict(metrics.figures()["j"]), metrics
+
+
+@pytest.mark.parametrize("pieces", [1, 7])
+@pytest.mark.parametrize("start", [0.0, 5.0])
+def test_a_load_is_judged_apart_from_its_screw(start: float, pieces: int) -> None:
+    """A load that sags by 0.87 mm is within a window of 1 mm, and outside of one of 0.5 mm."""
+    found, metrics = judged(-0.87e-3, start=start, pieces=pieces)
+    assert found["load_within_window"] is True and found["load_reason"] is None and metrics.remarks() == []
+    assert found["load_position_error_m"] == found["load_deflection_m"] == pytest.approx(0.87e-3)
+    assert found["load_swing_m"] == 0.0
+    found, metrics = judged(-0.87e-3, start=start, pieces=pieces, position_window=0.5e-3)
+    assert found["load_within_window"] is False
+    assert found["load_reason"] == (
+        f"The load of j left the position window of 500 µm: its position error was largest at "
+        f"t = {start + 0.3:.6g} s, 870 µm."
+    )
+    assert metrics.remarks() == [found["load_reason"]]
+
+
+@pytest.mark.parametrize("pieces", [1, 5])
+def test_a_swinging_load_is_not_held_though_its_screw_is(pieces: int) -> None:
+    found, _ = judged(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=pieces)
+    assert found["load_within_window"] is False and "1.2 mm" in found["load_reason"]
+    assert found["load_swing_m"] == pytest.approx(2e-3)
+    assert found["load_position_error_m"] == pytest.approx(1.2e-3)
+
+
+def test_what_is_before_settling_does_not_count() -> None:
+    """The screw comes into its window at 0.8 s; the load was far off before."""
+    found, _ = judged(lambda t: np.where(t < 0.8, 5e-3, 0.1e-3), screw=lambda t: np.where(t < 0.8, 5e-3, 0.0))
+    assert found["load_within_window"] is True
+    assert found["load_position_error_m"] == pytest.approx(0.1e-3)
+
+
+def test_a_load_on_an_unsettled_screw_is_not_held() -> None:
+    found, metrics = judged(3e-3, screw=3e-3)
+    assert found["load_within_window"] is False and found["load_reason"] == "j has not settled."
+    assert metrics.remarks() == []  # the joint's own remark says it
+
+
+def test_runs_that_are_short_or_end_early_have_no_verdict() -> None:
+    found, metrics = judged(0.0, stop=0.3)
+    assert found["load_within_window"] is False and found["load_reason"].startswith("too short")
+    assert "load_within_window" not in [figure.name for figure in metrics.shown]
+    found, metrics = judged(0.0)
+    assert next(figure.name for figure in metrics.shown) == "load_within_window"
+    metrics.ended_early("it ended.")
+    assert (
+        metrics.figures()["j"]["load_reason"] == "it ended."
+        and not metrics.figures()["j"]["load_within_window"]
+    )
+
+
+def test_figures_of_a_load_have_names_of_their_own() -> None:
+    """`--require` and sweeps find both by joint and name."""
+    kinds = {"joints": {"j": {"position_error_m": 1.0, "held": True}}, "loads": {"j": judged(0.5e-3)[0]}}
+    flat = flatten_figures(kinds, {})
+    assert flat["j.position_error_m"] == 1.0 and flat["j.held"] is True
+    assert flat["j.load_position_error_m"] == pytest.approx(0.5e-3) and flat["j.load_within_window"] is True
+
+
+def test_a_run_shows_both_verdicts() -> None:
+    """The lift sags by 0.57 mm on its spring, which its screw does not show."""
+    criteria = {"lift.position_window": 0.5e-3}
+    result = ec.load("study-compliant", stop_time=0.8, criteria=criteria).prepare().run()
+    joint, load = result.metrics["joints"]["lift"], result.metrics["loads"]["lift"]
+    assert joint["held"] and joint["position_error_m"] < 20e-6
+    assert not load["load_within_window"] and load["load_position_error_m"] > 0.5e-3
+    assert any(text.startswith("The load of lift left the position window") for text in result.remarks)
+    assert next(figure.name for figure in result.shown["loads"]) == "load_within_window"
