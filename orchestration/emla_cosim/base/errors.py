@@ -54,12 +54,30 @@ _MACHINE = {
 
 def find_exit_code(error: CosimError) -> int:
     """Return the exit code of a command that ends with this error: 1 if the machine caused it."""
+    return error.exit_code if find_machine_fault(error) is None else RunError.exit_code
+
+
+def find_machine_fault(error: BaseException) -> OSError | None:
+    """Return the error of the system that caused this error, if another machine would not have it."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, OSError) and cause.errno in _MACHINE:
-            return RunError.exit_code
+            return cause
         cause = cause.__cause__
-    return error.exit_code
+    return None
+
+
+def raise_machine_fault(error: BaseException, what: str) -> None:
+    """Raise RunError if the system caused an error, so that a message does not blame a file.
+
+    Args:
+        error: The error.
+        what: What cannot be read or written, such as `'lift.fmu'`.
+    """
+    if (fault := find_machine_fault(error)) is not None:
+        raise RunError(
+            f"{what} cannot be read on this machine: {fault.strerror}. See `ulimit -a` and the free space."
+        ) from error
 
 
 @contextlib.contextmanager

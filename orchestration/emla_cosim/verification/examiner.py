@@ -42,7 +42,7 @@ def main() -> None:
 
 
 def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
-    with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
+    with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as folder:
         if job.system:
             return examine_system(job.path, job.settings, Path(folder).resolve(), tell)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
