@@ -35,8 +35,9 @@ COMMANDS = {
     "sweep": ("sweep", "lift", "--vary", R_S, "--signals", "lift.plant.x_L", *SHORT),
     "compare": ("compare", "lift", "--controllers", "rsba,foc", *SHORT),
     "tune": (
-        *("tune", "lift", "--vary", "lift.controller.alpha_1=1000:2000", "--evaluations", "3"),
+        *("tune", "lift", "--vary", "lift.controller.beta[1]=400:1600", "--evaluations", "3"),
         *("--training", "1", "--validation", "1", "--objective", "lift.position_error_m", *SHORT),
+        *("--stop-time", "0.4"),
     ),
     "verify": ("verify", "Reference.fmu", "--only", "run.*", "--json", "v.json", "--html", "v.html"),
     "build": ("build", "Reference", "--output", "built"),
@@ -164,6 +165,7 @@ def check_files(folder: Path) -> None:
     for name in ("out", "built"):
         if (folder / name).is_dir():
             copy = folder / "copy"
+            shutil.rmtree(copy, ignore_errors=True)
             shutil.copytree(folder / name, copy)
             (copy / "mine.txt").unlink(missing_ok=True)
             for table in copy.rglob("results.csv"):

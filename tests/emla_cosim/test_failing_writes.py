@@ -51,8 +51,18 @@ COMMANDS = {
     "sweep": ("sweep", "lift", "--vary", R_S, *SHORT, "--signals", "lift.plant.x_L", "--output", "out"),
     "compare": ("compare", "lift", "--controllers", "rsba,foc", *SHORT, "--output", "out"),
     "tune": (
-        *("tune", "lift", "--vary", "lift.controller.alpha_1=1000:2000", "--evaluations", "3", "--training"),
-        *("1", "--validation", "1", "--objective", "lift.position_error_m", *SHORT, "--output", "out"),
+        *("tune", "lift", "--vary", "lift.controller.beta[1]=400:1600", "--evaluations", "3", "--training"),
+        *(
+            "1",
+            "--validation",
+            "1",
+            "--objective",
+            "lift.position_error_m",
+            "--stop-time",
+            "0.4",
+            "--output",
+            "out",
+        ),
     ),
     "completion": ("--install-completion",),
 }
@@ -129,10 +139,11 @@ def run_again(emla: Emla, what: str) -> Result:
     if what.startswith("build"):
         for place in ("built/Reference", "cache"):
             shutil.rmtree(place, ignore_errors=True)
-    try:
-        return emla(*COMMANDS[what])
-    finally:
-        gc.collect()  # at its end a process removes its temporary folders
+    result = emla(*COMMANDS[what])
+    if isinstance(result.exception, SystemExit):
+        result.exception, result.exc_info = None, None
+    gc.collect()  # at its end a process removes its temporary folders
+    return result
 
 
 def prepare(emla: Emla, what: str, tmp_path: Path, fmus: Path) -> None:

@@ -40,7 +40,7 @@ def _assert_whole(path: Path) -> None:
         json.loads(path.read_text(encoding="utf-8"))
     elif path.suffix == ".toml":
         tomllib.loads(path.read_text(encoding="utf-8"))
-    elif path.suffix == ".opt":
+    elif path.suffix in (".opt", ".md", ".txt"):
         assert path.read_text(encoding="utf-8").endswith("\n"), path
     elif path.suffix == ".html":
         assert path.read_text(encoding="utf-8").rstrip().endswith("</html>"), path

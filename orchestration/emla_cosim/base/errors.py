@@ -63,6 +63,9 @@ def find_machine_fault(error: BaseException) -> OSError | None:
     while cause is not None:
         if isinstance(cause, OSError) and cause.errno in _MACHINE:
             return cause
+        for number in _MACHINE if not isinstance(cause, CosimError) else ():  # libxml2 gives no number
+            if str(cause).rstrip(".\n").endswith(os.strerror(number)):
+                return OSError(number, os.strerror(number))
         cause = cause.__cause__
     return None
 

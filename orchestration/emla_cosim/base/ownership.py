@@ -14,12 +14,12 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-from .errors import CommandError
+from .errors import CommandError, find_machine_fault
 from .files import HERE, real_place, resolve_output_path, write_atomically
 
 MANIFEST = ".emla.json"
@@ -55,6 +55,9 @@ def check_replaceable(
         CommandError: If the file cannot be written, or emla did not write it.
     """
     place = resolve_output_path(path, what, folder)
+    if not is_new(place):
+        with _faults_of_files():  # `is_ours` may not notice them
+            place.open("rb").close()
     if not (overwrite or is_new(place) or is_ours(place)):
         raise CommandError(
             f"'{path}' was not written by emla. Choose another file for {what}, or use --overwrite.",
@@ -246,27 +249,34 @@ def _is_regular(path: Path) -> bool:
 
 def _read_head(path: Path) -> bytes:
     """Return the beginning of a file, empty if it cannot be read."""
-    with suppress(OSError), path.open("rb") as stream:
+    with _faults_of_files(), path.open("rb") as stream:
         return stream.read(_HEAD)
     return b""
 
 
 def _read_json(path: Path) -> dict[str, object]:
     """Return the entries of a JSON file, none if it is something else."""
-    try:
+    found = None
+    with _faults_of_files(), suppress(ValueError, RecursionError):
         found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
     return found if isinstance(found, dict) else {}
 
 
 def _fingerprint(path: Path) -> str | None:
     """Return size and partial hash of a file; None if it cannot be read."""
+    with _faults_of_files(), path.open("rb") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        first = stream.read(_PART)
+        stream.seek(max(size - _PART, 0))
+        return f"{size} {hashlib.sha256(first + stream.read(_PART)).hexdigest()[:16]}"
+    return None
+
+
+@contextmanager
+def _faults_of_files() -> Iterator[None]:
+    """Ignore an OSError, unless the machine caused it: a limit must not make a file of emla the user's."""
     try:
-        with path.open("rb") as stream:
-            size = os.fstat(stream.fileno()).st_size
-            first = stream.read(_PART)
-            stream.seek(max(size - _PART, 0))
-            return f"{size} {hashlib.sha256(first + stream.read(_PART)).hexdigest()[:16]}"
-    except OSError:
-        return None
+        yield
+    except OSError as error:
+        if find_machine_fault(error) is not None:
+            raise
