@@ -24,8 +24,11 @@ class CosimError(Exception):
         self.fields = fields
 
     def __reduce__(self) -> Any:
-        """Support pickling, whatever arguments the constructor of a subclass takes."""
-        return _rebuild_error, (type(self), str(self), self.fields)
+        """Support pickling, whatever arguments the constructor of a subclass takes.
+
+        The cause is lost, but the exit code that follows from it is kept.
+        """
+        return _rebuild_error, (type(self), str(self), self.fields, find_exit_code(self))
 
 
 class CommandError(CosimError):
@@ -38,9 +41,12 @@ class RunError(CosimError):
     """A run failed. `fields["result"]` has the results until then, if there are any."""
 
 
-def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
+def _rebuild_error(
+    kind: type[CosimError], sentence: str, fields: Mapping[str, Any], exit_code: int
+) -> CosimError:
     error = kind.__new__(kind)
     CosimError.__init__(error, sentence, **fields)
+    error.exit_code = exit_code
     return error
 
 

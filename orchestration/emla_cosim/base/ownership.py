@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-from .errors import CommandError, find_machine_fault
+from .errors import CommandError, RunError, find_machine_fault
 from .files import HERE, real_place, resolve_output_path, write_atomically
 
 MANIFEST = ".emla.json"
@@ -119,6 +119,7 @@ class OutputFiles:
         """
         self.overwrite = overwrite
         self._place, self._shown = place, shown
+        self._identity: tuple[int, int] | None = None
         self._marker, self._is_record, self._known = marker, is_record, known
 
     def check(self, names: Iterable[str], what: str) -> None:
@@ -155,15 +156,31 @@ class OutputFiles:
         The list includes files of a version without a manifest, because its record is about to be replaced.
 
         Raises:
+            RunError: If the folder was replaced, or a file that emla did not write has appeared.
             OSError: If the manifest cannot be written.
         """
-        entries = self._entries()
+        entries, names = self._entries(), list(names)
+        self._check_unchanged(names, entries)
         earlier = (
             [n for n in self._known if _is_regular(self._place / n)] if self._is_earlier(entries) else []
         )
         wanted = {**dict.fromkeys(earlier), **entries, **dict.fromkeys(names)}
         if wanted != entries:
             self._write(wanted)
+
+    def _check_unchanged(self, names: Iterable[str], entries: Mapping[str, str | None]) -> None:
+        """Raise RunError if the folder is another one than before, or a file is there that may not be."""
+        status = self._place.lstat()
+        identity = status.st_dev, status.st_ino
+        self._identity = self._identity or identity
+        if identity != self._identity:
+            raise RunError(f"the output folder '{self._shown}' was replaced while emla wrote to it.")
+        for name in names:
+            if os.path.lexists(self._place / name) and not self._may_replace(name, entries):
+                raise RunError(
+                    f"'{self._shown / name}' appeared while emla wrote to its folder; it was not changed.",
+                    path=str(self._shown / name),
+                )
 
     def settle(self, names: Collection[str] | None = None) -> None:
         """Add the fingerprints of files that are complete now.
