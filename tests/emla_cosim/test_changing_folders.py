@@ -17,6 +17,7 @@ SHORT = ("--stop-time", "0.002", "--output", "out")
 
 COMMANDS: dict[str, tuple[tuple[str, ...], type[Any], str]] = {
     "run": (("run", "lift", *SHORT, "--no-plots"), OutputFolder, "keep"),
+    "overwrite": (("run", "lift", *SHORT, "--no-plots", "--overwrite"), OutputFolder, "keep"),
     "plots": (("run", "lift", *SHORT), OutputFolder, "draw"),
     "sweep": (("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *SHORT), SweepFolder, "merge"),
 }
@@ -48,7 +49,7 @@ CASES = [(what, way) for what in COMMANDS for way in WAYS]
 
 @pytest.mark.usefixtures("on_one_cluster")
 @pytest.mark.parametrize(
-    ("what", "way"), mostly_long(CASES, [("run", way) for way in WAYS] + [("sweep", replace_by_link)])
+    ("what", "way"), mostly_long(CASES, [*(("run", way) for way in WAYS), ("overwrite", replace_by_folder)])
 )
 def test_a_folder_that_changes_while_a_command_runs(
     what: str,
