@@ -97,17 +97,3 @@ def test_names_of_the_greatest_length(suffix: str, emla: Emla, tmp_path: Path) -
         assert emla(*command).exit_code == 0
     assert (tmp_path / name).stat().st_size
     assert not [p.name for p in tmp_path.iterdir() if p.name.startswith(".unfinished")]
-
-
-def test_a_file_that_appears_while_a_run_writes_is_not_replaced(
-    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keep, place = OutputFolder.keep, tmp_path / "out/metrics.json"
-
-    def appearing(self: Any, *given: Any, **named: Any) -> Any:
-        place.write_text(MINE)
-        return keep(self, *given, **named)
-
-    monkeypatch.setattr(OutputFolder, "keep", appearing)
-    assert "metrics.json' appeared while emla wrote" in sentence(emla("run", "lift", *SHORT, "--no-plots"), 1)
-    assert place.read_text() == MINE

@@ -156,11 +156,11 @@ class OutputFiles:
         The list includes files of a version without a manifest, because its record is about to be replaced.
 
         Raises:
-            RunError: If the folder was replaced, or a file that emla did not write has appeared.
+            RunError: If the folder was replaced since the first claim.
             OSError: If the manifest cannot be written.
         """
-        entries, names = self._entries(), list(names)
-        self._check_unchanged(names, entries)
+        self._check_unchanged()
+        entries = self._entries()
         earlier = (
             [n for n in self._known if _is_regular(self._place / n)] if self._is_earlier(entries) else []
         )
@@ -168,19 +168,13 @@ class OutputFiles:
         if wanted != entries:
             self._write(wanted)
 
-    def _check_unchanged(self, names: Iterable[str], entries: Mapping[str, str | None]) -> None:
-        """Raise RunError if the folder is another one than before, or a file is there that may not be."""
+    def _check_unchanged(self) -> None:
+        """Raise RunError if the folder is another one than at the first file."""
         status = self._place.lstat()
         identity = status.st_dev, status.st_ino
         self._identity = self._identity or identity
         if identity != self._identity:
             raise RunError(f"the output folder '{self._shown}' was replaced while emla wrote to it.")
-        for name in names:
-            if os.path.lexists(self._place / name) and not self._may_replace(name, entries):
-                raise RunError(
-                    f"'{self._shown / name}' appeared while emla wrote to its folder; it was not changed.",
-                    path=str(self._shown / name),
-                )
 
     def settle(self, names: Collection[str] | None = None) -> None:
         """Add the fingerprints of files that are complete now.
