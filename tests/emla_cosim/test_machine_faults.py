@@ -2,6 +2,7 @@
 
 import errno
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -45,6 +46,13 @@ def test_the_machine_decides_the_exit_code() -> None:
     assert find_exit_code(raised(CommandError("x"), missing)) == 2
     assert find_exit_code(raised(CommandError("x"), full)) == 1
     assert find_exit_code(raised(CommandError("x"), CommandError("y"), full)) == 1
+
+
+@pytest.mark.parametrize("error", [CommandError("x"), RunError("x")])
+def test_the_exit_code_survives_the_way_from_another_process(error: CosimError) -> None:
+    received = pickle.loads(pickle.dumps(raised(type(error)("x", name="y"), OSError(errno.EMFILE, "many"))))
+    assert find_exit_code(received) == 1 and received.fields == {"name": "y"}
+    assert find_exit_code(pickle.loads(pickle.dumps(error))) == find_exit_code(error)
 
 
 @contextmanager

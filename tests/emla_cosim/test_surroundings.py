@@ -206,6 +206,41 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
     assert done.stderr.count(b"Error: ") == (done.returncode > 0), done.stderr
 
 
+@pytest.mark.parametrize("megabytes", mostly_long([200, 250, 400, 900, 1100, 1500], [1100]))
+def test_a_sweep_with_too_little_memory_is_one_sentence(
+    megabytes: int, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """Rust aborts and OpenBLAS complains where there is no memory; neither is seen."""
+    sweep = ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", "--stop-time", "0.01", "--no-plots")
+    command = ["prlimit", f"--as={megabytes * 2**20}", *EMLA, *sweep, "--output", "out", "--fmus", fmu_folder]
+    environment = surroundings(fmu_folder, tmp_path)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    said = done.stderr.decode()
+    assert done.returncode in (0, 1), said
+    assert not any(
+        word in said for word in ("Traceback", "panicked", "RUST", "OpenBLAS", "memory allocation")
+    )
+    assert said.count("Error: ") == done.returncode, said
+    assert not any((tmp_path / "temporary").iterdir())
+
+
+FEW_FILES = [6, 7, 8]
+
+
+@pytest.mark.parametrize("files", mostly_long(FEW_FILES, [6, 7]))
+def test_too_few_open_files_blame_no_file(files: int, fmu_folder: Path, tmp_path: Path) -> None:
+    environment = surroundings(fmu_folder, tmp_path)
+    command = [*EMLA, *RUN, "--stop-time", "0.002", "--fmus", str(fmu_folder)]
+    whole = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert whole.returncode == 0, whole.stderr
+    limited = ["sh", "-c", f'ulimit -n {files}; exec "$@"', "sh", *command]
+    done = subprocess.run(limited, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    said = done.stderr.decode()
+    assert done.returncode == 1, said
+    assert said.count("Error: ") == 1 and "Too many open files" in said
+    assert "not an FMU" not in said and "not written by emla" not in said
+
+
 @pytest.mark.parametrize("end", ["os.abort()", "raise MemoryError", "os._exit(3)"])
 def test_a_rescue_that_fails_too_is_one_sentence(end: str, tmp_path: Path) -> None:
     code = f"""

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tomllib
 import zipfile
 from io import StringIO
 from pathlib import Path
@@ -37,6 +38,10 @@ def _assert_whole(path: Path) -> None:
             assert archive.testzip() is None, path
     elif path.suffix == ".json":
         json.loads(path.read_text(encoding="utf-8"))
+    elif path.suffix == ".toml":
+        tomllib.loads(path.read_text(encoding="utf-8"))
+    elif path.suffix in (".opt", ".md", ".txt"):
+        assert path.read_text(encoding="utf-8").endswith("\n"), path
     elif path.suffix == ".html":
         assert path.read_text(encoding="utf-8").rstrip().endswith("</html>"), path
     elif path.suffix == ".csv":

@@ -24,8 +24,11 @@ class CosimError(Exception):
         self.fields = fields
 
     def __reduce__(self) -> Any:
-        """Support pickling, whatever arguments the constructor of a subclass takes."""
-        return _rebuild_error, (type(self), str(self), self.fields)
+        """Support pickling, whatever arguments the constructor of a subclass takes.
+
+        The cause is lost, but the exit code that follows from it is kept.
+        """
+        return _rebuild_error, (type(self), str(self), self.fields, find_exit_code(self))
 
 
 class CommandError(CosimError):
@@ -38,9 +41,12 @@ class RunError(CosimError):
     """A run failed. `fields["result"]` has the results until then, if there are any."""
 
 
-def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
+def _rebuild_error(
+    kind: type[CosimError], sentence: str, fields: Mapping[str, Any], exit_code: int
+) -> CosimError:
     error = kind.__new__(kind)
     CosimError.__init__(error, sentence, **fields)
+    error.exit_code = exit_code
     return error
 
 
@@ -54,12 +60,33 @@ _MACHINE = {
 
 def find_exit_code(error: CosimError) -> int:
     """Return the exit code of a command that ends with this error: 1 if the machine caused it."""
+    return error.exit_code if find_machine_fault(error) is None else RunError.exit_code
+
+
+def find_machine_fault(error: BaseException) -> OSError | None:
+    """Return the error of the system that caused this error, if another machine would not have it."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, OSError) and cause.errno in _MACHINE:
-            return RunError.exit_code
+            return cause
+        for number in _MACHINE if not isinstance(cause, CosimError) else ():  # libxml2 gives no number
+            if str(cause).rstrip(".\n").endswith(os.strerror(number)):
+                return OSError(number, os.strerror(number))
         cause = cause.__cause__
-    return error.exit_code
+    return None
+
+
+def raise_machine_fault(error: BaseException, what: str) -> None:
+    """Raise RunError if the system caused an error, so that a message does not blame a file.
+
+    Args:
+        error: The error.
+        what: What cannot be read or written, such as `'lift.fmu'`.
+    """
+    if (fault := find_machine_fault(error)) is not None:
+        raise RunError(
+            f"{what} cannot be read on this machine: {fault.strerror}. See `ulimit -a` and the free space."
+        ) from error
 
 
 @contextlib.contextmanager

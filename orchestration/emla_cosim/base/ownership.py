@@ -14,12 +14,12 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-from .errors import CommandError
+from .errors import CommandError, RunError, find_machine_fault
 from .files import HERE, real_place, resolve_output_path, write_atomically
 
 MANIFEST = ".emla.json"
@@ -55,6 +55,9 @@ def check_replaceable(
         CommandError: If the file cannot be written, or emla did not write it.
     """
     place = resolve_output_path(path, what, folder)
+    if not is_new(place):
+        with _faults_of_files():  # `is_ours` may not notice them
+            place.open("rb").close()
     if not (overwrite or is_new(place) or is_ours(place)):
         raise CommandError(
             f"'{path}' was not written by emla. Choose another file for {what}, or use --overwrite.",
@@ -116,6 +119,7 @@ class OutputFiles:
         """
         self.overwrite = overwrite
         self._place, self._shown = place, shown
+        self._identity: tuple[int, int] | None = None
         self._marker, self._is_record, self._known = marker, is_record, known
 
     def check(self, names: Iterable[str], what: str) -> None:
@@ -152,8 +156,10 @@ class OutputFiles:
         The list includes files of a version without a manifest, because its record is about to be replaced.
 
         Raises:
+            RunError: If the folder was replaced since the first claim.
             OSError: If the manifest cannot be written.
         """
+        self._check_unchanged()
         entries = self._entries()
         earlier = (
             [n for n in self._known if _is_regular(self._place / n)] if self._is_earlier(entries) else []
@@ -161,6 +167,14 @@ class OutputFiles:
         wanted = {**dict.fromkeys(earlier), **entries, **dict.fromkeys(names)}
         if wanted != entries:
             self._write(wanted)
+
+    def _check_unchanged(self) -> None:
+        """Raise RunError if the folder is another one than at the first file."""
+        status = self._place.lstat()
+        identity = status.st_dev, status.st_ino
+        self._identity = self._identity or identity
+        if identity != self._identity:
+            raise RunError(f"the output folder '{self._shown}' was replaced while emla wrote to it.")
 
     def settle(self, names: Collection[str] | None = None) -> None:
         """Add the fingerprints of files that are complete now.
@@ -246,7 +260,7 @@ def _is_regular(path: Path) -> bool:
 
 def _read_head(path: Path) -> bytes:
     """Return the beginning of a file, empty if it cannot be read."""
-    with suppress(OSError), path.open("rb") as stream:
+    with _faults_of_files(), path.open("rb") as stream:
         return stream.read(_HEAD)
     return b""
 
@@ -261,20 +275,27 @@ def _read_tail(path: Path) -> bytes:
 
 def _read_json(path: Path) -> dict[str, object]:
     """Return the entries of a JSON file, none if it is something else."""
-    try:
+    found = None
+    with _faults_of_files(), suppress(ValueError, RecursionError):
         found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
     return found if isinstance(found, dict) else {}
 
 
 def _fingerprint(path: Path) -> str | None:
     """Return size and partial hash of a file; None if it cannot be read."""
+    with _faults_of_files(), path.open("rb") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        first = stream.read(_PART)
+        stream.seek(max(size - _PART, 0))
+        return f"{size} {hashlib.sha256(first + stream.read(_PART)).hexdigest()[:16]}"
+    return None
+
+
+@contextmanager
+def _faults_of_files() -> Iterator[None]:
+    """Ignore an OSError, unless the machine caused it: a limit must not make a file of emla the user's."""
     try:
-        with path.open("rb") as stream:
-            size = os.fstat(stream.fileno()).st_size
-            first = stream.read(_PART)
-            stream.seek(max(size - _PART, 0))
-            return f"{size} {hashlib.sha256(first + stream.read(_PART)).hexdigest()[:16]}"
-    except OSError:
-        return None
+        yield
+    except OSError as error:
+        if find_machine_fault(error) is not None:
+            raise

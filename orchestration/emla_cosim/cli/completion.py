@@ -8,6 +8,8 @@ from typing import Any
 
 import typer
 
+from fmublock.files import write_atomically
+
 PROGRAM, VARIABLE = "emla", "_EMLA_COMPLETE"
 """Program to complete, and the environment variable that a shell sets to ask for completions."""
 
@@ -116,15 +118,50 @@ def install() -> str:
     Raises:
         ValueError: If completion cannot be installed, with the reason.
     """
-    from typer._completion_shared import install as installed
-
     shell = _shell()
     try:
-        _, place = installed(shell, PROGRAM, VARIABLE)
+        place = _install_script(shell)
     except (OSError, RuntimeError, ValueError) as error:  # no home folder, or one that is not writable
         reason = getattr(error, "strerror", None) or str(error).rstrip(".")
         raise ValueError(f"cannot install completion for {shell}: {reason}") from error
     return f"Completion for {shell} is in {place}. It works in new shells."
+
+
+def _install_script(shell: str) -> Path:
+    """Write the completion script, and add what loads it to the start file of the shell. May raise OSError.
+
+    typer's own function writes over the start file, which would be lost on a full disk.
+    """
+    home = Path.home()
+    place, start, lines = {
+        "bash": (
+            home / ".bash_completions" / f"{PROGRAM}.sh",
+            home / ".bashrc",
+            [f"source '{home / '.bash_completions' / PROGRAM}.sh'"],
+        ),
+        "zsh": (
+            home / ".zfunc" / f"_{PROGRAM}",
+            home / ".zshrc",
+            ["fpath+=~/.zfunc; autoload -Uz compinit; compinit", "zstyle ':completion:*' menu select"],
+        ),
+        "fish": (home / ".config" / "fish" / "completions" / f"{PROGRAM}.fish", None, []),
+    }.get(shell, (None, None, []))
+    if place is None:  # PowerShell
+        from typer._completion_shared import install as installed
+
+        return installed(shell, PROGRAM, VARIABLE)[1]
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(place) as stream:
+        stream.write(f"{script()}\n".encode())
+    if start is not None:
+        start = Path(os.path.realpath(start))  # it may be a link to where its owner keeps such files
+        before = start.read_bytes() if start.exists() else b""
+        # zsh: a style of the user's stays
+        new = [x for x in lines if x.split()[0].encode() not in before or x.startswith("source")]
+        if added := [x for x in new if x.encode() not in before]:
+            with write_atomically(start) as stream:
+                stream.write(before + "\n".join(["", *added, ""]).encode())
+    return place
 
 
 def script() -> str:

@@ -3,7 +3,9 @@
 import gc
 import os
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
@@ -12,7 +14,7 @@ from typing import TextIO
 
 from fmublock.leftovers import remove_leftovers
 
-from ..sandbox.interruption import exit_on_interrupt, ignore_interrupts
+from ..sandbox.interruption import POLITE, exit_on_interrupt, ignore_interrupts
 
 try:
     import resource  # import it now: later there may not be enough memory
@@ -23,18 +25,25 @@ COLLECT = 50_000
 """Allocations between two garbage collections. Imports make many lasting objects; every 700 is too often."""
 
 
+UNSUPERVISED = ("", "list")
+"""Commands that have no supervising process, because they load little; empty for options alone."""
+
+RUNS = ("run", "rerun")
+"""Commands whose results the supervising process completes."""
+
+
 def main() -> None:
     """Run the command. Exit with 0, or with 1 or 2 and an error message."""
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_make_writable(stream) for stream in (sys.stdout, sys.stderr))
     if "_EMLA_COMPLETE" not in os.environ:
         remove_leftovers()
-    if _command(sys.argv[1:]) in ("run", "rerun"):  # these call compiled code of others
-        from ..sandbox.guard import run_supervised  # no other command needs it
+    if _command(sys.argv[1:]) in UNSUPERVISED or "_EMLA_COMPLETE" in os.environ:
+        _run()
+    else:  # compiled code of FMUs and libraries can end the process
+        from ..sandbox.guard import run_supervised
 
         run_supervised(_run, _rescue, _report)
-    else:
-        _run()
 
 
 def _command(arguments: Sequence[str]) -> str:
@@ -43,6 +52,8 @@ def _command(arguments: Sequence[str]) -> str:
 
 
 def _run() -> None:
+    if _memory_limit() is not None:
+        _silence_libraries()
     try:
         with exit_on_interrupt(_exit_interrupted):
             from .app import app
@@ -86,11 +97,38 @@ def _memory_limit() -> int | None:
     return None if limit == resource.RLIM_INFINITY else limit
 
 
+def _silence_libraries() -> None:
+    """Discard what libraries write to the standard error stream when they get no memory."""
+    warnings.simplefilter("ignore")
+    threading.excepthook = sys.unraisablehook = lambda _: None  # libraries' threads and destructors
+    with suppress(OSError, ValueError):
+        sys.stderr.flush()
+        kept = os.dup(sys.stderr.fileno())
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stderr.fileno())
+        sys.stderr = os.fdopen(kept, "w", 1, encoding=sys.stderr.encoding, errors="replace")
+
+
 def _rescue(how: str) -> None:
     ended = time.monotonic()
+    command = _command(sys.argv[1:])
+    if command not in RUNS:
+        _report_end(command, how)
+        return
     from .commands.crash_rescue import rescue_results
 
     rescue_results(how, ended)
+
+
+def _report_end(command: str, how: str) -> None:
+    """Print why the process of a command ended."""
+    if how in {number.name for number in POLITE}:  # it ended before its own handler was set
+        sys.stderr.write("Interrupted.\n")
+        return
+    limit = _memory_limit()
+    reason = "" if limit is None else f", perhaps at its memory limit of {limit / 2**20:.0f} MiB (ulimit -v)"
+    more = " --resume continues what was begun." if command == "sweep" else ""
+    sys.stderr.write(f"Error: the process of `emla {command}` ended ({how}){reason}.{more}\n")
 
 
 def _report(seconds: int, asked: bool) -> None:

@@ -13,7 +13,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 from fmpy.validation import validate_model_description
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import SignalType
 from ..base.units import BASE_UNITS, SiUnit
@@ -153,6 +153,7 @@ def read_description(path: Path, validate: bool = True) -> Interface:
     except (CommandError, ValidationError, ImportError, MemoryError):
         raise
     except Exception as error:  # zip and XML readers raise many types
+        raise_machine_fault(error, f"'{path}'")
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return Interface(description)
 
@@ -179,6 +180,7 @@ def _read_faulty(path: Path, error: ValidationError) -> Interface:
     except MemoryError:
         raise
     except Exception as more:  # numbers and references that the schema would have found
+        raise_machine_fault(more, f"'{path}'")
         text = first_problem(error)
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
     grave = [p for p in problems if not _HARMLESS.search(p)]

@@ -87,12 +87,20 @@ def _run_watched(run: Callable[[], None], parent: int) -> None:
     except SystemExit:
         black_box.current_activity().ended = 1
         raise
-    except Exception:  # the state is unknown; even a normal exit of Python may fail
-        if not black_box.current_activity().ended:  # without memory even SystemExit fails
+    except Exception as error:  # the state is unknown; even a normal exit of Python may fail
+        # without memory even SystemExit fails, and the parent reports that
+        if not (black_box.current_activity().ended or _needs_memory(error)):
             with contextlib.suppress(Exception):
                 traceback.print_exc()
         os._exit(1)
     black_box.current_activity().ended = 1
+
+
+def _needs_memory(error: BaseException | None) -> bool:
+    """Return whether an exception was raised because there was no memory."""
+    while error is not None and not isinstance(error, MemoryError):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _wait_for_child(child: int, report: Callable[[int, bool], None]) -> int:

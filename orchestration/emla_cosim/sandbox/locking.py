@@ -76,7 +76,7 @@ def _check_names(folder: Path) -> None:
 
 def _is_holder(path: Path) -> bool:
     """Return whether a lock wrote this file, possibly in part on a full disk."""
-    with suppress(OSError), path.open("rb") as stream:
+    with suppress(FileNotFoundError, PermissionError), path.open("rb") as stream:
         head = stream.read(len(_BEGINS))
         return _BEGINS.startswith(head)
     return False

@@ -116,9 +116,10 @@ class SweepFolder(Folder):
                 self.clear()
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
+            # the record first: without it, the parts would be files of the user's
+            self.write_record({**record, "status": UNFINISHED_SWEEP})
             with write_atomically(self._place / PARTS / DESIGN) as stream:
                 stream.write(to_parquet(about))
-            self.write_record({**record, "status": UNFINISHED_SWEEP})
             self._forget_orphans()
 
     def clear(self) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from ..base.errors import RunError, find_machine_fault
 from ..sandbox.server import serve
 from .examination import examine_fmu
 from .findings import Examined, Finding
@@ -41,8 +42,17 @@ def main() -> None:
     serve(_examine)
 
 
-def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
-    with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
+def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined | RunError:
+    try:
+        return _examine_file(job, tell)
+    except Exception as error:
+        if (fault := find_machine_fault(error)) is None:
+            raise
+        return RunError(f"'{job.name}' could not be verified on this machine: {fault.strerror}.")
+
+
+def _examine_file(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
+    with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as folder:
         if job.system:
             return examine_system(job.path, job.settings, Path(folder).resolve(), tell)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)

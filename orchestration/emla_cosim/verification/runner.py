@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from ..base.errors import CommandError, check_choice
+from ..base.errors import CommandError, RunError, check_choice
 from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import convert_value
@@ -74,7 +74,8 @@ def verify(
         The findings for each file.
 
     Raises:
-        CommandError: a file does not exist, or an argument is wrong. All other problems are findings.
+        CommandError: a file does not exist, or an argument is wrong.
+        RunError: the machine has no space or memory for it. All other problems are findings.
     """
     named = _name_paths(paths)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
@@ -249,6 +250,8 @@ class _ExaminerPool:
                 while isinstance(answer := server.receive(), Finding):
                     done.append(answer)
                     self._advance()
+                if isinstance(answer, RunError):
+                    raise answer
                 return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
             except ServerEndedError as error:
                 del self._own.server

@@ -6,6 +6,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import find_machine_fault
 from ..sandbox import black_box
 from ..sandbox.black_box import BlackBoxFile
 from ..sandbox.child import Child, limit_memory, silence
@@ -109,6 +110,7 @@ def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOu
         return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
 
 
+_FAULT = "The machine has too little space or memory, or a limit is too low (`ulimit -a`)."
 _SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
 
 
@@ -145,6 +147,9 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
     except MemoryError:
         return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.", clause=_OWN)
     except Exception as error:  # a bug in a check must not lose the rest of the report
+        if (fault := find_machine_fault(error)) is not None:
+            said = f"It could not run on this machine: {fault.strerror}."
+            return blocked(said, hint=_FAULT, gaps=(said,))
         return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 

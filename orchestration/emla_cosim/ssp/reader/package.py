@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from ...base.errors import CommandError, join_names, show_paths_relative_to
+from ...base.errors import CommandError, join_names, raise_machine_fault, show_paths_relative_to
 from ...base.faults import accept_if_lenient
 from ...base.files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
@@ -149,5 +149,6 @@ def read_inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
             f"'{where}' names the file '{uri}' inside '{fmu.name}', which does not exist."
         ) from error
     except Exception as error:  # zipfile raises many types
+        raise_machine_fault(error, f"'{uri}' inside '{fmu.name}'")
         raise CommandError(f"'{uri}' inside '{fmu.name}' cannot be read: {error}.") from error
     raise CommandError(f"'{uri}' inside '{fmu.name}' is larger than {_LARGEST_INSIDE // 2**20} MiB.")

@@ -4,6 +4,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...base.errors import find_machine_fault
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..check import check
 from ..declarations import find_repeated
@@ -56,6 +57,8 @@ def safe(subject: Subject) -> CheckOutcome:
     except MemoryError:
         raise
     except Exception as error:  # whatever zip readers raise
+        if find_machine_fault(error) is not None:
+            raise
         return failed(f"It cannot be unpacked: {_words(error)}.")
     return judge_problems((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
 

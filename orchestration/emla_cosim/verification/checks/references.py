@@ -1,6 +1,6 @@
 """Compare results with references, and record references."""
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, find_machine_fault
 from ...recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
 from ...recorders.tubes.tolerance import find_tolerance
 from ..check import check
@@ -91,5 +91,6 @@ def recorded(subject: Subject) -> CheckOutcome:
     except CommandError as error:
         return failed(sentence(error))
     except OSError as error:
-        return failed(f"'{recording.folder}' cannot be written: {error.strerror or error}.")
+        said = f"'{recording.folder}' cannot be written: {error.strerror or error}."
+        return failed(said) if find_machine_fault(error) is None else blocked(said, gaps=(said,))
     return passed(f"Wrote {', '.join(str(file) for file in files)}.")

@@ -1,0 +1,247 @@
+"""Kill commands at random moments and look at what they leave: python -m benchmarks.kills.
+
+Each command runs in a folder of its own and gets SIGKILL at a moment drawn from its usual duration. Its
+processes must end, no file may look whole and be incomplete, and the next command must remove what is left.
+On Linux, run it where `/dev/shm` has only its own files:
+
+    unshare --mount sh -c 'mount -t tmpfs none /dev/shm && python -m benchmarks.kills'
+"""
+
+import argparse
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import polars
+import psutil
+
+import emla_cosim as ec
+from emla_cosim.fmu.models import MODELS, build
+from tests.support.whole_files import assert_whole, assert_whole_rows
+
+R_S = "lift.plant.motor.R_s=0.1,0.2,0.3"
+SHORT = ("--stop-time", "0.01", "--no-plots", "--output", "out")
+
+COMMANDS = {
+    "run": ("run", "lift", "--stop-time", "0.5", "--output", "out"),
+    "sweep": ("sweep", "lift", "--vary", R_S, "--signals", "lift.plant.x_L", *SHORT),
+    "compare": ("compare", "lift", "--controllers", "rsba,foc", *SHORT),
+    "tune": (
+        *("tune", "lift", "--vary", "lift.controller.beta[1]=400:1600", "--evaluations", "3"),
+        *("--training", "1", "--validation", "1", "--objective", "lift.position_error_m", *SHORT),
+        *("--stop-time", "0.4"),
+    ),
+    "verify": ("verify", "Reference.fmu", "--only", "run.*", "--json", "v.json", "--html", "v.html"),
+    "build": ("build", "Reference", "--output", "built"),
+}
+"""Commands by name; those that know it get --fmus."""
+
+RESULTS = {
+    "run": "out/results.csv",
+    "sweep": "out/variants.parquet",
+    "build": "built/Reference/Reference.fmu",
+}
+"""What must come out the same, byte for byte or value for value, when a killed command is repeated."""
+
+END_S = 10.0
+"""Seconds in which the processes of a killed command must end."""
+
+EVERY = 5
+"""One in so many killed commands is repeated until it ends; after the others a short command cleans up."""
+
+SHARED = Path("/dev/shm")
+VARIABLE = "EMLA_KILLED"
+
+
+@dataclass
+class Place:
+    """A folder in which one command runs."""
+
+    folder: Path
+    fmus: Path
+    mark: str
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def make(self) -> None:
+        """Create the folder with the user's files."""
+        for name in ("temporary", "out", "cache"):
+            (self.folder / name).mkdir(parents=True)
+        (self.folder / "out/mine.txt").write_text("years of work")
+        shutil.copy(self.fmus / "Reference/Reference.fmu", self.folder)
+
+    def start(self, command: Sequence[str]) -> subprocess.Popen[bytes]:
+        """Start a command."""
+        more = ["--fmus", str(self.fmus)] if command[0] in ("run", "sweep", "compare", "tune") else []
+        cache = {"EMLA_COSIM_CACHE": str(self.folder / "cache")} if command[0] == "build" else {}
+        return subprocess.Popen(
+            [sys.executable, "-m", "emla_cosim", *command, *more],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "TMPDIR": str(self.folder / "temporary"), VARIABLE: self.mark, **cache},
+        )
+
+    def processes(self) -> list[psutil.Process]:
+        """Return the processes of this folder's commands."""
+        found = []
+        for process in psutil.process_iter():
+            try:
+                if process.environ().get(VARIABLE) == self.mark and process.status() != psutil.STATUS_ZOMBIE:
+                    found.append(process)
+            except psutil.Error:
+                continue
+        return found
+
+    def hidden(self) -> list[str]:
+        """Return the hidden files that no complete command leaves."""
+        return [
+            p.name
+            for place in (self.folder, self.folder / "out", self.folder / "out/parts", self.folder / "built")
+            if place.is_dir()
+            for p in place.iterdir()
+            if p.name.startswith(".") and p.name != ".emla.json"
+        ]
+
+    def temporary(self) -> list[str]:
+        """Return the temporary files."""
+        return [p.name for p in (self.folder / "temporary").iterdir()]
+
+
+def kill_once(name: str, place: Place, moment: float, repeat: bool) -> list[str]:
+    """Kill a command, look at what it leaves, and let the next command clean up; return what is wrong."""
+    wrong, shared = list[str](), list_shared()
+    process = place.start(COMMANDS[name])
+    try:
+        process.wait(moment)
+    except subprocess.TimeoutExpired:
+        process.kill()
+    place.counts["ended before" if process.wait() >= 0 else "killed"] += 1
+    until = time.monotonic() + END_S
+    while (left := place.processes()) and time.monotonic() < until:
+        time.sleep(0.05)
+    for one in left:
+        wrong.append(f"process {one.cmdline()[:6]}")
+        one.kill()
+    try:
+        check_files(place.folder)
+    except Exception as error:
+        wrong.append(f"file {error}")
+    place.counts["left temporary files"] += bool(place.temporary())
+    place.counts["left hidden files"] += bool(place.hidden())
+    command = [*COMMANDS[name]] if repeat else ["list"]
+    if repeat and name == "sweep" and (place.folder / "out/sweep.json").exists():
+        command.append("--resume")
+    again = place.start(command)
+    said, _ = again.communicate()
+    if again.returncode:
+        wrong.append(f"next command {again.returncode}: {said.decode(errors='replace').strip()[-300:]}")
+    place.counts["repeated to the end"] += repeat
+    if place.temporary():
+        wrong.append(f"temporary {place.temporary()}")
+    if repeat and place.hidden():
+        wrong.append(f"hidden {place.hidden()}")
+    if (place.folder / "out/mine.txt").read_text() != "years of work":
+        wrong.append("the user's file")
+    if new := list_shared() - shared:
+        wrong.append(f"shared memory {sorted(new)}")
+    return wrong
+
+
+def list_shared() -> set[str]:
+    """Return the names in shared memory."""
+    return {p.name for p in SHARED.iterdir()} if SHARED.is_dir() else set()
+
+
+def check_files(folder: Path) -> None:
+    """Raise AssertionError if a file looks whole and is not."""
+    for name in ("out", "built"):
+        if (folder / name).is_dir():
+            copy = folder / "copy"
+            shutil.rmtree(copy, ignore_errors=True)
+            shutil.copytree(folder / name, copy)
+            (copy / "mine.txt").unlink(missing_ok=True)
+            for table in copy.rglob("results.csv"):
+                assert_whole_rows(table)
+            assert_whole(copy, killed=True)
+            shutil.rmtree(copy)
+    for report in folder.glob("v.*"):
+        assert report.read_text().rstrip().endswith(("}", "</html>")), report
+
+
+def same(path: Path, content: Path) -> bool:
+    """Return whether two results are the same."""
+    if path.suffix == ".parquet":
+        return (
+            polars.read_parquet(path)
+            .drop("provenance")
+            .equals(polars.read_parquet(content).drop("provenance"))
+        )
+    return path.read_bytes() == content.read_bytes()
+
+
+def main() -> None:
+    """Kill, and print a row for each command."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("commands", nargs="*", default=list(COMMANDS))
+    parser.add_argument("--kills", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="kills-") as root:
+        fmus = Path(root, "fmus")
+        for model in MODELS:
+            build(model, "native", [], fmus)
+        with ec.load("lift", stop_time=0.01, fmus=fmus).prepare() as lift:
+            lift.run()  # compiles the loop
+        print(
+            "| Command | Killed at random moments up to | Killed | Left temporary files | Left hidden files |"
+        )
+        print("|---|---|---|---|---|", flush=True)
+        for name in asked.commands:
+            one_command(name, Path(root), fmus, asked.kills, random.Random(f"{asked.seed} {name}"))
+
+
+def one_command(name: str, root: Path, fmus: Path, kills: int, draw: random.Random) -> None:
+    """Kill one command many times."""
+    whole = Place(root / f"{name}-whole", fmus, f"{os.getpid()} {name} whole")
+    whole.make()
+    began = time.monotonic()
+    process = whole.start(COMMANDS[name])
+    said, _ = process.communicate()
+    assert process.returncode == 0, said.decode()
+    lasts = time.monotonic() - began
+    counts, wrong = Counter[str](), list[str]()
+    place = Place(root / name, fmus, f"{os.getpid()} {name}", counts)
+    for number in range(kills):
+        if number % EVERY == 0:
+            shutil.rmtree(place.folder, ignore_errors=True)
+            place.make()
+        moment = draw.uniform(0.0, lasts)
+        repeat = number % EVERY == EVERY - 1
+        found = kill_once(name, place, moment, repeat)
+        if (
+            repeat
+            and name in RESULTS
+            and not same(place.folder / RESULTS[name], whole.folder / RESULTS[name])
+        ):
+            found.append("another result")
+        wrong += [f"{name} {number} at {moment:.2f} s: {what}" for what in found]
+        print(f"{name} {number} {moment:.2f} s {dict(counts)} {found or ''}", file=sys.stderr, flush=True)
+    print(
+        f"| `{name}` | {lasts:.1f} s | {counts['killed']} of {kills} | {counts['left temporary files']} "
+        f"| {counts['left hidden files']} |",
+        flush=True,
+    )
+    for line in wrong:
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
