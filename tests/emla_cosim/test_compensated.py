@@ -35,7 +35,7 @@ def test_the_study_is_within_its_marks_and_beats_every_cell_of_the_paper(study: 
 
 
 def test_drives_as_they_are_stay_within_their_torque_and_away_from_limits(fmu_folder: Path) -> None:
-    with ec.load("study-drive", fmus=fmu_folder).prepare() as simulation:
+    with ec.load("study-drive", gains="compensated", fmus=fmu_folder).prepare() as simulation:
         figures = simulation.run(recorders=[]).metrics["joints"]
     for joint in JOINTS:
         assert figures[joint]["held"]

@@ -206,7 +206,7 @@ def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPat
 
 
 def test_only_what_is_random_runs_with_several_seeds(compared: ec.CompareResult) -> None:
-    assert compared.entrants == ["rsba/compensated", "foc/tuned"]
+    assert compared.entrants == ["rsba/damped", "foc/tuned"]
     seeds = HeldOutSeeds(3).drawn
     for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
         found = compared.rows.filter(joint=joint, controller=controller)
@@ -243,10 +243,8 @@ def test_the_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
 
 def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
     reserves, others = compared.notes
-    assert reserves == (
-        "Reserves of current and voltage: rsba/compensated 2 % and 20 %; foc/tuned 0 % and 5 %."
-    )
-    left = "rsba/damped, rsba/robust, rsba/published, rsba/compliant, foc/damped and foc/rule"
+    assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/tuned 0 % and 5 %.")
+    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/damped and foc/rule"
     assert others.startswith(f"Further sets of gains: {left}")
 
 
@@ -290,8 +288,8 @@ def test_robustness_shows_further_sets_of_those_who_are_compared(fmu_folder: Pat
         return list(map(str, select_variants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
 
     assert names("foc", "cac") == ["foc/tuned", "foc/rule", "cac/tuned"]
-    assert names()[:3] == ["rsba/compensated", "rsba/robust", "foc/tuned"]
-    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/compensated", "foc/tuned"]
+    assert names()[:3] == ["rsba/damped", "rsba/robust", "foc/tuned"]
+    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/damped", "foc/tuned"]
     assert names(FocController) == ["FocController/robust"]  # of a block of the user's
 
 
@@ -315,7 +313,7 @@ def test_controllers_of_the_user_are_compared_on_the_same_terms(fmu_folder: Path
     result = ec.compare(
         "prototype", controllers, seeds=2, reserves=(0.1, 0.1), stop_time=0.35, fmus=fmu_folder, workers=1
     )
-    assert result.entrants == ["rsba/compensated", f"{fmu}/robust", "Proportional/robust"]
+    assert result.entrants == ["rsba/damped", f"{fmu}/robust", "Proportional/robust"]
     assert result.rows["seed"].to_list() == [None] * 3  # its sensors are ideal
     assert result.notes[0].count("10 % and 10 %") == 2 and "Proportional/robust not stated" in result.notes[0]
     assert result.notes[1].startswith("Proportional/robust keeps its own reserves")

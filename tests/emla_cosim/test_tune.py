@@ -5,6 +5,7 @@ import math
 import os
 import re
 import signal
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from emla_cosim.sweeps.data import DIVERGED, DONE
 from emla_cosim.sweeps.variants import VariantOutcome
 from emla_cosim.system.model import Component, System
 from emla_cosim.tuning.expressions import parse_expression
+from emla_cosim.tuning.plan import load_tuning_plan
 from emla_cosim.tuning.score import Objective
 from emla_cosim.tuning.search import Search
 from fmublock import Block, Output, Parameter, build
@@ -192,12 +194,67 @@ def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
 
 @pytest.mark.parametrize("name", list(TUNINGS))
 def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) -> None:
+    given = load_tuning_plan(name)
+    joint = name.partition("-")[2]
+    assert [case.margins for case in given.cases if case.margins] == [
+        [joint, f"{joint}.controller.u_q->{joint}.plant.u_q"]
+    ]
+    short = replace(given, cases=[replace(case, margins=(), at=None) for case in given.cases])
     plan = ec.tune(
-        name, evaluations=1, training=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder
+        short, evaluations=1, training=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder
     )
     assert plan.complete
     assert all(value is not None for value in plan.start.values.values())
-    assert len(plan.start.training.worst) == 10
+    assert len(plan.start.training.worst) == 11
+
+
+DELAY = {"lift.plant.inverter.delay": 1e-4}
+AT = {"at": 0.3, "stop_time": 0.45}
+
+
+def with_margins(fmus: Path, *loops: str, at: float | None = None, **given: Any) -> ec.TuneResult:
+    """Tune the lift's `compensated`, whose position loop has little margin, with one set of gains."""
+    cases = [ec.Case("usual"), ec.Case("late", 0.0, DELAY, margins=loops, at=at)]
+    options = {"gains": "compensated", "stop_time": AT["stop_time"], "fmus": fmus}
+    plan = ec.TuningPlan(
+        "margins", "lift", {"lift.controller.beta[1]": "500:3000"}, "lift.position_error_m", cases=cases
+    )
+    return ec.tune(plan, evaluations=1, workers=1, validation=0, **options, **given)
+
+
+def test_margins_are_conditions_with_the_figures_of_linearize(fmu_folder: Path, tmp_path: Path) -> None:
+    result = with_margins(fmu_folder, "lift", at=AT["at"], output=tmp_path / "out", plots=False)
+    settings = {"gains": "compensated", "set": DELAY, "stop_time": AT["stop_time"], "fmus": fmu_folder}
+    (margins,) = ec.linearize("lift", open="lift", at=AT["at"], duration=0.15, **settings).margins.values()
+    worst = {name.partition(": ")[2]: one for name, one in result.best.training.worst["late"].items()}
+    assert worst["phase_margin_deg >= 30"] == {"figure": pytest.approx(margins.phase_deg), "met": False}
+    assert worst["gain_margin_up_dB >= 6"] == {"figure": pytest.approx(margins.gain_up_dB), "met": False}
+    assert worst["gain_margin_down_dB <= -6"] == {"figure": pytest.approx(margins.gain_down_dB), "met": False}
+    assert worst["Ms <= 2.2"] == {"figure": pytest.approx(margins.Ms), "met": False}
+    assert not result.best.training.holds and 3.0 < result.best.training.violation < 6.0
+    recorded = json.loads((tmp_path / "out" / "tune.json").read_text())
+    assert recorded["best"]["training"]["worst"]["late"]["lift: Ms <= 2.2"]["met"] is False
+    assert recorded["plan"]["cases"][1]["margins"] == ["lift"]
+
+
+def test_margins_are_not_measured_where_another_condition_fails(fmu_folder: Path) -> None:
+    result = with_margins(fmu_folder, "lift", at=AT["at"], require=["lift.position_error_m < 1e-12"])
+    worst = result.best.training.worst["late"]
+    assert worst["lift: Ms <= 2.2"] == {"figure": None, "met": False}
+
+
+@pytest.mark.parametrize(
+    ("loops", "at", "sentence"),
+    [
+        (["lift.plant.nothing->lift.observer.y"], None, "nothing"),
+        (["lift"], 0.4, "'at' of the case 'late' of the tuning is 0.4 s; choose a time from 0 to 0.3 s"),
+    ],
+)
+def test_wrong_loops_are_one_sentence(
+    loops: list[str], at: float | None, sentence: str, fmu_folder: Path
+) -> None:
+    with pytest.raises(CommandError, match=re.escape(sentence)):
+        with_margins(fmu_folder, *loops, at=at)
 
 
 @pytest.mark.parametrize(

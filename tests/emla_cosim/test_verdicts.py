@@ -381,7 +381,7 @@ def halved(joint: str) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def drive(fmu_folder: Path) -> Any:
-    with ec.load("study-drive", fmus=fmu_folder).prepare() as simulation:
+    with ec.load("study-drive", gains="compensated", fmus=fmu_folder).prepare() as simulation:
         yield simulation
 
 

@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ..linearization.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from .data import CompareData
 from .margins import AT, DELAY, FIGURES, LOOPS, PROBLEM
 from .rows import SHOWN, Row
 from .statistics import group_by_variant, mark_winner
 from .text_table import Cell, TextTable
-
-LEAST_PHASE_DEG, LEAST_GAIN_DB, LARGEST_MS = 30.0, 6.0, 2.2
-"""Conditions on a loop. The gain margin is required both ways."""
 
 _ERROR = SHOWN["position_error_m"]
 _HEADER = (

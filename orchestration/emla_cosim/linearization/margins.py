@@ -8,6 +8,9 @@ import numpy as np
 from ..base.arrays import Vector
 from .response import Complex
 
+LEAST_PHASE_DEG, LEAST_GAIN_DB, LARGEST_MS = 30.0, 6.0, 2.2
+"""Conditions on a loop in comparisons and tunings. The gain margin is required both ways."""
+
 
 @dataclass(frozen=True)
 class Margins:

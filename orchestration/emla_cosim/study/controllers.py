@@ -85,7 +85,7 @@ def _in_files(*names: str) -> Mapping[str, Gains]:
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        _in_files("compensated", "damped", "robust", "published", "compliant"),
+        _in_files("damped", "compensated", "robust", "published", "compliant"),
         gains.RsbaGains,
         {"robust": gains.robust, "compensated": gains.compensated, "damped": gains.damped},
     ),

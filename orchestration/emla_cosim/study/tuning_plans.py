@@ -39,6 +39,7 @@ def _text(controller: str, joint: str) -> str:
         inductance=known.emla.L_q,
         paper_convergence=_convergence(known),
         far=known.start.x_L - behind,
+        middle=round(0.5 * known.reference.parameters()["duration"][0], 3),
         noisy="".join(f', "{joint}.{name}" = {value}' for name, value in known.noisy.items()),
     )
 

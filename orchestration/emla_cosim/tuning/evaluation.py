@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..sweeps.executor import ClusterExecutor, WorkPackage
@@ -10,12 +10,16 @@ from ..sweeps.factors import Factor
 from ..sweeps.measures import Measures
 from ..sweeps.targets import merge_options
 from ..sweeps.variants import Chunk, Variant, VariantOutcome
+from .loop_margins import LoopMargins
 from .score import Objective, Score
 
 
 @dataclass
 class Evaluation:
-    """Evaluates gains; `cases` has the options of each case, `seeds` the start values that are seeds."""
+    """Evaluates gains; `cases` has the options of each case, `seeds` the start values that are seeds.
+
+    The margins of `loops`, one entry for each case, are measured for gains that meet all other conditions.
+    """
 
     executor: ClusterExecutor
     objective: Objective
@@ -23,6 +27,7 @@ class Evaluation:
     cases: Sequence[Mapping[str, Any]]
     seeds: Factor | None
     interrupted: Callable[[], bool]
+    loops: Sequence[LoopMargins | None] = ()
     runs: int = 0
     _numbers: Any = field(default_factory=itertools.count)
 
@@ -55,10 +60,25 @@ class Evaluation:
             return None
         self.runs += len(variants)
         ordered = iter(variants)
-        return [
-            self.objective.score([[outcomes[next(ordered)] for _ in seeds] for _ in self.cases])
-            for _ in candidates
-        ]
+        found = list[Score]()
+        for gains in candidates:
+            ours = [[outcomes[next(ordered)] for _ in seeds] for _ in self.cases]
+            if any(self.loops) and self.objective.meets_measured(ours):
+                if self.interrupted():
+                    return None
+                ours = self._with_margins(gains.get("set", {}), ours)
+            found.append(self.objective.score(ours))
+        return found
+
+    def _with_margins(
+        self, gains: Mapping[str, Any], outcomes: Sequence[Sequence[VariantOutcome]]
+    ) -> list[list[VariantOutcome]]:
+        """Return the outcomes of all cases with the margins of their loops, the same for each seed."""
+        found = list[list[VariantOutcome]]()
+        for loops, ours in zip(self.loops, outcomes, strict=True):
+            margins = {} if loops is None else loops.measure(gains)
+            found.append([replace(one, figures={**one.figures, **margins}) for one in ours])
+        return found
 
     def _with_seed(self, seed: int | None) -> dict[str, Any]:
         return {} if seed is None or self.seeds is None else self.seeds.options(seed)

@@ -23,7 +23,7 @@ from ..system.model import System
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
 
-_ONE_OF = ("name", "weight", "set", "require")
+_ONE_OF = ("name", "weight", "set", "require", "margins", "at")
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,17 @@ class Case:
         weight: weight of its objective in the sum; with 0, only its requirements count.
         set: start values and options by name, as a sweep varies them, with one value each, such as "110%".
         require: conditions in this case. Default: those of the plan.
+        margins: loops, as `linearize` opens them, that need a phase margin of at least 30 degrees, gain
+            margins of at least 6 dB both ways, and an Ms of at most 2.2.
+        at: time in s at which loops are measured. Default: as late as possible.
     """
 
     name: str
     weight: float = 1.0
     set: Mapping[str, Any] = field(default_factory=dict)
     require: Sequence[str] | None = None
+    margins: Sequence[str] = ()
+    at: float | None = None
 
 
 @dataclass(frozen=True)
@@ -258,6 +263,8 @@ def _cases(given: Any, label: str) -> list[Case]:
                 convert_value(case.get("weight", 1.0), float, f"'weight' of {of}"),
                 dict(flatten(convert_table(case.get("set", {}), f"'set' of {of}"))),
                 None if require is None else convert_value(require, Sequence[str], f"'require' of {of}"),
+                convert_value(case.get("margins", ()), Sequence[str], f"'margins' of {of}"),
+                convert_value(case.get("at"), float | None, f"'at' of {of}"),
             )
         )
     if not found:

@@ -12,6 +12,7 @@ from ..run.options import list_options
 from ..run.requirements import Requirement, parse_requirement
 from ..run.run_setup import run_times
 from ..run.scenarios.built_in import SCENARIOS, SYSTEMS, find_built_in
+from ..run.scenarios.scenario import Scenario
 from ..run.scenarios.scenario_file import ScenarioFile, parse_scenario
 from ..sweeps.factors import Factor, resolve_factors
 from ..sweeps.measures import Measures, MetricRequest, resolve_measures
@@ -19,6 +20,7 @@ from ..sweeps.targets import merge_options
 from ..sweeps.variants import SimulationDescription
 from ..sweeps.worker_payload import Preparation
 from .expressions import Expression, parse_expression
+from .loop_margins import LoopMargins, margin_requirements, prepare_loops
 from .plan import Case, TuningPlan
 from .score import Objective
 from .space import Space, build_space, check_during_a_run
@@ -27,20 +29,23 @@ from .tracking import TRACKING_ERROR
 
 @dataclass(frozen=True)
 class TuningTask:
-    """A prepared tuning; `cases` has the options of each case."""
+    """A prepared tuning; `cases` has the options of each case, `loops` those whose margins it requires."""
 
     plan: TuningPlan
     space: Space
     objective: Objective
     measures: Measures
     cases: Sequence[Mapping[str, Any]]
+    loops: Sequence[LoopMargins | None]
     seeds: Factor | None
     units: Mapping[str, str]
     identity: Mapping[str, Any]
 
 
-def prepare_task(plan: TuningPlan, preparation: Preparation, described: SimulationDescription) -> TuningTask:
-    """Resolve a plan in a system.
+def prepare_task(
+    plan: TuningPlan, preparation: Preparation, described: SimulationDescription, scenario: Scenario
+) -> TuningTask:
+    """Resolve a plan in a system; `scenario` is the one that was prepared.
 
     Raises:
         CommandError: A name does not exist, or parts of the plan contradict each other.
@@ -50,12 +55,19 @@ def prepare_task(plan: TuningPlan, preparation: Preparation, described: Simulati
     measures = _measures(plan, objective, required, described)
     found = build_space(plan, preparation.system, preparation.interfaces)
     times = run_times(preparation.options, plan.name)
+    cases = [_options(case, plan, preparation) for case in plan.cases]
+    loops = [
+        prepare_loops(case, values, scenario, plan.where)
+        for case, values in zip(plan.cases, cases, strict=True)
+    ]
+    checked = [[*found, *margin_requirements(case)] for case, found in zip(plan.cases, required, strict=True)]
     return TuningTask(
         plan,
         found,
-        Objective(objective, plan.cases, required, times.start, times.stop, plan.margin),
+        Objective(objective, plan.cases, checked, times.start, times.stop, plan.margin),
         measures,
-        [_options(case, plan, preparation) for case in plan.cases],
+        cases,
+        loops,
         _seeds(plan, preparation),
         {axis.name: axis.factor.unit for axis in found.axes if axis.factor is not None},
         preparation.identity,

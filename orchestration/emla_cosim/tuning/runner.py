@@ -15,6 +15,7 @@ from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
+from ..run.scenarios.scenario import Scenario
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
@@ -129,14 +130,21 @@ def tune(
         preparation = Preparation.of(scenario, reporter)
         with (
             record_tracking_error(),
-            _open_evaluation(plan, preparation, (scheduler, workers), reporter) as (task, evaluation),
+            _open_evaluation(plan, scenario, preparation, (scheduler, workers), reporter) as (
+                task,
+                evaluation,
+            ),
         ):
             return _Tuning(task, evaluation, folder, reporter, scenario.notes).run(plots)
 
 
 @contextmanager
 def _open_evaluation(
-    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], reporter: Progress
+    plan: TuningPlan,
+    scenario: Scenario,
+    preparation: Preparation,
+    cluster: tuple[Scheduler, int | None],
+    reporter: Progress,
 ) -> Iterator[tuple[TuningTask, Evaluation]]:
     """Open workers with all that a tuning needs; yield its task and its evaluation."""
     for kind, known in REGISTRIES.items():
@@ -145,10 +153,10 @@ def _open_evaluation(
     free = replace(preparation, options=replace(preparation.options, require=[]))
     shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
     with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
-        task = prepare_task(replace(plan, require=conditions), free, found.describe(0))
+        task = prepare_task(replace(plan, require=conditions), free, found.describe(0), scenario)
         yield (
             task,
-            Evaluation(found, task.objective, task.measures, task.cases, task.seeds, interrupted),
+            Evaluation(found, task.objective, task.measures, task.cases, task.seeds, interrupted, task.loops),
         )
 
 

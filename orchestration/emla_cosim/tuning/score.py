@@ -110,6 +110,19 @@ class Objective:
         by_case = {name: value for name, value in objectives.items() if value == value}
         return Score(objective, violation, lost, runs, by_case, worst)
 
+    def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
+        """Return whether runs meet all conditions on figures that they have; margins come later."""
+        return all(
+            outcome.status == DONE
+            and not any(
+                _excess(r, outcome.figures[r.figure], self.margin)
+                for r in required
+                if r.figure in outcome.figures
+            )
+            for required, ours in zip(self.required, outcomes, strict=True)
+            for outcome in ours
+        )
+
     def _objective(self, case: Case, outcome: VariantOutcome) -> float:
         """Return the objective of one run; NaN for a lost one, 0 for a case without weight."""
         if outcome.status != DONE:
