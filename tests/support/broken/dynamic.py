@@ -105,9 +105,13 @@ def _fails(
     return Broken(name, what, check, _built(fault, name, total), settings or Settings())
 
 
-def _warns(fault: Fault, check: str, what: str) -> Broken:
+def _warns(fault: Fault, check: str, what: str, verdict: Verdict = Verdict.WARNING) -> Broken:
     name = "".join(word.capitalize() for word in fault.name.split("_"))
-    return Broken(name, what, check, _built(fault, name, "2 9"), verdict=Verdict.WARNING)
+    return Broken(name, what, check, _built(fault, name, "2 9"), verdict=verdict)
+
+
+def _notes(fault: Fault, check: str, what: str) -> Broken:
+    return _warns(fault, check, what, Verdict.PASSED)
 
 
 _SHORT = Settings(seconds=1.5)
@@ -164,17 +168,17 @@ DYNAMIC: list[Broken] = [
     _fails(Fault.CATEGORY, "log.categories", "it logs in a category that is switched off"),
     _fails(Fault.LOG_OFF, "log.categories", "it logs although logging is off"),
     _warns(Fault.ANY_GUID, "instance.guid", "any GUID is taken"),
-    _warns(Fault.ASKS_TO_END, "run.completes", "it asks to end its own default experiment"),
+    _notes(Fault.ASKS_TO_END, "run.completes", "it asks to end its own default experiment"),
     _warns(Fault.RANGE, "run.ranges", "an output leaves its declared range"),
     _warns(Fault.THREADS, "instance.threads", "steps of all instances use one static buffer"),
-    _warns(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
-    _warns(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
-    _warns(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
-    _warns(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
-    _warns(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
+    _notes(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
+    _notes(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
+    _notes(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
+    _notes(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
+    _notes(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),
-    _warns(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
-    _warns(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),
-    _warns(Fault.PRINTS, "log.categories", "it writes to standard output"),
+    _notes(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
+    _notes(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),
+    _notes(Fault.PRINTS, "log.categories", "it writes to standard output"),
 ]
-"""One for each way to go wrong, in the order of the checks; those that warn come last."""
+"""One for each way to go wrong, in the order of the checks; those that warn or are noted come last."""

@@ -1,7 +1,7 @@
 """Check that steps compute something, and that inputs count."""
 
 import time as clock
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 _STEPS = 20
 _MOST_PAIRS = 100
 _MOST_INPUTS = 10
+_MOST_CHOICES = 5
 _FAR = 0.3
 """Distance of the slopes of a state from its derivative, relative to both, that is too far."""
 
@@ -125,7 +126,7 @@ def inputs(subject: Subject) -> CheckOutcome:
     if not found or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
     listed = _listed(subject)
-    bases = _bases(subject, found, names)
+    bases = _Cached(_bases(subject, found, names))
     without, tried = [], 0
     for variable in _in_time(subject, found):
         tried += 1
@@ -154,24 +155,39 @@ def inputs(subject: Subject) -> CheckOutcome:
 
 def _bases(
     subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
-) -> Iterable[tuple[Values, Any]]:
-    """Return values of all inputs, with the run that they give: start values, others, and far ones.
+) -> Iterator[tuple[Values, Any]]:
+    """Yield values of all inputs, with the run that they give: start values, others, and far ones.
 
-    A last run also has other Booleans and Enumerations of parameters, which may switch inputs on.
+    Later runs also have other values of parameters, which may switch inputs on: choices together and one
+    by one, then gains.
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
         ends = _far(variable) or [other_of(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    found = []
     moved = {v.name: other_of(v) for v in variables}
-    switches = others(v for v in settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
-    switched = [{**switches, **moved}] if switches else []  # parameters may switch inputs off
-    for base in ({}, moved, *far, *switched):
+    parameters = settable(subject, "parameter")
+    choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
+    gains = others(v for v in parameters if v.type in ("Real", "Integer"))
+    one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
+    switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
+    for base in ({}, moved, *far, *({**values, **moved} for values in switches if values)):
         with suppress(CallError):  # the model does not bear these values together
-            found.append((base, in_separate_process(_observe, subject, base, names)))
-    return found
+            yield base, in_separate_process(_observe, subject, base, names)
+
+
+class _Cached:
+    """Iterates over items any number of times; each is computed once, when it is needed."""
+
+    def __init__(self, source: Iterator[Any]) -> None:
+        self._source, self._items = source, []
+
+    def __iter__(self) -> Iterator[Any]:
+        yield from self._items
+        for item in self._source:
+            self._items.append(item)
+            yield item
 
 
 def _far(variable: ModelVariable) -> list[float]:

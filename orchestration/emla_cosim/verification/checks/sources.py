@@ -22,6 +22,11 @@ _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot fi
 _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
 
 
+_TO_LIST = Clause(
+    "2.3",
+    "All C source file names that need to be defined in a compiler directive have to be defined in the XML "
+    "file under structure <ModelExchange><SourceFiles> and <CoSimulation><SourceFiles>.",
+)
 _LISTED = Clause(
     "fmi2ModelDescription.xsd",
     'List of source file names that are present in the "sources" directory of the FMU and need to be '
@@ -46,7 +51,8 @@ def compile_(subject: Subject) -> CheckOutcome:
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
-            return warned("The FMU has sources, but SourceFiles does not list which to compile.")
+            said = "The FMU has sources, but SourceFiles does not list which to compile."
+            return warned(said, clause=_TO_LIST)
         return skipped("The FMU has no sources.")
     if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
         return judge_problems(
