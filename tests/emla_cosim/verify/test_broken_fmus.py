@@ -48,6 +48,7 @@ SHOWS_ELSEWHERE = {
     "SharedEnabled": {"values.state"},
     "SharedTag": {"values.state"},
     "InputIgnored": {"values.kept"},  # inputs are not kept, either
+    "Stale": {"steps.split", "model_exchange.agrees"},  # with other steps, they are late by less
     "OneBuffer": {"values.start", "values.kept", "values.state", "dependencies.observed"},
 }
 """Other checks that the same fault fails, by the name of the FMU."""

@@ -17,7 +17,7 @@ from emla_cosim.verification.libraries import list_exports
 from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
 from tests.support.broken.dynamic import Fault, build_good_fmu
-from tests.support.broken.editing import DESCRIPTION, good_bytes, with_files, with_text
+from tests.support.broken.editing import DESCRIPTION, good_bytes, setting, with_files, with_text
 from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
 from tests.support.handwritten_fmu import compile_library
@@ -94,8 +94,8 @@ def test_a_failure_that_is_skipped_does_not_excuse_others(tmp_path: Path) -> Non
 
 
 def test_what_else_fails_can_be_chosen(tmp_path: Path, emla: Emla) -> None:
-    (tmp_path / "Toy.fmu").write_bytes(good_bytes())
-    warns = ("verify", "Toy.fmu", "--only", "steps.split")
+    setting("//DefaultExperiment", stepSize="0")(tmp_path)
+    warns = ("verify", "Toy.fmu", "--only", "description.experiment")
     found = emla(*warns)
     assert found.exit_code == 0, found.output
     assert emla(*warns, "--fail-on", "warning").exit_code == 1

@@ -70,6 +70,9 @@ class Fault(IntEnum):
     ONLY_ONCE = 46
     """A process can have one instance, which is no fault where it is said."""
     STATE_EMPTY = 47
+    STATE_NOT_REUSED = 48
+    DERIVATIVE_ORDER = 49
+    STALE = 50
 
 
 def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", total: str = "2 9") -> Path:
@@ -77,8 +80,10 @@ def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", 
     template = Template((_FOLDER / "good.xml").read_text(encoding="utf-8"))
     path = folder / f"{name}.fmu"
     once = str(fault == Fault.ONLY_ONCE).lower()
+    order = 2 if fault == Fault.DERIVATIVE_ORDER else 1
+    text = template.substitute(name=name, guid=_GUID, total=total, once=once, order=order)
     content = {
-        "modelDescription.xml": template.substitute(name=name, guid=_GUID, total=total, once=once).encode(),
+        "modelDescription.xml": text.encode(),
         f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
         "documentation/index.html": b"<!doctype html><title>Good</title><p>It does what it says.",
         "documentation/licenses/license.txt": b"Do what you want.",
@@ -177,6 +182,11 @@ DYNAMIC: list[Broken] = [
     _notes(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
     _notes(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),
+    _warns(Fault.DERIVATIVE_ORDER, "derivatives.outputs", "`maxOutputDerivativeOrder` is too large"),
+    _warns(
+        Fault.STATE_NOT_REUSED, "instance.cycles", "`fmi2GetFMUstate` forgets the state that it was given"
+    ),
+    _warns(Fault.STALE, "steps.integrate", "after a step, values are those before it"),
     _notes(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
     _notes(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),
     _notes(Fault.PRINTS, "log.categories", "it writes to standard output"),

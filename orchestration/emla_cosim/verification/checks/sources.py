@@ -1,9 +1,7 @@
 """Check that the C sources of an FMU compile."""
 
-import os
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -11,6 +9,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..check import check
+from ..compiler import find_inside, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
@@ -54,7 +53,8 @@ def compile_(subject: Subject) -> CheckOutcome:
             said = "The FMU has sources, but SourceFiles does not list which to compile."
             return warned(said, clause=_TO_LIST)
         return skipped("The FMU has no sources.")
-    if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
+    every = {name for names in lists.values() for name in names}
+    if missing := sorted(name for name in every if find_inside(folder, name) is None):
         return judge_problems(
             [Breach(f"The source file {m} is not in `sources`.", _LISTED) for m in missing], ""
         )
@@ -82,11 +82,6 @@ def _listed(subject: Subject, kind: str) -> list[str]:
     return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
 
 
-def _inside(folder: Path, name: str) -> bool:
-    path = (folder / name).resolve() if "\0" not in name else folder
-    return path.is_relative_to(folder.resolve()) and path.is_file()
-
-
 def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ()) -> CheckOutcome | None:
     """Compile and link these files, with more include folders. Return None on success."""
     with (
@@ -100,17 +95,7 @@ def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ())
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
         note(f"`{command[0]}` compiling {', '.join(names)}")
         try:
-            done = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                check=False,
-                env={
-                    **os.environ,
-                    "TMPDIR": scratch,
-                },  # removed with the folder, even if the compiler crashes
-            )
+            done = run_compiler(command, Path(scratch))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
     if done.returncode == 0:

@@ -83,11 +83,16 @@ def _undefined(declared: Declarations) -> Iterator[Problem]:
 def consistent(subject: Subject) -> CheckOutcome:
     """Check exponents and factors of units with well-known names, and of their display units.
 
-    The standard leaves names of units free, so a name that means something else only warns.
+    The standard leaves names of units free, so that a name that contradicts them only warns.
     """
     units = subject.declared.units
     problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
-    found = (p for unit in units for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit)))
+    found = (
+        p
+        for unit in units
+        if not _means_something_else(unit)
+        for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit))
+    )
     doubts = [Breach(p, _CONVERTED) for p in found]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
@@ -104,6 +109,14 @@ def _finite(unit: DeclaredUnit) -> Iterator[str]:
         factor, offset = _number(attributes, "factor", 1.0), _number(attributes, "offset", 0.0)
         if not (math.isfinite(factor) and factor and math.isfinite(offset)):
             yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
+
+
+def _means_something_else(unit: DeclaredUnit) -> bool:
+    """Return whether a letter is the name of another unit, which the standard leaves free: T for a tonne."""
+    known = find_unit(unit.name)
+    if known is None or unit.base is None or len(unit.name) > 1:
+        return False
+    return _exponents(unit.base)[:_RAD] != (known.exponents or ())[:_RAD]
 
 
 def _wrong(unit: DeclaredUnit) -> Iterator[str]:
