@@ -157,6 +157,7 @@ DYNAMIC: list[Broken] = [
     _fails(Fault.NOT_SERIALIZED, "state.serialized", "the bytes of a state lack one of its values"),
     _fails(Fault.STATE_SIZE, "state.serialized", "a state is said to need 2^60 bytes"),
     _fails(Fault.STATE_EMPTY, "state.serialized", "a state is said to need no bytes"),
+    _fails(Fault.STATE_NOT_REUSED, "state.freed", "`fmi2GetFMUstate` forgets the state that it was given"),
     _fails(Fault.DERIVATIVE, "derivatives.directional", "a directional derivative is 5 % too large"),
     _fails(Fault.DERIVATIVE_CRASH, "derivatives.directional", "`fmi2GetDirectionalDerivative` crashes"),
     _fails(
@@ -183,9 +184,6 @@ DYNAMIC: list[Broken] = [
     _notes(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),
     _warns(Fault.DERIVATIVE_ORDER, "derivatives.outputs", "`maxOutputDerivativeOrder` is too large"),
-    _warns(
-        Fault.STATE_NOT_REUSED, "instance.cycles", "`fmi2GetFMUstate` forgets the state that it was given"
-    ),
     _warns(Fault.STALE, "steps.integrate", "after a step, values are those before it"),
     _notes(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
     _notes(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),

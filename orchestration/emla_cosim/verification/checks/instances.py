@@ -1,12 +1,8 @@
 """Checks of instances: creation, independence, reset, memory."""
 
-import gc
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
-from ctypes import byref
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +12,7 @@ from ..host.fresh_process import EndedError, in_fresh_process, is_single_instanc
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
 from ..host.log import LOG
+from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
 from ._sameness import compare_runs
@@ -89,10 +86,10 @@ _PAGES = 2.0**13
     time_factor=4.0,
 )
 def cycles(subject: Subject) -> CheckOutcome:
-    """Check that the process does not grow while instances are created, run, saved, reset and freed."""
+    """Check that the process does not grow while instances are created, run, reset and freed."""
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
-    if not Path("/proc/self/statm").exists():
+    if not can_read_memory():
         said = "This system does not report how much memory a process uses."
         return skipped(said, gaps=(f"Memory that instances keep: {said}",))
     instance, course = HostedInstance(subject), make_experiment(subject, 2)
@@ -102,7 +99,7 @@ def cycles(subject: Subject) -> CheckOutcome:
         _cycle(instance, course)
         count += 1
     grown = _growth(instance, course, count)
-    if _leaks(grown[-1:], count):  # measure again, for longer: free memory is used first
+    if _leaks(grown, count):  # measure again, for longer, to be sure
         count *= 2
         grown = _growth(instance, course, count)
     figures = {"bytes_per_cycle": float(np.median(grown)) / count, "cycles": _BATCHES * count}
@@ -119,45 +116,25 @@ def cycles(subject: Subject) -> CheckOutcome:
 def _cycle(instance: HostedInstance, course: Experiment) -> None:
     instance.instantiate()
     run_instance(instance, course)
-    if instance.subject.has_capability("canGetAndSetFMUstate", instance.kind):
-        _save_again(instance)
     instance.reset()
     run_instance(instance, course)
     instance.close()
     LOG.lines.clear()
 
 
-_TIMES = 50
-
-
-def _save_again(instance: HostedInstance) -> None:
-    """Save a state several times in the memory of the first one, and free it."""
-    with instance.calling():
-        state = instance.fmu.getFMUstate()
-        for _ in range(_TIMES):
-            instance.fmu.fmi2GetFMUstate(instance.fmu.component, byref(state))
-        instance.fmu.freeFMUstate(state)
-
-
 def _growth(instance: HostedInstance, course: Experiment, count: int) -> list[float]:
     """Return the bytes by which the process grows in each batch."""
-    used = [_used()]
+    used = [read_memory()]
     for _ in range(_BATCHES):
         for _ in range(count):
             _cycle(instance, course)
-        used.append(_used())
+        used.append(read_memory())
     return list(np.diff(used))
 
 
 def _leaks(grown: list[float], count: int) -> bool:
     least, middle = min(grown), float(np.median(grown))
     return least > max(_PAGES, 0.5 * _LEAK * count) and middle > _LEAK * count
-
-
-def _used() -> float:
-    """Return the resident memory of this process in bytes, after a garbage collection."""
-    gc.collect()
-    return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 @check(

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -13,13 +14,17 @@ from ..compiler import find_inside, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
 _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot find)[^\n]*", re.IGNORECASE)
 _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
 
+
+_TIME_FACTOR = 6.0
+_PART = 0.4
+"""Part of the time limit for the compiler, which may run twice. What takes longer is not judged."""
 
 _TO_LIST = Clause(
     "2.3",
@@ -42,7 +47,7 @@ _LISTED = Clause(
     ),
     "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
     needs=("description.schema",),
-    time_factor=6.0,
+    time_factor=_TIME_FACTOR,
 )
 def compile_(subject: Subject) -> CheckOutcome:
     """Check that all listed source files exist, with their headers, and compile and link to a library."""
@@ -60,13 +65,15 @@ def compile_(subject: Subject) -> CheckOutcome:
         )
     if (folder / _BUILD_DESCRIPTION).is_file():
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
+    seconds = _PART * _TIME_FACTOR * subject.settings.seconds
     for names in {tuple(names) for names in lists.values() if names}:
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
-        if (outcome := _compiled(folder, names)) is not None:
+        if (outcome := _compiled(folder, names, seconds)) is not None:
             # some tools put headers into folders that the model description cannot list
             others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
-            if not others or _compiled(folder, names, others) is not None:
+            is_late = outcome.verdict == Verdict.SKIPPED
+            if is_late or not others or _compiled(folder, names, seconds, others) is not None:
                 return outcome
             return warned(
                 "The sources compile only with include folders, which SourceFiles cannot list: "
@@ -82,7 +89,9 @@ def _listed(subject: Subject, kind: str) -> list[str]:
     return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
 
 
-def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ()) -> CheckOutcome | None:
+def _compiled(
+    folder: Path, names: Sequence[str], seconds: float, includes: Sequence[Path] = ()
+) -> CheckOutcome | None:
     """Compile and link these files, with more include folders. Return None on success."""
     with (
         tempfile.TemporaryDirectory() as scratch,
@@ -95,7 +104,10 @@ def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ())
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
         note(f"`{command[0]}` compiling {', '.join(names)}")
         try:
-            done = run_compiler(command, Path(scratch))
+            done = run_compiler(command, Path(scratch), seconds)
+        except subprocess.TimeoutExpired:
+            said = f"The compiler takes more than {seconds:g} s."
+            return skipped(said, gaps=(said,))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
     if done.returncode == 0:
