@@ -83,8 +83,8 @@ _FREED = Clause(
 _SAVES = 5000
 """How often a state is saved again before memory is measured."""
 
-_SAVING = 0.3
-"""Largest duration of that in s of the processor: states can be large."""
+_SAVING = 0.05
+"""Part of the time limit in which that ends: states can be large."""
 
 _GROWTH = 2.0**16
 """Bytes by which the process must grow each time. A few pages are not a leak."""
@@ -96,10 +96,10 @@ def _grown_by_saving(instance: HostedInstance) -> float:
         return 0.0
     used, count = [], 0
     for _ in range(3):
-        until, count = time.process_time() + _SAVING, 0
+        until, count = time.monotonic() + _SAVING * instance.subject.settings.seconds, 0
         with instance.calling():
             state = instance.fmu.getFMUstate()
-            while count < _SAVES and (count % 16 or time.process_time() < until):
+            while count < _SAVES and time.monotonic() < until:
                 instance.fmu.fmi2GetFMUstate(instance.fmu.component, byref(state))
                 count += 1
             instance.fmu.freeFMUstate(state)
