@@ -25,7 +25,9 @@ _TOOLS = {
     "matlab": "Simulink",
     "pythonfmu": "PythonFMU",
     "unifmu": "UniFMU",
+    "hopsan": "Hopsan",
     "an unnamed tool": "unnamed",
+    "none": "unnamed",
 }
 
 
