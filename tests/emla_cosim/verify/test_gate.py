@@ -33,7 +33,7 @@ def outward(folder: Path, **macros: int) -> Path:
     text = Template((_BROKEN / "good.xml").read_text(encoding="utf-8"))
     library = compile_library(_BROKEN / "outward.c", {"MODEL_GUID": f'"{_GUID}"', **macros})
     path = folder / "Outward.fmu"
-    described = text.substitute(name="Outward", guid=_GUID, total="2 9", once="false")
+    described = text.substitute(name="Outward", guid=_GUID, total="2 9", once="false", order=1)
     content = {
         DESCRIPTION: described.encode(),
         f"binaries/{fmpy.platform}/Outward{fmpy.sharedLibraryExtension}": library,
