@@ -25,7 +25,7 @@ class Check:
         needs: Names of checks that must pass or warn first.
         time_factor: Multiplies the time limit.
         memory_factor: Multiplies the memory limit.
-        advisory: Whether the standard has no sentence that a failure violates: it only warns then.
+        advisory: Whether a failure only warns or, if the clause is a rule of this program, is only noted.
     """
 
     name: str

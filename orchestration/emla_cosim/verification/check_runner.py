@@ -13,7 +13,7 @@ from .host.fresh_process import EndedError
 from .scratch import list_writable, use_scratch
 from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
-from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed
+from .verdict import RETURNS, CheckOutcome, Verdict, blocked, failed, is_own_rule, noted
 
 _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 """A word in messages of FMUs that do not run without a license of their tool."""
@@ -59,7 +59,11 @@ def skip_blocked(check: Check, needed: Finding) -> Finding:
 def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0) -> Finding:
     """Return an outcome together with the title, clause and hint of its check."""
     if check.advisory and outcome.verdict == Verdict.FAILED:
-        outcome = replace(outcome, verdict=Verdict.WARNING, clause=None)
+        outcome = (
+            replace(noted(outcome.sentence), details=outcome.details)
+            if is_own_rule(check.clause)
+            else replace(outcome, verdict=Verdict.WARNING, clause=None)
+        )
     clause, hint = outcome.clause or check.clause, outcome.hint or check.hint
     return Finding(check.name, check.title, outcome, clause, hint, seconds, check.done)
 

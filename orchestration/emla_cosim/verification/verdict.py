@@ -33,9 +33,17 @@ class Clause:
         return f"{self.document}, {self.section}"
 
 
+_OWN = "emla verify"
+
+
 def own_rule(check: str, sentence: str) -> Clause:
-    """Return a rule of this program: the standard has no sentence for it, so that its check only warns."""
-    return Clause(check, sentence, document="emla verify")
+    """Return a rule of this program, for which the standard has no sentence."""
+    return Clause(check, sentence, document=_OWN)
+
+
+def is_own_rule(clause: Clause) -> bool:
+    """Return whether a clause is a rule of this program."""
+    return clause.document == _OWN
 
 
 RETURNS = Clause(
@@ -88,6 +96,11 @@ def failed(sentence: str, **more: Any) -> CheckOutcome:
 def warned(sentence: str, **more: Any) -> CheckOutcome:
     """Return an outcome: allowed, but probably not intended."""
     return CheckOutcome(Verdict.WARNING, sentence, **more)
+
+
+def noted(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: no sentence of the standard judges what was found, so that it passes with a note."""
+    return CheckOutcome(Verdict.PASSED, sentence, gaps=(sentence,), **more)
 
 
 def skipped(sentence: str, **more: Any) -> CheckOutcome:

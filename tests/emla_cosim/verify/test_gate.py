@@ -17,7 +17,7 @@ from emla_cosim.verification.libraries import list_exports
 from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
 from tests.support.broken.dynamic import Fault, build_good_fmu
-from tests.support.broken.editing import DESCRIPTION, good_bytes, with_files, with_text
+from tests.support.broken.editing import DESCRIPTION, good_bytes, setting, with_files, with_text
 from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
 from tests.support.handwritten_fmu import compile_library
@@ -33,7 +33,7 @@ def outward(folder: Path, **macros: int) -> Path:
     text = Template((_BROKEN / "good.xml").read_text(encoding="utf-8"))
     library = compile_library(_BROKEN / "outward.c", {"MODEL_GUID": f'"{_GUID}"', **macros})
     path = folder / "Outward.fmu"
-    described = text.substitute(name="Outward", guid=_GUID, total="2 9", once="false")
+    described = text.substitute(name="Outward", guid=_GUID, total="2 9", once="false", order=1)
     content = {
         DESCRIPTION: described.encode(),
         f"binaries/{fmpy.platform}/Outward{fmpy.sharedLibraryExtension}": library,
@@ -94,8 +94,8 @@ def test_a_failure_that_is_skipped_does_not_excuse_others(tmp_path: Path) -> Non
 
 
 def test_what_else_fails_can_be_chosen(tmp_path: Path, emla: Emla) -> None:
-    (tmp_path / "Toy.fmu").write_bytes(good_bytes())
-    warns = ("verify", "Toy.fmu", "--only", "steps.split")
+    setting("//DefaultExperiment", stepSize="0")(tmp_path)
+    warns = ("verify", "Toy.fmu", "--only", "description.experiment")
     found = emla(*warns)
     assert found.exit_code == 0, found.output
     assert emla(*warns, "--fail-on", "warning").exit_code == 1

@@ -14,7 +14,8 @@ class Broken:
 
     `what` is that thing, as the documentation's table says it, and `check` the name of the check that
     has to fail for it, and alone: what needs it is skipped, and everything else passes. `build` makes
-    the FMU in a folder and returns its file. `verdict` is WARNING for what the standard allows.
+    the FMU in a folder and returns its file. `verdict` is WARNING for what the standard allows, and
+    PASSED for what is only noted, since no sentence of the standard judges it.
     """
 
     name: str

@@ -70,6 +70,9 @@ class Fault(IntEnum):
     ONLY_ONCE = 46
     """A process can have one instance, which is no fault where it is said."""
     STATE_EMPTY = 47
+    STATE_NOT_REUSED = 48
+    DERIVATIVE_ORDER = 49
+    STALE = 50
 
 
 def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", total: str = "2 9") -> Path:
@@ -77,8 +80,10 @@ def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", 
     template = Template((_FOLDER / "good.xml").read_text(encoding="utf-8"))
     path = folder / f"{name}.fmu"
     once = str(fault == Fault.ONLY_ONCE).lower()
+    order = 2 if fault == Fault.DERIVATIVE_ORDER else 1
+    text = template.substitute(name=name, guid=_GUID, total=total, once=once, order=order)
     content = {
-        "modelDescription.xml": template.substitute(name=name, guid=_GUID, total=total, once=once).encode(),
+        "modelDescription.xml": text.encode(),
         f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
         "documentation/index.html": b"<!doctype html><title>Good</title><p>It does what it says.",
         "documentation/licenses/license.txt": b"Do what you want.",
@@ -105,9 +110,13 @@ def _fails(
     return Broken(name, what, check, _built(fault, name, total), settings or Settings())
 
 
-def _warns(fault: Fault, check: str, what: str) -> Broken:
+def _warns(fault: Fault, check: str, what: str, verdict: Verdict = Verdict.WARNING) -> Broken:
     name = "".join(word.capitalize() for word in fault.name.split("_"))
-    return Broken(name, what, check, _built(fault, name, "2 9"), verdict=Verdict.WARNING)
+    return Broken(name, what, check, _built(fault, name, "2 9"), verdict=verdict)
+
+
+def _notes(fault: Fault, check: str, what: str) -> Broken:
+    return _warns(fault, check, what, Verdict.PASSED)
 
 
 _SHORT = Settings(seconds=1.5)
@@ -148,6 +157,7 @@ DYNAMIC: list[Broken] = [
     _fails(Fault.NOT_SERIALIZED, "state.serialized", "the bytes of a state lack one of its values"),
     _fails(Fault.STATE_SIZE, "state.serialized", "a state is said to need 2^60 bytes"),
     _fails(Fault.STATE_EMPTY, "state.serialized", "a state is said to need no bytes"),
+    _fails(Fault.STATE_NOT_REUSED, "state.freed", "`fmi2GetFMUstate` forgets the state that it was given"),
     _fails(Fault.DERIVATIVE, "derivatives.directional", "a directional derivative is 5 % too large"),
     _fails(Fault.DERIVATIVE_CRASH, "derivatives.directional", "`fmi2GetDirectionalDerivative` crashes"),
     _fails(
@@ -164,17 +174,19 @@ DYNAMIC: list[Broken] = [
     _fails(Fault.CATEGORY, "log.categories", "it logs in a category that is switched off"),
     _fails(Fault.LOG_OFF, "log.categories", "it logs although logging is off"),
     _warns(Fault.ANY_GUID, "instance.guid", "any GUID is taken"),
-    _warns(Fault.ASKS_TO_END, "run.completes", "it asks to end its own default experiment"),
+    _notes(Fault.ASKS_TO_END, "run.completes", "it asks to end its own default experiment"),
     _warns(Fault.RANGE, "run.ranges", "an output leaves its declared range"),
     _warns(Fault.THREADS, "instance.threads", "steps of all instances use one static buffer"),
-    _warns(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
-    _warns(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
-    _warns(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
-    _warns(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
-    _warns(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
+    _notes(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
+    _notes(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
+    _notes(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
+    _notes(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
+    _notes(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),
-    _warns(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
-    _warns(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),
-    _warns(Fault.PRINTS, "log.categories", "it writes to standard output"),
+    _warns(Fault.DERIVATIVE_ORDER, "derivatives.outputs", "`maxOutputDerivativeOrder` is too large"),
+    _warns(Fault.STALE, "steps.integrate", "after a step, values are those before it"),
+    _notes(Fault.STEP_SIZE, "steps.split", "the result depends on the step size"),
+    _notes(Fault.DISAGREE, "model_exchange.agrees", "model and slave have different equations"),
+    _notes(Fault.PRINTS, "log.categories", "it writes to standard output"),
 ]
-"""One for each way to go wrong, in the order of the checks; those that warn come last."""
+"""One for each way to go wrong, in the order of the checks; those that warn or are noted come last."""

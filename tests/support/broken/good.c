@@ -65,10 +65,13 @@ enum {
     INITIALIZATION_ERROR,
     NOT_RESET_BY_ANYONE,
     ONLY_ONCE,
-    STATE_EMPTY
+    STATE_EMPTY,
+    STATE_NOT_REUSED,
+    DERIVATIVE_ORDER,
+    STALE
 };
 
-enum { U, W, GAIN, POSITION, SPEED, ACCELERATION, TOTAL, X, V, DER_X, DER_V, N_REALS };
+enum { U, W, GAIN, POSITION, SPEED, ACCELERATION, TOTAL, X, V, DER_X, DER_V, TIME, N_REALS };
 enum { INSTANTIATED = 1, INITIALIZATION = 2, RUNNING = 4, CONTINUOUS = 8, TERMINATED = 16, FAILED = 32 };
 enum { EVENTS, WARNINGS, ERRORS, N_CATEGORIES };
 
@@ -80,7 +83,7 @@ enum { EVENTS, WARNINGS, ERRORS, N_CATEGORIES };
 #define MAGIC 0x600dU /* what the bytes of a state begin with */
 
 typedef struct {
-    double time, x, v, u, w, gain;
+    double time, x, v, u, w, gain, before[3]; /* time, x and v before the last step */
     int phase, moving, poison, last_set;
 } Now;
 
@@ -147,10 +150,15 @@ static void integrate(const Instance *i, double length) {
 }
 
 static double real(const Instance *i, fmi2ValueReference r) {
-    const Now *n = i->now;
+    Now copy = *i->now, *n = &copy;
+    if (i->fault == STALE && n->phase == RUNNING && !i->model && n->time > 0.0) {
+        n->time = n->before[0];
+        n->x = n->before[1];
+        n->v = n->before[2];
+    }
     const double values[N_REALS] = {n->u, n->w, n->gain, n->x, n->v, acceleration(i, n->x, n->v),
                                     n->x + 0.5 * n->w + (i->fault == RANGE ? 50.0 : 0.0),
-                                    n->x, n->v, n->v, acceleration(i, n->x, n->v)};
+                                    n->x, n->v, n->v, acceleration(i, n->x, n->v), n->time};
     if (n->poison && r == POSITION) return i->fault == NAN_LATER ? NAN : INFINITY;
     return values[r];
 }
@@ -332,7 +340,7 @@ WITHOUT_GET(String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
     const Instance *i = c;
-    if (*state == NULL) *state = malloc(sizeof(Now));
+    if (*state == NULL || i->fault == STATE_NOT_REUSED) *state = malloc(sizeof(Now));
     memcpy(*state, i->now, sizeof(Now));
     return fmi2OK;
 }
@@ -495,6 +503,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boole
         const fmi2Status status = misbehave(i, time + length);
         if (status != fmi2OK) return status;
     }
+    n->before[0] = n->time;
+    n->before[1] = n->x;
+    n->before[2] = n->v;
     integrate(i, length);
     n->time = time + length;
     n->moving = n->x > THRESHOLD;

@@ -1,7 +1,7 @@
 """Check that steps compute something, and that inputs count."""
 
 import time as clock
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,8 +21,12 @@ from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 _STEPS = 20
 _MOST_PAIRS = 100
 _MOST_INPUTS = 10
+_MOST_CHOICES = 5
 _FAR = 0.3
 """Distance of the slopes of a state from its derivative, relative to both, that is too far."""
+
+_SOON = 1e-3
+"""Distance of the FMU's time from the end of a step, relative to the step, that counts."""
 
 _MARGIN = 0.05
 """Allowed distance from the derivatives at both ends of a step, relative to the largest."""
@@ -42,21 +46,24 @@ def integrate(subject: Subject) -> CheckOutcome:
         return skipped("The FMU is for Model Exchange: the host integrates it.")
     pairs = [(v.derivative, v) for v in subject.description.modelVariables if v.derivative is not None]
     pairs = [(x, d) for x, d in pairs if x.type == "Real"][:_MOST_PAIRS]
-    times = [v for v in subject.description.modelVariables if v.causality == "independent"]
+    independent = [v for v in subject.description.modelVariables if v.causality == "independent"]
+    times = [v for v in independent if v.unit in (None, "s")]
     if not pairs and not times:
         said = "No variable is declared as time or a derivative: only a reference shows what steps do."
         return skipped(said, gaps=(said,))
     inputs = [v for v in settable(subject, "input") if v.type == "Real"][:_MOST_INPUTS]
     runs = [{}, *({v.name: value} for v in inputs if (value := other_of(v)) is not None)]
+    step = span(subject)[1]
     names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
-    still, late, wrong = set(), set(), {}
+    still, late, wrong = set(), {}, {}
     for changes in _in_time(subject, runs):
-        step, rows = in_separate_process(_held, subject, changes, names)
+        points, rows = in_separate_process(_held, subject, changes, names)
         if len(rows) < 3:
             continue
         for k, time in enumerate(times, start=2 * len(pairs)):
-            if np.all(rows[:, k] == rows[0, k]):
-                late.add(time.name)
+            off = np.abs(rows[:, k] - points) > _SOON * step
+            if np.all(off):
+                late[time.name] = f"{time.name} is {rows[0, k]:.9g} s after the step to {points[0]:.9g} s."
         for k, (state, derivative) in enumerate(pairs):
             x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
             if np.all(x == x[0]) and np.all(slopes != 0.0):
@@ -68,9 +75,9 @@ def integrate(subject: Subject) -> CheckOutcome:
     if still:
         which = join_few_names(sorted(still))
         return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
-    if late:  # internal steps may be longer
-        return warned(f"{join_few_names(sorted(late))} stays the same in {_STEPS} steps.")
-    return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(wrong.values()))
+    # internal steps may be longer
+    doubts = [*late.values(), *wrong.values()]
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts)
 
 
 def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
@@ -82,8 +89,8 @@ def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
         yield item
 
 
-def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[float, Vector]:
-    """Return the step size in s, and values after each step of a run with constant inputs."""
+def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vector, Vector]:
+    """Return communication points in s, and values after each step to them, with constant inputs."""
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
     instance.initialize(changes, float(course.times[0]))
     rows = []
@@ -94,7 +101,8 @@ def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[floa
             break
         rows.append([float(value) for value in instance.get(names)])
     instance.free()
-    return course.step, np.array(rows, dtype=float).reshape(len(rows), len(names))
+    points = course.times[1 : len(rows) + 1]
+    return points, np.array(rows, dtype=float).reshape(len(rows), len(names))
 
 
 def _apart(x: Vector, slopes: Vector, step: float) -> float:
@@ -125,7 +133,7 @@ def inputs(subject: Subject) -> CheckOutcome:
     if not found or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
     listed = _listed(subject)
-    bases = _bases(subject, found, names)
+    bases = _Cached(_bases(subject, found, names))
     without, tried = [], 0
     for variable in _in_time(subject, found):
         tried += 1
@@ -154,24 +162,39 @@ def inputs(subject: Subject) -> CheckOutcome:
 
 def _bases(
     subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
-) -> Iterable[tuple[Values, Any]]:
-    """Return values of all inputs, with the run that they give: start values, others, and far ones.
+) -> Iterator[tuple[Values, Any]]:
+    """Yield values of all inputs, with the run that they give: start values, others, and far ones.
 
-    A last run also has other Booleans and Enumerations of parameters, which may switch inputs on.
+    Later runs also have other values of parameters, which may switch inputs on: choices together and one
+    by one, then gains.
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
         ends = _far(variable) or [other_of(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    found = []
     moved = {v.name: other_of(v) for v in variables}
-    switches = others(v for v in settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
-    switched = [{**switches, **moved}] if switches else []  # parameters may switch inputs off
-    for base in ({}, moved, *far, *switched):
+    parameters = settable(subject, "parameter")
+    choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
+    gains = others(v for v in parameters if v.type in ("Real", "Integer"))
+    one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
+    switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
+    for base in ({}, moved, *far, *({**values, **moved} for values in switches if values)):
         with suppress(CallError):  # the model does not bear these values together
-            found.append((base, in_separate_process(_observe, subject, base, names)))
-    return found
+            yield base, in_separate_process(_observe, subject, base, names)
+
+
+class _Cached:
+    """Iterates over items any number of times; each is computed once, when it is needed."""
+
+    def __init__(self, source: Iterator[Any]) -> None:
+        self._source, self._items = source, []
+
+    def __iter__(self) -> Iterator[Any]:
+        yield from self._items
+        for item in self._source:
+            self._items.append(item)
+            yield item
 
 
 def _far(variable: ModelVariable) -> list[float]:

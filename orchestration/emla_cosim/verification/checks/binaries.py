@@ -14,12 +14,9 @@ from ..libraries import Library, list_exports, list_libraries, list_platforms, p
 from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, blocked, failed, own_rule, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
-
-
-_RUNS_HERE = own_rule("binaries.present", "There is a binary for this machine. The standard allows others.")
 
 
 @check(
@@ -46,10 +43,9 @@ def present(subject: Subject) -> CheckOutcome:
         )
     names = join_few_names(sorted({one.platform for one in found}))
     if not found:
-        return warned("There are sources only; most tools need a binary.", clause=_RUNS_HERE)
+        return passed("There are sources only.")
     if not any(one.platform in _HERE for one in found):
-        said = f"There are binaries for {names}, but none for {fmpy.platform}."
-        return warned(said, clause=_RUNS_HERE)
+        return passed(f"There are binaries for {names}, but none for {fmpy.platform}.")
     return passed(f"There are binaries for {names}.")
 
 

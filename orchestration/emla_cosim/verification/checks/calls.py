@@ -16,7 +16,7 @@ from ..host.fresh_process import EndedError, in_fresh_process, in_separate_proce
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import outputs
 from ..subject import Subject
-from ..verdict import CheckOutcome, own_rule, passed, warned
+from ..verdict import CheckOutcome, noted, own_rule, passed
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 
@@ -79,14 +79,14 @@ _OF = {
 def phases(subject: Subject) -> CheckOutcome:
     """Check that the FMU refuses calls that the state machine forbids, and does not crash.
 
-    The standard leaves the behaviour undefined, so this check only warns.
+    The standard leaves the behaviour undefined, so what does not is only noted.
     """
     try:
         count, accepted = in_fresh_process(_find_accepted, subject)
     except EndedError as error:
-        return warned(str(error))
+        return noted(str(error))
     if accepted:
-        return warned(
+        return noted(
             f"{len(accepted)} of {count} calls in a wrong phase returned fmi2OK: {accepted[0]}.",
             details=tuple(f"{call} returned fmi2OK." for call in accepted),
         )
@@ -147,7 +147,7 @@ _STEPS = 3
 def nonfinite(subject: Subject) -> CheckOutcome:
     """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash.
 
-    The standard does not say what happens then, so this check only warns.
+    The standard does not say what happens then, so that is only noted.
     """
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None]
@@ -163,7 +163,7 @@ def nonfinite(subject: Subject) -> CheckOutcome:
             for name, got in in_separate_process(_spoiled, subject, variable, value)
         ]
     if silent:
-        return warned(
+        return noted(
             f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}",
             details=tuple(silent),
         )

@@ -26,15 +26,10 @@ from ..host.process_state import (
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, own_rule, passed, skipped, warned
 
 _STEPS = 10
 _CYCLES = 3
-
-
-def _own_clause(name: str, sentence: str) -> Clause:
-    """Return a clause of this program: the standard does not speak of it."""
-    return Clause(name, sentence, document="emla verify")
 
 
 def _run(subject: Subject) -> HostedInstance:
@@ -105,7 +100,7 @@ _NOTHING = "nothing"
 @check(
     "process.settings",
     "The settings of the process are unchanged",
-    _own_clause("process.settings", "An FMU does not change what all parts of its host share."),
+    Clause("2.1", "FMI functions must not change global settings which affect other processes/threads."),
     "Restore the setting before the function returns. Other FMUs and the host compute with it.",
     needs=("run.completes",),
 )
@@ -140,7 +135,7 @@ def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], 
 @check(
     "process.files",
     "No files are written without being asked",
-    _own_clause("process.files", "An FMU does not write into its own or the user's folders by itself."),
+    own_rule("process.files", "An FMU does not write into its own or the user's folders by itself."),
     "Write to the system's folder for temporary files, or to a file that a parameter names.",
     needs=("run.completes",),
 )
@@ -210,7 +205,7 @@ _QUIET = 4096
 @check(
     "process.output",
     "Standard output and error are not flooded",
-    _own_clause("process.output", "Messages go to the logger that the host provides."),
+    own_rule("process.output", "Messages go to the logger that the host provides."),
     "Call the logger of fmi2CallbackFunctions instead. Hosts use these streams for their own output.",
     needs=("run.completes",),
 )
@@ -246,7 +241,7 @@ def _written(subject: Subject) -> dict[str, tuple[int, str]]:
 @check(
     "process.unload",
     "The library can be unloaded",
-    _own_clause("process.unload", "A host that unloads the library continues, and can end normally."),
+    own_rule("process.unload", "A host that unloads the library continues, and can end normally."),
     "Keep functions that run at the end of the library free of what no longer exists.",
     needs=("run.completes",),
 )

@@ -4,9 +4,9 @@ import fmpy
 from fmpy.validation import validate_model_description
 
 from ..check import check
-from ..messages import judge_problems, shorten_sentence
+from ..messages import shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, passed, warned
+from ..verdict import CheckOutcome, Clause, Verdict, noted, passed
 from . import description, starts, structure, types, units, variables
 
 _SAY_IT_BETTER = (
@@ -43,7 +43,9 @@ def semantics(subject: Subject) -> CheckOutcome:
     except MemoryError:
         raise
     except Exception as error:
-        return warned(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
+        return noted(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
     found = validate_model_description(read, validate_model_structure=True)
-    doubts = [f"FMPy reports: {line.strip().rstrip('.')}." for line in found]
-    return judge_problems((), f"FMPy {fmpy.__version__} reports no further problem.", doubts)
+    lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in found)
+    if lines:
+        return noted(lines[0], details=lines)
+    return passed(f"FMPy {fmpy.__version__} reports no further problem.")

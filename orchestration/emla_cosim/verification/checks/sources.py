@@ -1,6 +1,5 @@
 """Check that the C sources of an FMU compile."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -11,10 +10,11 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..check import check
+from ..compiler import find_inside, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
@@ -22,6 +22,15 @@ _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot fi
 _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
 
 
+_TIME_FACTOR = 6.0
+_PART = 0.4
+"""Part of the time limit for the compiler, which may run twice. What takes longer is not judged."""
+
+_TO_LIST = Clause(
+    "2.3",
+    "All C source file names that need to be defined in a compiler directive have to be defined in the XML "
+    "file under structure <ModelExchange><SourceFiles> and <CoSimulation><SourceFiles>.",
+)
 _LISTED = Clause(
     "fmi2ModelDescription.xsd",
     'List of source file names that are present in the "sources" directory of the FMU and need to be '
@@ -38,7 +47,7 @@ _LISTED = Clause(
     ),
     "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
     needs=("description.schema",),
-    time_factor=6.0,
+    time_factor=_TIME_FACTOR,
 )
 def compile_(subject: Subject) -> CheckOutcome:
     """Check that all listed source files exist, with their headers, and compile and link to a library."""
@@ -46,21 +55,25 @@ def compile_(subject: Subject) -> CheckOutcome:
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
-            return warned("The FMU has sources, but SourceFiles does not list which to compile.")
+            said = "The FMU has sources, but SourceFiles does not list which to compile."
+            return warned(said, clause=_TO_LIST)
         return skipped("The FMU has no sources.")
-    if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
+    every = {name for names in lists.values() for name in names}
+    if missing := sorted(name for name in every if find_inside(folder, name) is None):
         return judge_problems(
             [Breach(f"The source file {m} is not in `sources`.", _LISTED) for m in missing], ""
         )
     if (folder / _BUILD_DESCRIPTION).is_file():
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
+    seconds = _PART * _TIME_FACTOR * subject.settings.seconds
     for names in {tuple(names) for names in lists.values() if names}:
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
-        if (outcome := _compiled(folder, names)) is not None:
+        if (outcome := _compiled(folder, names, seconds)) is not None:
             # some tools put headers into folders that the model description cannot list
             others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
-            if not others or _compiled(folder, names, others) is not None:
+            is_late = outcome.verdict == Verdict.SKIPPED
+            if is_late or not others or _compiled(folder, names, seconds, others) is not None:
                 return outcome
             return warned(
                 "The sources compile only with include folders, which SourceFiles cannot list: "
@@ -76,12 +89,9 @@ def _listed(subject: Subject, kind: str) -> list[str]:
     return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
 
 
-def _inside(folder: Path, name: str) -> bool:
-    path = (folder / name).resolve() if "\0" not in name else folder
-    return path.is_relative_to(folder.resolve()) and path.is_file()
-
-
-def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ()) -> CheckOutcome | None:
+def _compiled(
+    folder: Path, names: Sequence[str], seconds: float, includes: Sequence[Path] = ()
+) -> CheckOutcome | None:
     """Compile and link these files, with more include folders. Return None on success."""
     with (
         tempfile.TemporaryDirectory() as scratch,
@@ -94,17 +104,10 @@ def _compiled(folder: Path, names: Sequence[str], includes: Sequence[Path] = ())
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
         note(f"`{command[0]}` compiling {', '.join(names)}")
         try:
-            done = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                check=False,
-                env={
-                    **os.environ,
-                    "TMPDIR": scratch,
-                },  # removed with the folder, even if the compiler crashes
-            )
+            done = run_compiler(command, Path(scratch), seconds)
+        except subprocess.TimeoutExpired:
+            said = f"The compiler takes more than {seconds:g} s."
+            return skipped(said, gaps=(said,))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
     if done.returncode == 0:

@@ -146,7 +146,7 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     """Check that InitialUnknowns lists what initialization computes, once, by ascending index."""
     declared = subject.declared
     found = [u.index for u in declared.initial_unknowns]
-    doubtful = {v.index for v in declared.variables if not v.possible}
+    doubtful = {v.index for v in declared.variables if not v.possible} | _ignored(subject)
     wanted = _initially_unknown(declared) - doubtful
     problems: list[Problem] = [
         *_listing("InitialUnknowns", declared.initial_unknowns, declared, _INITIAL),
@@ -160,6 +160,17 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
         )
         problems.append(Breach(what, _ORDER))
     return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
+
+
+def _ignored(subject: Subject) -> set[int]:
+    """Return states and derivatives of an FMU for which the standard ignores the element Derivatives."""
+    declared = subject.declared
+    slave = subject.tree.find("CoSimulation")
+    claims = slave is not None and slave.get("providesDirectionalDerivative") in ("true", "1")
+    if claims or subject.tree.find("ModelExchange") is not None:
+        return set()
+    found = declared.states() | {u.index for u in declared.derivatives}
+    return {i for i in found if (v := declared.variable(i)) is not None and v.causality != "output"}
 
 
 def _initially_unknown(declared: Declarations) -> set[int]:

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from ...base.units import BASE_UNITS, counts_turns, find_unit
 from ..check import check
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
-from ..messages import Breach, Problem, join_few_names, judge_problems
+from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, own_rule
+from ..verdict import CheckOutcome, Clause
 
 _CLOSE = 1e-4
 """Relative tolerance of equal factors: some are written with few digits."""
@@ -28,16 +28,6 @@ _DEFINED = Clause(
     "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations. "
     '[For example, "N.m": in this case a Unit.name = "N.m" must be present under UnitDefinitions.',
 )
-_CONVERTIBLE = own_rule(
-    "units.defined",
-    "A unit has a BaseUnit, so that masters can convert it. The standard does not require it.",
-)
-_DIMENSIONLESS = ("", "1", "-")
-_IGNORED = Clause(
-    "2.2.3",
-    "If the corresponding “displayUnit” is not defined under <UnitDefinitions> <Unit> <DisplayUnit>, then "
-    "displayUnit is ignored.",
-)
 _NO_UNIT = Clause(
     "2.2.3",
     "It is an error if displayUnit is defined in element Real, but unit is not, or unit is not defined under "
@@ -47,10 +37,6 @@ _CONVERTED = Clause(
     "2.2.2",
     "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
     "utilizing the conversion factor and offset attributes:",
-)
-_BY_NAME = own_rule(
-    "units.consistent",
-    "A unit with a well-known name has its exponents and factor. The standard leaves the names free.",
 )
 
 
@@ -62,10 +48,10 @@ _BY_NAME = own_rule(
     needs=("description.schema",),
 )
 def defined(subject: Subject) -> CheckOutcome:
-    """Check that every used unit is defined once, and that every display unit belongs to a unit."""
+    """Check that every used unit is defined once, and that a variable with a display unit has a unit."""
     declared = subject.declared
     problems = [*_repeated(declared), *_undefined(declared)]
-    return judge_problems(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
+    return judge_problems(problems, f"{len(declared.units)} units are defined.")
 
 
 def _repeated(declared: Declarations) -> Iterator[Problem]:
@@ -87,17 +73,6 @@ def _undefined(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"{variable} has a display unit, but no unit.", _NO_UNIT)
 
 
-def _bare(declared: Declarations) -> Iterator[Problem]:
-    bare = [u.name for u in declared.units if u.base is None and u.name not in _DIMENSIONLESS]
-    if bare:
-        yield Breach(f"The unit {join_few_names(bare)} has no BaseUnit.", _CONVERTIBLE)
-    for variable in declared.variables:
-        shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
-        if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
-            what = f"The display unit {shown!r} of {variable} is not defined and is ignored."
-            yield Breach(what, _IGNORED)
-
-
 @check(
     "units.consistent",
     "Units match their names",
@@ -108,12 +83,17 @@ def _bare(declared: Declarations) -> Iterator[Problem]:
 def consistent(subject: Subject) -> CheckOutcome:
     """Check exponents and factors of units with well-known names, and of their display units.
 
-    The standard leaves names of units free, so a name that means something else only warns.
+    The standard leaves names of units free, so that a name that contradicts them only warns.
     """
     units = subject.declared.units
     problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
-    found = (p for unit in units for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit)))
-    doubts = [Breach(p, _BY_NAME) for p in found]
+    found = (
+        p
+        for unit in units
+        if not _means_something_else(unit)
+        for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit))
+    )
+    doubts = [Breach(p, _CONVERTED) for p in found]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
@@ -129,6 +109,14 @@ def _finite(unit: DeclaredUnit) -> Iterator[str]:
         factor, offset = _number(attributes, "factor", 1.0), _number(attributes, "offset", 0.0)
         if not (math.isfinite(factor) and factor and math.isfinite(offset)):
             yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
+
+
+def _means_something_else(unit: DeclaredUnit) -> bool:
+    """Return whether a letter is the name of another unit, which the standard leaves free: T for a tonne."""
+    known = find_unit(unit.name)
+    if known is None or unit.base is None or len(unit.name) > 1:
+        return False
+    return _exponents(unit.base)[:_RAD] != (known.exponents or ())[:_RAD]
 
 
 def _wrong(unit: DeclaredUnit) -> Iterator[str]:

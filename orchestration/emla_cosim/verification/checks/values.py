@@ -18,10 +18,15 @@ from ..host.other_values import (
     start_of,
     where_accepted,
 )
-from ..messages import judge_problems
+from ..messages import Breach, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 
+_EXACT = Clause(
+    "2.2.7",
+    "The variable is initialized with the start value (provided under Real, Integer, Boolean, String or "
+    "Enumeration).",
+)
 _TINY = 1e-6
 
 _REFUSED = "It refuses other valid values of its parameters and inputs, or does not return with them."
@@ -52,7 +57,7 @@ def starts(subject: Subject) -> CheckOutcome:
     return judge_problems(
         [text for name, text in wrong.items() if name in certain],
         f"{len(variables)} variables have their start values.",
-        [text for name, text in wrong.items() if name not in certain],
+        [Breach(text, _EXACT) for name, text in wrong.items() if name not in certain],
     )
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import gc
 import os
 import platform
 import tempfile
@@ -124,3 +125,14 @@ def _floating_point() -> dict[str, str]:
                 found["the mask of floating-point exceptions"] = hex(control & 0x1F80)
             return found
     return {}
+
+
+def can_read_memory() -> bool:
+    """Return whether this system reports how much memory a process uses."""
+    return Path("/proc/self/statm").exists()
+
+
+def read_memory() -> float:
+    """Return the resident memory of this process in bytes, after a garbage collection."""
+    gc.collect()
+    return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -1,6 +1,5 @@
 """Compile the sources of an FMU, and the host for it, with sanitizers."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..compiler import find_inside, run_compiler
 from ..subject import Subject
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
@@ -69,7 +69,7 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
         names = [e.get("name") for e in chosen.iterfind("SourceFileSet/SourceFile")]
         includes += [folder / str(e.get("name")) for e in chosen.iterfind("SourceFileSet/IncludeDirectory")]
         macros = [_macro(e) for e in chosen.iterfind("SourceFileSet/PreprocessorDefinition")]
-    paths = [_inside(folder, str(name)) for name in names]
+    paths = [find_inside(folder, str(name)) for name in names]
     if not paths or None in paths:
         return None
     # folders of headers: some tools list theirs in files of their own
@@ -90,12 +90,6 @@ def _read_configuration(subject: Subject, kind: str, path: Path) -> Any:
 def _macro(element: Any) -> str:
     value = element.get("value")
     return f"-D{element.get('name')}" + (f"={value}" if value is not None else "")
-
-
-def _inside(folder: Path, name: str) -> Path | None:
-    """Return a file of a folder, or None if it does not exist or is outside."""
-    path = (folder / name).resolve() if "\0" not in name else folder
-    return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
 
 
 def compile_host(compiler: Compiler, folder: Path, plan: str, seconds: float) -> Path:
@@ -123,15 +117,7 @@ def _compile(
     with as_file(files("fmpy") / "c-code") as headers:
         command = [*compiler.command, *_FLAGS, *compiler.flags, *arguments, f"-I{headers}", "-o", str(target)]
         try:
-            done = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                check=False,
-                timeout=seconds,
-                env={**os.environ, "TMPDIR": str(folder)},
-            )
+            done = run_compiler(command, folder, seconds)
         except subprocess.TimeoutExpired:
             raise CompilerError(f"the compiler takes more than {seconds:g} s") from None
         except OSError as error:

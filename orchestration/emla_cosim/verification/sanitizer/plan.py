@@ -46,7 +46,10 @@ def write_plan(subject: Subject, kind: str) -> str:
     lines = [f"#define {name} {value}" for name, value in defined.items()]
     lines.append(_array("fmi2ValueReference", "UNKNOWN", [v.valueReference for v in outputs]))
     lines += _group("START", [v for v in _with_start(subject) if v.causality != "input"])
-    lines += _group("INPUT", [v for v in settable(subject, "input") if start_of(v) is not None])
+    inputs = [v for v in settable(subject, "input") if start_of(v) is not None]
+    if model:  # the others cannot be set in continuous-time mode
+        inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
+    lines += _group("INPUT", inputs)
     lines += _group("ALL", description.modelVariables, values=False)
     return "\n".join([*lines, ""])
 
