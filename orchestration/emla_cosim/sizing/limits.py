@@ -18,6 +18,12 @@ _ROUNDING = 1e-9
 Values = Mapping[str, float]
 
 
+def format_percent(fraction: float) -> str:
+    """Return a fraction in percent with three digits."""
+    percent = 100.0 * fraction
+    return f"{percent:,.0f}" if 1e3 <= percent < math.inf else f"{percent:.3g}"
+
+
 @dataclass(frozen=True)
 class Utilisation:
     """How much of a limit a cycle uses.
@@ -48,7 +54,7 @@ class Utilisation:
         """What exceeds the limit, in words, without full stop."""
         return (
             f"{self.name}: {self.used:.4g} {self.unit} of {self.limit:.4g} {self.unit} "
-            f"({100.0 * self.fraction:.3g} %, {self.source})"
+            f"({format_percent(self.fraction)} %, {self.source})"
         )
 
 
@@ -106,13 +112,14 @@ def _simple(
 
 def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
     source, limit = min(derived.torques(values), key=lambda one: one[1])
-    yield _upper("peak torque", figures.required_torque_peak_N_m, limit, "N m", 1.0, source)
+    torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
+    yield _upper("peak torque", torque, limit, "N m", 1.0, source)
     rms = 1.0 / ROOT_2
     peak, effective = figures.current_peak_A, figures.current_rms_A
-    yield _simple(values, "peak current of the motor", peak, "motor.i_max", "A rms", rms)
-    yield _simple(values, "peak current of the inverter", peak, "inverter.i_max", "A rms", rms)
-    yield _simple(values, "rms current of the motor", effective, "motor.i_N", "A rms", rms)
-    yield _simple(values, "rms current of the inverter", effective, "inverter.i_N", "A rms", rms)
+    yield _simple(values, "motor peak current", peak, "motor.i_max", "A rms", rms)
+    yield _simple(values, "inverter peak current", peak, "inverter.i_max", "A rms", rms)
+    yield _simple(values, "motor rms current", effective, "motor.i_N", "A rms", rms)
+    yield _simple(values, "inverter rms current", effective, "inverter.i_N", "A rms", rms)
     speed = cycle.rms(cycle.omega)
     lasting = continuous_torque(values, np.array([speed]))
     if lasting is None:
@@ -161,34 +168,32 @@ def _motion(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Ut
 def _screw(
     values: Values, figures: SizingFigures, requirements: Requirements
 ) -> Iterator[Utilisation | Unexamined]:
-    yield _simple(values, "static load of the screw", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
+    yield _simple(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
     shape = ("screw.d_root", "screw.L_free", "screw.ends")
     if missing := [entry for entry in shape if entry not in values]:
-        yield Unexamined("critical speed of the screw", ", ".join(missing))
-        yield Unexamined("buckling of the screw", ", ".join(missing))
+        yield Unexamined("screw critical speed", ", ".join(missing))
+        yield Unexamined("screw buckling", ", ".join(missing))
     else:
         d_root, length, ends = (values[entry] for entry in shape)
         turning = TURN * figures.speed_peak_m_s / values["screw.lead"]
         permitted = screw.critical_speed(d_root, length, round(ends))
         source = "screw.d_root, L_free, ends"
-        yield _upper("critical speed of the screw", turning, permitted, "rpm", 60.0 / TURN, source)
+        yield _upper("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
         load = screw.buckling_load(d_root, length, round(ends))
-        yield _upper("buckling of the screw", figures.compression_peak_N, load, "kN", 1e-3, source)
+        yield _upper("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
     if figures.life_s is None:
-        yield Unexamined("life of the screw", "screw.C_a")
+        yield Unexamined("screw life", "screw.C_a")
     elif requirements.life is None:
-        yield Unexamined("life of the screw", "the required life, --life")
+        yield Unexamined("screw life", "the required life, --life")
     else:
         hours = 1.0 / 3600.0
         share = requirements.life / figures.life_s
         required = hours * requirements.life
-        yield Utilisation(
-            "life of the screw", required, hours * figures.life_s, "h", share, "--life, screw.C_a"
-        )
+        yield Utilisation("screw life", required, hours * figures.life_s, "h", share, "--life, screw.C_a")
 
 
 def _braking(values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
-    name = "mean power of the brake resistor"
+    name = "brake resistor power"
     yield _simple(values, name, figures.brake_power_mean_W, "inverter.P_brake", "W")
 
 

@@ -11,7 +11,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError
 from .cycle import Cycle
 from .figures import SizingFigures
-from .limits import Unexamined, Utilisation
+from .limits import Unexamined, Utilisation, format_percent
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class JointSizing:
         left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
         if self.holds:
             worst = self.limits[0]
-            return f"{label} holds; most used is {worst.name}, {100.0 * worst.fraction:.3g} %.{left}"
+            return f"{label} holds; most used is {worst.name}, {format_percent(worst.fraction)} %.{left}"
         return f"{label} does not hold: {'; '.join(self.reasons)}.{left}"
 
     @property

@@ -6,6 +6,8 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from emla_fmu import EmlaCompliantPlant, EmlaPlant
+
 from ..base.errors import CommandError, RunError, join_names
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
@@ -147,9 +149,10 @@ def _size_candidate(
     told: Progress,
 ) -> Candidate:
     """Return a candidate; one that cannot be run has a problem."""
-    actuator = {**options.get("actuator", {}), joint: sheet}
+    given: dict[str, Any] = dict(options)
+    given["actuator"] = {**given.get("actuator", {}), joint: sheet}
     try:
-        scenario = load(source, **{**options, "actuator": actuator})
+        scenario = load(source, **given)
     except CommandError as error:
         if "problems" not in error.fields:
             raise  # not a fault of the data sheet
@@ -174,7 +177,7 @@ def _size_scenario(
     length = times.stop - times.start if cycle is None else min(cycle, times.stop - times.start)
     interval = scenario.options.output_interval or max(times.step, length / _ROWS)
     interval = times.step * max(round(interval / times.step), 1)
-    given: dict[str, Any] = {"output_interval": interval}
+    given: dict[str, Any] = {"output_interval": interval, "set": _directional(scenario)}
     if lead_in:
         given["start_time"] = times.start - lead_in
     with scenario.prepare(told, **given) as simulation:
@@ -193,6 +196,17 @@ def _size_scenario(
         sheet = find_data_sheet(scenario, source, joint)
         sizings[joint] = _size_joint(result, joint, sheet, times.stop - own, times.stop, needed)
     return sizings
+
+
+def _directional(scenario: Scenario) -> dict[str, Any]:
+    """Return start values with which losses of gearbox and screw oppose the motion, unless the user set it.
+
+    The plant's default takes them from the torque in both directions, which returns more energy than a load
+    gives.
+    """
+    set_, plants = scenario.options.set, (EmlaPlant.__name__, EmlaCompliantPlant.__name__)
+    names = [f"{c.name}.gearbox.directional" for c in scenario.system.components if c.model in plants]
+    return {name: True for name in names if not any(matches_pattern(name, key) for key in set_)}
 
 
 def _cycle_length(scenario: Scenario, joint: str, cycle: float | None, start: float, stop: float) -> float:

@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..study.actuator.entries import ROOT_2, TURN
+from .limits import format_percent
 from .result import Candidate, JointSizing, SizeResult
 
 _RMS, _RPM = 1.0 / ROOT_2, 60.0 / TURN
@@ -93,14 +94,14 @@ def _figures(sizing: JointSizing) -> Table:
 
 def _limits(sizing: JointSizing) -> Table:
     table = Table(title=escape(f"Limits of {sizing.joint}, the most used first"), title_justify="left")
-    for heading in ("", "%", "used", "limit", "", "from"):
+    for heading in ("", "%", "used", "limit", "from"):
         table.add_column(heading, justify="right" if heading in ("%", "used", "limit") else "left")
     for one in sizing.limits:
         mark = "" if one.holds else " (!)"
-        numbers = f"{100.0 * one.fraction:.3g}", _number(one.used), _number(one.limit)
-        table.add_row(f"{one.name}{mark}", *numbers, one.unit, one.source)
+        used, limit = _number(one.used), f"{_number(one.limit)} {one.unit}"
+        table.add_row(f"{one.name}{mark}", format_percent(one.fraction), used, limit, one.source)
     for left in sizing.unexamined:
-        table.add_row(left.name, "not examined", "", "", "", f"needs {left.missing}")
+        table.add_row(left.name, "?", "", "", f"not examined: needs {left.missing}")
     return table
 
 
@@ -133,7 +134,7 @@ def _cells(one: Candidate, joint: str) -> list[str]:
     percents = [worst.fraction, used.get("peak torque"), used.get("rms torque")]
     return [
         worst.name,
-        *("" if x is None else f"{100.0 * x:.3g}" for x in percents),
+        *("" if x is None else format_percent(x) for x in percents),
         *(
             "" if x is None else _number(x)
             for x in (

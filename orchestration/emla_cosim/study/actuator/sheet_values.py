@@ -80,12 +80,12 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
         return found.in_unit(parse_unit_name("%", label), label) / 100.0 if found.unit else found.number
     if found.unit is None:
         raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
-    if entry.is_difference:
-        found = replace(found, unit=replace(found.unit, offset=0.0))
+    written = replace(found.unit, offset=0.0) if entry.is_difference else found.unit
+    found = replace(found, unit=written)
     number = found.in_unit(unit, label) * factor
-    if unit.exponents is None or found.unit.exponents is None or unit.exponents == found.unit.exponents:
+    if unit.exponents is None or written.exponents is None or unit.exponents == written.exponents:
         return number
-    if entry.per_turn and found.unit.exponents[-1] == -1:
+    if entry.per_turn and written.exponents[-1] == -1:
         return number * TURN
     raise CommandError(
         f"{label} is '{text}'; state whether it is in turns or radians: write it as \"{entry.example}\"."
