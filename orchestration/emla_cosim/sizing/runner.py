@@ -99,6 +99,8 @@ def size(
         folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
     if varied is None:
         scenario = load(source, **options)
+        if folder is not None:
+            folder.check_unread([scenario.options.files_read()])
         sized = _size_scenario(scenario, source, cycle, lead_in, needed, told)
         found, name = [Candidate(scenario.name, sized)], scenario.name
     else:
