@@ -117,7 +117,7 @@ def test_the_repeated_cycle_is_where_many_cycles_end(loads: list[float], period:
     time = np.linspace(5.0, 5.0 + period, len(loads))
     found = thermal.repeat_cycle(time, np.array(loads), 100.0, tau)
     rise = np.zeros(1)
-    for _ in range(math.ceil(16.0 * tau / period)):
+    for _ in range(math.ceil(16.0 * tau / period) + 1):
         solved = solve_ivp(
             lambda t, x: (100.0 * np.interp(t, time, loads) - x) / tau,
             (time[0], time[-1]),
@@ -198,7 +198,8 @@ def test_standing_still_takes_the_holding_torque() -> None:
     current = torque / (7.5 * POUND * INCH)
     expected = (current / 4.3) ** 2 * 105.0
     assert joint.figures.temperature_rise_peak_K == pytest.approx(expected, rel=4e-3)
-    assert joint.figures.life_s == math.inf
+    assert joint.figures.life_s is not None
+    assert joint.figures.life_s > 1e12  # it only trembles
 
 
 def test_the_brake_takes_what_the_link_cannot_store() -> None:
@@ -248,10 +249,9 @@ FACTORS = {"A rms": 2**-0.5, "rpm": 30.0 / math.pi, "mm/s": 1e3, "kN": 1e-3}
 def test_every_limit_is_examined_or_listed(press: ec.JointSizing) -> None:
     bare = ec.size("prototype", stop_time=0.5, lead_in=0.4)["prototype"]
     found = [{one.name for one in (*joint.limits, *joint.unexamined)} for joint in (press, bare)]
-    same = {"winding temperature": "winding temperature rise"}
-    assert len(found[0]) == 18
-    assert found[0] == found[1], same
-    assert len(bare.unexamined) == 12
+    assert len(found[0]) == 17
+    assert found[0] == found[1]
+    assert len(bare.unexamined) == 11
     assert {one.name for one in press.unexamined} == {"screw speed", "screw life"}
     fractions = [one.fraction for one in press.limits]
     assert fractions == sorted(fractions, reverse=True)

@@ -56,6 +56,13 @@ def has_unit(value: object) -> bool:
     return False
 
 
+def split_quantity(text: str) -> tuple[float, str]:
+    """Return the number and the rest of a text for which `has_unit` is true."""
+    found = _QUANTITY.fullmatch(text)
+    assert found is not None
+    return float(found[1]), found[2] or ""
+
+
 def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUnit:
     """Return the unit that a user writes as `kg cm^2`, `N·m/A`, `min⁻¹` or `kg.cm2`.
 

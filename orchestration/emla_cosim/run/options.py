@@ -172,6 +172,13 @@ class Options:
         takes=FileOrObject,
         makes="actuators",
     )
+    sheet: Mapping[str, Value] = _prepared(
+        {},
+        help="Change an entry of an actuator's data sheet, such as 'prototype.screw.lead=5 mm'. Everything "
+        "that follows from the entry changes, too (repeatable).",
+        metavar="JOINT.TABLE.ENTRY=VALUE",
+        makes="actuators",
+    )
     flavour: str = _system(
         "native",
         help="Implementation of the built-in FMUs: compiled (native), or Python (python).",

@@ -127,8 +127,9 @@ def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Uti
     else:
         entry = "motor.tau_N" if "motor.tau_N" in values else "motor.i_N"
         entry += ", motor.tau_R" if "motor.tau_R" in values else ""
-        share = figures.torque_rms_N_m / lasting[0] if lasting[0] > 0.0 else math.inf
-        yield Utilisation("rms torque", figures.torque_rms_N_m, float(lasting[0]), "N m", share, entry)
+        limit = float(lasting[0])
+        share = figures.torque_rms_N_m / limit if limit > 0.0 else math.inf
+        yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
     yield _upper("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, _voltage_entry(values))
 
 
