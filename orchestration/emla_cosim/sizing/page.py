@@ -7,9 +7,10 @@ from markupsafe import Markup
 
 from ..views.pages.page import Plots, render_template
 from ..views.plots.style import save
+from .limits import format_percent
 from .pictures import draw_joint
 from .result import SizeResult
-from .summary import list_figures
+from .summary import format_value, list_figures
 
 
 def render_page(result: SizeResult) -> str:
@@ -19,7 +20,15 @@ def render_page(result: SizeResult) -> str:
         id(sizing): list_figures(sizing) for one in result.candidates for sizing in one.joints.values()
     }
     return render_template(
-        __package__ or "", "page.html", Plots(), result=result, pictures=pictures, figures=figures, id=id
+        __package__ or "",
+        "page.html",
+        Plots(),
+        result=result,
+        pictures=pictures,
+        figures=figures,
+        id=id,
+        shown=format_value,
+        percent=format_percent,
     )
 
 

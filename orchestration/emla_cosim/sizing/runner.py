@@ -87,7 +87,7 @@ def size(
         >>> result = ec.size("prototype", stop_time=4.0)
         >>> joint = result["prototype"]
         >>> joint.holds, joint.limits[0].name
-        (True, 'rms torque')
+        (True, 'motor speed')
     """
     told = progress or Progress()
     _check(cycle, lead_in, ambient, life)

@@ -46,7 +46,7 @@ _FIGURES = (
 def list_figures(sizing: JointSizing) -> list[tuple[str, str, str]]:
     """Return label, value and unit of the figures that are known."""
     found = [(label, getattr(sizing.figures, name), factor, unit) for label, name, factor, unit in _FIGURES]
-    return [(label, _number(factor * v), unit) for label, v, factor, unit in found if v is not None]
+    return [(label, format_value(factor * v), unit) for label, v, factor, unit in found if v is not None]
 
 
 def format_tables(result: SizeResult) -> list[Table]:
@@ -98,7 +98,7 @@ def _limits(sizing: JointSizing) -> Table:
         table.add_column(heading, justify="right" if heading in ("%", "used", "limit") else "left")
     for one in sizing.limits:
         mark = "" if one.holds else " (!)"
-        used, limit = _number(one.used), f"{_number(one.limit)} {one.unit}"
+        used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
         table.add_row(f"{one.name}{mark}", format_percent(one.fraction), used, limit, one.source)
     for left in sizing.unexamined:
         table.add_row(left.name, "?", "", "", f"not examined: needs {left.missing}")
@@ -136,7 +136,7 @@ def _cells(one: Candidate, joint: str) -> list[str]:
         worst.name,
         *("" if x is None else format_percent(x) for x in percents),
         *(
-            "" if x is None else _number(x)
+            "" if x is None else format_value(x)
             for x in (
                 figures.temperature_rise_peak_K,
                 figures.energy_in_J - figures.energy_regenerated_J,
@@ -146,7 +146,8 @@ def _cells(one: Candidate, joint: str) -> list[str]:
     ]
 
 
-def _number(value: float) -> str:
+def format_value(value: float) -> str:
+    """Return a value with four digits."""
     if math.isinf(value):
         return "unlimited"
     return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.4g}"

@@ -32,8 +32,8 @@ def test_all_that_follows_from_an_entry_varies_with_it(tmp_path: Path) -> None:
     files = [edited(tmp_path, f"{mm}.toml", lead, f'lead = "{mm} mm"') for mm in (10, 14)]
     base = {"actuator": {"prototype": SHEET}, **SHORT}
     found = ec.sweep("prototype", {"actuator.screw.lead": "10mm:14mm:2"}, **base)
-    assert found.table["actuator.screw.lead"].to_list() == [10.0, 14.0]
-    peaks = found.table["prototype.torque_peak_N_m"].to_list()
+    assert found.variants["actuator.screw.lead"].to_list() == [10.0, 14.0]
+    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
     assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
     assert peaks[0] != pytest.approx(peaks[1], rel=0.01)
     assert found.options(1)["sheet"] == {"prototype.screw.lead": "14.0 mm"}
@@ -43,9 +43,9 @@ def test_files_vary_like_entries(tmp_path: Path) -> None:
     files = [edited(tmp_path, f"{n}.toml", 'M_BS = "60 kg"', f'M_BS = "{n} kg"') for n in (60, 200)]
     given = ",".join(map(str, files))
     found = ec.sweep("prototype", {"actuator.prototype": given}, **SHORT)
-    peaks = found.table["prototype.torque_peak_N_m"].to_list()
+    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
     assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
-    assert found.table["actuator.prototype"].to_list() == [str(file) for file in files]
+    assert found.variants["actuator.prototype"].to_list() == [str(file) for file in files]
 
 
 def test_entries_of_one_actuator_vary_together() -> None:

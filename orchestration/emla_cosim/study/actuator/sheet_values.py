@@ -33,7 +33,7 @@ _SPELLINGS = (
     (re.compile(r"\b(?:1/min|min\^?-1|min⁻¹|r/min|rev/min|RPM)(?![\w.])"), "rpm"),
     (re.compile(r"\bkRPM\b"), "krpm"),
     (re.compile(r"(?<=[^\W\d_])-(?=[^\W\d_])"), " "),
-    (re.compile(r"\bsec(?![^\W\d_])"), "s"),
+    (re.compile(r"\bsec(?![A-Za-z])"), "s"),
     (re.compile(r"\b1000 ?rpm\b"), "krpm"),
 )
 """Spellings of units in data sheets. 1/min is a speed of turns."""
