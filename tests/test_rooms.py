@@ -40,6 +40,7 @@ LATE = {
         RESULT,
         {"recorders.stored", "views.animation", "views.output_folder", "views.plots.overlay"},
     ),
+    "sizing.folder": (ON_DEMAND, {"sizing.page"}),
     "study.joint": (ON_DEMAND, {"fmu.interface"}),
     "sweeps.worker": (BY_VALUE, {"sweeps.worker"}),
     "verification.check_runner": (ON_DEMAND, {"verification.host.hosted_instance"}),

@@ -6,7 +6,6 @@ from ..base.files import report_write_errors
 from ..base.ownership import has_format
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
-from .page import render_page
 from .pictures import draw_pictures, list_pictures
 from .result import SizeResult
 
@@ -46,5 +45,7 @@ class SizeFolder(Folder):
                 for name, figure in draw_pictures(result):
                     self.draw(name, figure)
             if self._report:
+                from .page import render_page  # importing it loads jinja2
+
                 self.write(PAGE, render_page(result).encode())
         return pictures if self._plots else []

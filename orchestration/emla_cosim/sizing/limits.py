@@ -24,6 +24,13 @@ def format_percent(fraction: float) -> str:
     return f"{percent:,.0f}" if 1e3 <= percent < math.inf else f"{percent:.3g}"
 
 
+def format_value(value: float) -> str:
+    """Return a value with four digits."""
+    if math.isinf(value):
+        return "unlimited"
+    return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+
+
 @dataclass(frozen=True)
 class Utilisation:
     """How much of a limit a cycle uses.
@@ -53,7 +60,7 @@ class Utilisation:
     def sentence(self) -> str:
         """What exceeds the limit, in words, without full stop."""
         return (
-            f"{self.name}: {self.used:.4g} {self.unit} of {self.limit:.4g} {self.unit} "
+            f"{self.name}: {format_value(self.used)} {self.unit} of {format_value(self.limit)} {self.unit} "
             f"({format_percent(self.fraction)} %, {self.source})"
         )
 

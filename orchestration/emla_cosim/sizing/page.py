@@ -7,10 +7,10 @@ from markupsafe import Markup
 
 from ..views.pages.page import Plots, render_template
 from ..views.plots.style import save
-from .limits import format_percent
+from .limits import format_percent, format_value
 from .pictures import draw_joint
 from .result import SizeResult
-from .summary import format_value, list_figures
+from .summary import list_figures
 
 
 def render_page(result: SizeResult) -> str:

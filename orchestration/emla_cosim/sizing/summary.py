@@ -1,12 +1,10 @@
 """Terminal output of a sizing."""
 
-import math
-
 from rich.markup import escape
 from rich.table import Table
 
 from ..study.actuator.entries import ROOT_2, TURN
-from .limits import format_percent
+from .limits import format_percent, format_value
 from .result import Candidate, JointSizing, SizeResult
 
 _RMS, _RPM = 1.0 / ROOT_2, 60.0 / TURN
@@ -112,14 +110,15 @@ def _candidates(result: SizeResult) -> Table:
         "holds",
         "most used",
         "%",
-        "peak torque %",
-        "rms torque %",
-        "rise / K",
-        "energy / J",
-        "life / h",
+        "peak %",
+        "rms %",
+        "rise/K",
+        "net/J",
+        "life/h",
     )
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in ("", "holds", "most used") else "right")
+        text = heading in ("", "holds", "most used")
+        table.add_column(heading, justify="left" if text else "right", no_wrap=heading == "")
     for one in result.candidates:
         table.add_row(escape(one.label), "yes" if one.holds else "no", *_cells(one, str(result.varied)))
     return table
@@ -144,10 +143,3 @@ def _cells(one: Candidate, joint: str) -> list[str]:
             )
         ),
     ]
-
-
-def format_value(value: float) -> str:
-    """Return a value with four digits."""
-    if math.isinf(value):
-        return "unlimited"
-    return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
