@@ -148,6 +148,16 @@ def test_the_plant_is_as_warm_after_many_cycles() -> None:
     assert joint.rise.min() == pytest.approx(rise.min(), rel=0.01)
 
 
+def test_short_steps_heat_like_long_ones() -> None:
+    """The load is linear, so the number of rows does not matter."""
+    ends = np.array([0.0, 1.0])
+    time = np.linspace(0.0, 1.0, 100_001)  # 1e-5 of the time constant each
+    few, many = thermal.heat(ends, 1.0 + ends, 80.0, 1.0), thermal.heat(time, 1.0 + time, 80.0, 1.0)
+    assert many[-1] == pytest.approx(few[-1], rel=1e-9)
+    # 80 (1 + t) less 80 in steady state, from 0
+    assert few[-1] == pytest.approx(80.0 * (1.0 + 1.0 - 1.0), rel=1e-12)
+
+
 def test_cycles_until_warm() -> None:
     count = thermal.cycles_until_warm(4.0, 900.0)
     assert 1.0 - math.exp(-count * 4.0 / 900.0) >= 0.95 > 1.0 - math.exp(-(count - 1) * 4.0 / 900.0)
@@ -301,6 +311,14 @@ def test_a_limit_holds_up_to_its_value(
         assert isinstance(found, ec.Utilisation)
         assert found.holds is holds
         assert found.fraction == pytest.approx(factor)
+
+
+def test_the_force_of_the_screw_moves_its_mass(press: ec.JointSizing) -> None:
+    force = 1000.0 + 30.0 * 0.45359237 * 50.0
+    figures = compute_figures(flat_cycle(press, load=1000.0, a=50.0, v=0.1), press.values, 0.0)
+    assert figures.force_peak_N == pytest.approx(force)
+    assert figures.force_mean_N == pytest.approx(force)
+    assert figures.energy_load_J == pytest.approx(100.0)
 
 
 def test_only_compression_buckles(press: ec.JointSizing) -> None:
