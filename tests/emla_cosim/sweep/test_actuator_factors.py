@@ -89,5 +89,8 @@ def test_an_entry_of_a_single_run(emla: Emla) -> None:
     result = emla("run", "prototype", *change, "--stop-time", "0.01", "--no-plots")
     assert result.exit_code == 0, result.output
     assert "screw.lead 8 mm" in result.stdout
+    text = 'system = "prototype"\nstop_time = 0.01\n\n[sheet]\nprototype.screw.lead = "7 mm"\n'
+    Path("mine.toml").write_text(text, encoding="utf-8")
+    assert "screw.lead 7 mm" in emla("run", "mine.toml", "--no-plots").stdout
     refused = emla("run", "lift", "--sheet", "tilt.screw.lead=8 mm", "--stop-time", "0.01")
     assert "there is no joint 'tilt'" in sentence(refused, 2)
