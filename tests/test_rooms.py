@@ -46,6 +46,7 @@ LATE = {
             "views.terminal",
         },
     ),
+    "sizing.folder": (ON_DEMAND, {"sizing.page"}),
     "study.joint": (ON_DEMAND, {"fmu.interface"}),
     "sweeps.worker": (BY_VALUE, {"sweeps.worker"}),
     "verification.check_runner": (ON_DEMAND, {"verification.host.hosted_instance"}),

@@ -55,6 +55,12 @@ from .run.options import Options as Options
 from .run.result import Result as Result
 from .run.scenarios.scenario import Scenario as Scenario
 from .run.simulation import Simulation as Simulation
+from .sizing.limits import Unexamined as Unexamined
+from .sizing.limits import Utilisation as Utilisation
+from .sizing.result import Candidate as Candidate
+from .sizing.result import JointSizing as JointSizing
+from .sizing.result import SizeResult as SizeResult
+from .sizing.runner import size as size
 from .study.actuator.actuator import Actuator as Actuator
 from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller

@@ -14,6 +14,7 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _LONGEST = 100
 _TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
 _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
+_WORD = re.compile(r"[^\W\d_]+")
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,8 @@ _COHERENT = {
 }
 """Units that accept prefixes and have unambiguous symbols."""
 
+_POUND, _GRAVITY = 0.45359237, 9.80665
+
 _ALONE = {
     "Hz": _unit(s=-1),
     "kHz": _unit(1e3, s=-1),
@@ -101,8 +104,19 @@ _ALONE = {
     "°C": _unit(1.0, 273.15, K=1),
     "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
     "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+    "in": _unit(0.0254, m=1),
+    "ft": _unit(0.3048, m=1),
+    "lbm": _unit(_POUND, kg=1),
+    "ozm": _unit(_POUND / 16, kg=1),
+    "lbf": _unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
+    "ozf": _unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
+    "psi": _unit(_POUND * _GRAVITY / 0.0254**2, kg=1, m=-1, s=-2),
+    "hp": _unit(550 * 0.3048 * _POUND * _GRAVITY, kg=1, m=2, s=-3),
 }
-"""Units that accept no prefixes."""
+"""Units that accept no prefixes. Pound and ounce are exact (1959), hp is 550 ft.lbf/s."""
+
+MASS_OR_FORCE = {"lb": ("lbm", "lbf"), "lbs": ("lbm", "lbf"), "oz": ("ozm", "ozf")}
+"""Names that are a mass or a force, and the unambiguous names of both."""
 
 _PREFIXES = {
     "T": 1e12,
@@ -129,6 +143,14 @@ def find_unit(name: str) -> SiUnit | None:
     return None if name in _AMBIGUOUS else _read(name)
 
 
+def list_meanings(name: str) -> list[str]:
+    """Return the name with `lb` and `oz` as masses and as forces; nothing for a name without them."""
+    if not any(word in MASS_OR_FORCE for word in _WORD.findall(name)):
+        return []
+    parts = [MASS_OR_FORCE.get(part, (part, part)) for part in re.split(r"([^\W\d_]+)", name)]
+    return ["".join(meanings) for meanings in zip(*parts, strict=True)]
+
+
 def parse_unit(name: str) -> SiUnit:
     """Return the coherent SI unit of this name, with one "/" at most: "m/s2", "N.m.s/rad", "1/s".
 
@@ -143,7 +165,7 @@ def parse_unit(name: str) -> SiUnit:
 
 def counts_turns(name: str) -> bool:
     """Return whether the name contains a turn, which is 1 for some tools and 2 pi rad for others."""
-    return any(word in _TURNS for word in re.findall(r"[^\W\d_]+", name))
+    return any(word in _TURNS for word in _WORD.findall(name))
 
 
 def _read(name: str) -> SiUnit | None:

@@ -44,6 +44,7 @@ CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SH
 TUNE = ("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m")
 TUNE = (*TUNE, "--evaluations", "4", "--validation", "0", *SHORT)
 VERIFY = ("verify", "read.fmu", "--only", "archive")
+SIZE = ("size", "prototype", "--stop-time", "0.05", "--lead-in", "350ms")
 LINEARIZE = ("linearize", "lift", "--open", "lift.controller.u_q->lift.plant.u_q", "--stop-time", "0.1")
 TRAJECTORY = ("trajectory", "--knots", "10", "--points", "5")
 
@@ -123,6 +124,11 @@ ATTEMPTS: dict[str, list[Attempt]] = {
     ],
     "tune fmus": [Attempt((*TUNE, "--output", "o"), "--fmus", **FMUS)],
     "trajectory output": [Attempt(TRAJECTORY, "--output")],
+    "size output": [
+        Attempt(SIZE, "--output", ["size.json", "limits.csv", "cycles.csv", "prototype.png", MANIFEST]),
+        Attempt((*SIZE, "--report"), "--output", ["size.html"]),
+    ],
+    "size fmus": [Attempt((*SIZE, "--no-plots", "--output", "o"), "--fmus", **FMUS)],
     "linearize output": [
         Attempt(
             LINEARIZE, "--output", ["linearize.json", "responses.csv", "bode.png", "nyquist.png", MANIFEST]

@@ -127,6 +127,7 @@ ELSEWHERE = {
 } | {
     "animate",
     "actuator",
+    "sheet",
     "input",
     "report",
     "parameters",
@@ -136,7 +137,7 @@ ELSEWHERE = {
 }
 """Keys of the tests below; `parameters` is in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
-`roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
+`sheet` in sweep/test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)

@@ -18,6 +18,8 @@ PINT_NAMES = {
     "rpm": "rpm",
     "°": "degree",
     "%": "percent",
+    "lbm": "pound",
+    "ozm": "ounce",
 }
 SPOKEN = [name for name in _COHERENT if name not in _AMBIGUOUS]
 

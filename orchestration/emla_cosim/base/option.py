@@ -14,7 +14,8 @@ RUNS = "Where it runs"
 """The groups of options in the help of the command line."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
-BUILD, PLOT, TRAJECTORY, VERIFY, LINEARIZE = "build", "plot", "trajectory", "verify", "linearize"
+BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
+LINEARIZE, SIZE = "linearize", "size"
 """The commands that take options."""
 
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"

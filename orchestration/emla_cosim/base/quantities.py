@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .units import LinearTransformation, SiUnit, find_conversion, find_unit
+from .units import LinearTransformation, SiUnit, find_conversion, find_unit, list_meanings
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
 _PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
@@ -56,17 +56,36 @@ def has_unit(value: object) -> bool:
     return False
 
 
-def parse_unit_name(name: str, label: str) -> SiUnit:
+def split_quantity(text: str) -> tuple[float, str]:
+    """Return the number and the rest of a text for which `has_unit` is true."""
+    found = _QUANTITY.fullmatch(text)
+    assert found is not None
+    return float(found[1]), found[2] or ""
+
+
+def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUnit:
     """Return the unit that a user writes as `kg cm^2`, `N·m/A`, `min⁻¹` or `kg.cm2`.
 
     Args:
         name: The name of the unit.
         label: What error messages call the place of the name.
+        target: A unit of the same dimension, which decides whether `lb` and `oz` are masses or forces.
 
     Raises:
-        CommandError: If the name is not that of a unit.
+        CommandError: If the name is not that of a unit, or `lb` or `oz` may be a mass and a force.
     """
-    known = find_unit(_PRODUCT.sub(".", name.strip().translate(_POWERS)))
+    written = _PRODUCT.sub(".", name.strip().translate(_POWERS))
+    known = find_unit(written)
+    if known is None and (meanings := list_meanings(written)):
+        units = [find_unit(one) for one in meanings]
+        known = next(
+            (u for u in units if u is not None and target is not None and _is_alike(u, target)), None
+        )
+        if known is None and all(units):
+            raise CommandError(
+                f"{label} has the unit '{name}', which is a mass or a force; write {' or '.join(meanings)}.",
+                unit=name,
+            )
     if known is None:
         raise CommandError(
             f"{label} has the unknown unit '{name}'; write a unit such as kN, mm/s, N.m or kg.cm2.",
@@ -75,12 +94,18 @@ def parse_unit_name(name: str, label: str) -> SiUnit:
     return replace(known, name=name)
 
 
-def parse_quantity(text: str, label: str) -> Quantity:
+def _is_alike(unit: SiUnit, target: SiUnit) -> bool:
+    """Return whether units can be converted into each other."""
+    return unit.exponents is not None and unit.exponents[:-1] == (target.exponents or ())[:-1]
+
+
+def parse_quantity(text: str, label: str, target: SiUnit | None = None) -> Quantity:
     """Parse a quantity, such as "30 kN", "-3.4e3 N" or "0.2".
 
     Args:
         text: The text.
         label: What error messages call the quantity.
+        target: A unit of the same dimension, see `parse_unit_name`.
 
     Raises:
         CommandError: If it is not a number with or without a unit.
@@ -88,5 +113,5 @@ def parse_quantity(text: str, label: str) -> Quantity:
     found = _QUANTITY.fullmatch(text)
     if found is None:
         raise CommandError(f"{label} is '{text}'; it must be a number, or a number and a unit such as 30 kN.")
-    unit = None if found[2] is None else parse_unit_name(found[2], label)
+    unit = None if found[2] is None else parse_unit_name(found[2], label, target)
     return Quantity(float(found[1]), unit)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit
+from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit, list_meanings
 
 __all__ = [
     "BASE_UNITS",
@@ -13,6 +13,7 @@ __all__ = [
     "counts_turns",
     "find_conversion",
     "find_unit",
+    "list_meanings",
 ]
 
 COLUMN_UNITS = "units"

@@ -80,6 +80,7 @@ class LoadOptions(PrepareOptions, total=False):
     gains: str | None
     trajectory: str | Path | None
     actuator: Mapping[str, str | Path | FileOrObject]
+    sheet: Mapping[str, float | int | bool | str]
 
 
 class CompareOptions(TypedDict, total=False):
@@ -95,6 +96,7 @@ class CompareOptions(TypedDict, total=False):
     input: Sequence[Input | str | Path | Mapping[str, Any]]
     trajectory: str | Path | None
     actuator: Mapping[str, str | Path | FileOrObject]
+    sheet: Mapping[str, float | int | bool | str]
     flavour: str
     fmus: str | Path | None
     start_time: float | str | None

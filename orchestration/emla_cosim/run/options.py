@@ -30,6 +30,7 @@ from ..base.option import (
     SAME,
     SHARING,
     SHOWING,
+    SIZE,
     STEPPING,
     SWEEP,
     SYSTEM,
@@ -61,7 +62,7 @@ from .stored_margins import RECORD
 
 _Kind = TypeVar("_Kind")
 
-ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE)
+ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE)
 _INTEGRATED = (RUN, SWEEP, COMPARE, LINEARIZE)
 
 
@@ -134,7 +135,7 @@ class Options:
         metavar="[COMPONENT=]cs|me",
         identity="kind",
         parse=read_kinds,
-        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE),
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
         in_sweep=SAME,
     )
     fault: Sequence[Fault] = _prepared(
@@ -153,13 +154,13 @@ class Options:
     controller: str | type | None = _prepared(
         takes=type,
         help="Controller of all joints: a name from `emla list`, your FMU, or your block as FILE.py:BLOCK.",
-        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE),
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
         makes="gains",
     )
     gains: str | None = _prepared(
         help="Gain set of controller and observer; `emla list` lists them. Default: the first of the "
         "controller.",
-        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE),
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
         makes="gains",
     )
     trajectory: Path | None = _prepared(
@@ -172,6 +173,13 @@ class Options:
         help="Replace a joint's actuator with one from a data sheet; see docs/actuator.md (repeatable).",
         metavar="JOINT=FILE.toml",
         takes=FileOrObject,
+        makes="actuators",
+    )
+    sheet: Mapping[str, Value] = _prepared(
+        {},
+        help="Change an entry of an actuator's data sheet, such as 'prototype.screw.lead=5 mm'. Everything "
+        "that follows from the entry changes, too (repeatable).",
+        metavar="JOINT.TABLE.ENTRY=VALUE",
         makes="actuators",
     )
     flavour: str = _system(
@@ -249,7 +257,7 @@ class Options:
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
-        commands=(RUN, SWEEP, COMPARE, LINEARIZE),
+        commands=(RUN, SWEEP, COMPARE, LINEARIZE, SIZE),
         takes=Algorithm,
     )
     step_size_control: str | StepSizeControl | None = _stepping(
@@ -274,7 +282,7 @@ class Options:
         False,
         help="Accept FMUs and packages that violate their standard where other tools accept them. The "
         "violations are listed.",
-        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE),
+        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE),
         stage=LOADING,
         in_sweep=SAME,
     )
@@ -331,7 +339,7 @@ class Options:
         help="Assign a signal to a role of a joint, such as lift.x_L=axis.position (repeatable).",
         flag="--role",
         metavar="JOINT.ROLE=SIGNAL",
-        commands=(RUN, SWEEP),
+        commands=(RUN, SWEEP, SIZE),
         identity="roles",
     )
     criteria: Mapping[str, float | str] = _output(
@@ -340,6 +348,7 @@ class Options:
         "docs/metrics.md (repeatable).",
         flag="--criterion",
         metavar="JOINT.CRITERION=VALUE",
+        commands=(RUN, SWEEP, COMPARE, SIZE),
         identity="criteria",
     )
     bonds: Mapping[str, str] = _output(

@@ -168,6 +168,8 @@ class JointMetrics(Metrics):
         self._not_finite = np.full(count, np.nan)
         """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
+        self._at_trip = np.full((len(_ROLES), count), np.nan)
+        """Signals of each joint when it tripped."""
         self._ended: str | None = None
 
     @property
@@ -186,6 +188,9 @@ class JointMetrics(Metrics):
         gathered = rows.T[self._columns]
         signals = gathered[: len(_ROLES) * len(self._joints)].reshape(len(_ROLES), len(self._joints), -1)
         signals[self._missing] = np.nan
+        if len(gathered) > signals.shape[0] * signals.shape[1]:
+            self._limits.write(time, gathered[signals.shape[0] * signals.shape[1] :])
+            self._hold_after_trips(time, signals)
         x, x_d, v, torque, v_d, x_hat, control, inverter = signals
         steps = np.empty(len(time))
         if not self._rows:
@@ -202,8 +207,6 @@ class JointMetrics(Metrics):
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
         self._evaluate(time, steps, values, moving, limited)
-        if len(gathered) > signals.shape[0] * signals.shape[1]:
-            self._limits.write(time, gathered[signals.shape[0] * signals.shape[1] :])
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
         self._oscillation.write(time, steps, torque, speed_error, error, since)
         self._converge(time, distance)
@@ -215,6 +218,21 @@ class JointMetrics(Metrics):
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
         self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
+
+    def _hold_after_trips(self, time: Vector, signals: Vector) -> None:
+        """Replace the signals of joints after their trips by those of the trip: figures end there.
+
+        Args:
+            time: Times in s, shape (rows,).
+            signals: Signals of shape (roles, joints, rows), which change.
+        """
+        for number, joint in enumerate(self._joints):
+            if (trip := self._limits.trip(joint)) is None:
+                continue
+            after = int(np.searchsorted(time, trip.time_s, side="right"))
+            if 0 < after:
+                self._at_trip[:, number] = signals[:, number, after - 1]
+            signals[:, number, after:] = self._at_trip[:, number, np.newaxis]
 
     def _moving(self, x_d: Vector, v_d: Vector, steps: Vector) -> Mask:
         """Return whether the references move, by their speeds, else by their positions."""
@@ -296,9 +314,11 @@ class JointMetrics(Metrics):
         if (trip := self._limits.trip(joint)) is not None:
             found.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
+            last = format_length(self._final[number])
+            end = f"is {last} at the end" if trip is None else f"was {last} at the trip"
             found.append(
                 f"{joint} has not settled: its position error was {format_length(self._first[number])} at "
-                f"the start and is {format_length(self._final[number])} at the end; its window is {window}."
+                f"the start and {end}; its window is {window}."
             )
         if (left := self._excursions(number)) is not None:
             times = "once" if left["count"] == 1 else f"{left['count']} times"
@@ -335,6 +355,8 @@ class JointMetrics(Metrics):
             reason = self._ended
         within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
         settled = self._settling.is_settled(number)
+        if trip is not None:  # means over the time after a trip mean nothing
+            rms_moving = rms_resting = np.nan
         return JointFigures(
             held=reason is None,
             reason=reason,
@@ -349,8 +371,8 @@ class JointMetrics(Metrics):
             torque_effort_N_m=float(largest[TORQUE]),
             torque_peak_N_m=float(self._peak[number]),
             observer_position_error_m=float(largest[OBSERVER]),
-            saturated_fraction=float(self._limited[number]) / max(self._rows, 1),
-            saturated_after_settling=float(limited / counted) if counted and settled else np.nan,
+            saturated_fraction=np.nan if trip else float(self._limited[number]) / max(self._rows, 1),
+            saturated_after_settling=float(limited / counted) if counted and settled and not trip else np.nan,
             convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
             excursions=self._excursions(number),
             trip=None if trip is None else asdict(trip),
@@ -372,6 +394,7 @@ _STATE = (
     "_limited",
     "_not_finite",
     "_peak",
+    "_at_trip",
 )
 
 

@@ -8,7 +8,7 @@ from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.followers import FOLLOWERS
 from ..run.requirements import RENAMED
-from ..run.scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
@@ -17,6 +17,7 @@ from . import experiments, machine_systems, systems
 from .actuator.actuator import Actuator
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
+from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.schema import KEYS, KIND
@@ -43,6 +44,7 @@ def register() -> None:
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
     READERS["actuator"] = Actuator.read
+    CHANGES["actuator"] = change_entries
     if remarks not in REMARKS:
         REMARKS.append(remarks)
     if follow_plant_changes not in FOLLOWERS:

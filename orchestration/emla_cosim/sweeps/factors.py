@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, join_names
 from ..base.patterns import is_pattern, matches_pattern
-from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.quantities import parse_quantity, parse_unit_name, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
@@ -18,7 +18,7 @@ from ..system.resolution import refuse_driven
 from .distributions import Distribution, parse_distribution
 from .kinds.discrete import ValueList
 from .reserved import RESERVED
-from .targets import FMU, OPTION, START, Target, assign_value
+from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
 from .with_units import convert_units
 
 
@@ -119,12 +119,49 @@ class _FactorResolver:
             if not of:
                 raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
             given = {key: value for key, value in given.items() if key != "of"}
+        if of is None and self.name.partition(".")[0] == ACTUATOR:
+            return [self._of_actuator(given)]
         in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
         if of is None:
             names = self._names(self.name, in_si)
             return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
         names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
         return [self._factor(self.name, names, self._distribution(given, names))]
+
+    def _of_actuator(self, given: Any) -> Factor:
+        """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
+        parts = self.name.split(".")[1:]
+        joints = list(dict.fromkeys(c.name.partition(".")[0] for c in self.system.components))
+        if parts and parts[0] in joints:
+            joint, *entry = parts
+        elif len(joints) == 1 and len(parts) in (0, 2):
+            joint, entry = joints[0], parts
+        else:
+            joint, entry = "", []
+        if not joint or len(entry) not in (0, 2):
+            raise CommandError(
+                f"{self.label} is not an actuator or an entry of its data sheet; write actuator.JOINT or "
+                "actuator.JOINT.TABLE.ENTRY.",
+                name=self.name,
+            )
+        if not entry:
+            return Factor(self.name, [Target(joint, ACTUATOR)], parse_distribution(given, self.label))
+        units = set[str]()
+
+        def convert(text: str) -> float:
+            number, unit = split_quantity(text)
+            units.add(unit)
+            return number
+
+        distributed = parse_distribution(convert_units(given, convert, self.label), self.label)
+        if len(units) > 1:
+            raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
+        if distributed.relative:
+            raise CommandError(
+                f"{self.label} is relative; entries of data sheets need values with their units."
+            )
+        unit = "".join(units)
+        return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distributed, unit)
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which keeps the order of values."""

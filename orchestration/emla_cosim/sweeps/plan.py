@@ -169,7 +169,11 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
     if folder is None:
         return given
     if isinstance(given, str):
-        return str(folder / given) if given.lower().endswith((".fmu", ".ssv")) and "," not in given else given
+        return (
+            str(folder / given)
+            if given.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in given
+            else given
+        )
     if isinstance(given, Mapping):
         return {
             key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()

@@ -11,21 +11,27 @@ from ..run.options import list_options, select_repeatable
 from ..system.model import Replacement, Value
 
 OPTION, FMU, START = "option", "replace", "set"
-"""Kinds of targets: an option, a component whose FMU varies, or a start value by its full name."""
+ACTUATOR, SHEET = "actuator", "sheet"
+"""Kinds of targets: an option, a component whose FMU varies, a start value by its full name, a joint whose
+actuator varies, or an entry of a data sheet by JOINT.TABLE.ENTRY.
+"""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where a value goes. A relative value multiplies `nominal`."""
+    """Where a value goes. A relative value multiplies `nominal`; one of a data sheet is in `unit`."""
 
     name: str
     kind: str = START
     nominal: float | None = None
+    unit: str = ""
 
 
 def needs_preparation(target: Target) -> bool:
     """Return whether another value of a target needs another simulation."""
-    return target.kind == FMU or (target.kind == OPTION and list_options()[target.name].is_prepared)
+    return target.kind in (FMU, ACTUATOR, SHEET) or (
+        target.kind == OPTION and list_options()[target.name].is_prepared
+    )
 
 
 def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -43,6 +49,8 @@ def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, An
         given = value
         if target.nominal is not None and len(targets) > 1:
             given = target.nominal * float(value)
+        if target.unit:
+            given = f"{float(value)!r} {target.unit}"
         if target.kind == OPTION:
             takes_several = get_origin(list_options()[target.name].type) is Sequence
             found[target.name] = [given] if takes_several else given

@@ -1,11 +1,12 @@
 """Registries of built-in systems and scenarios."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ...base.option import FileOrObject
-from ...system.model import System
+from ...system.model import System, Value
 from ..options import Options
 from .scenario_file import ScenarioFile, parse_scenario
 
@@ -17,6 +18,11 @@ FOLLOWING: set[str] = set()
 
 READERS: dict[str, Callable[[Path], FileOrObject]] = {}
 """Functions that read the files which an option names for joints, by option, such as `actuator`."""
+
+CHANGES: dict[str, Callable[[str, Mapping[str, Any], Mapping[str, Value]], Mapping[str, Any]]] = {}
+"""Functions that change entries of what `READERS` read, by option. They take the name of the system, the
+objects by joint, and values by JOINT.TABLE.ENTRY. They raise CommandError.
+"""
 
 REMARKS: list[Callable[[System, Options], Sequence[str]]] = []
 """Functions that check a built-in system. They return remarks without full stops or raise CommandError."""

@@ -16,7 +16,7 @@ from ...ssp.reader.flat_document import SspDocument, read_ssp
 from ...system.model import System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
-from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, find_built_in
+from .built_in import CHANGES, FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, find_built_in
 from .default_times import Times, choose_times, read_times
 from .recorded import load_recorded_run
 from .scenario import Scenario
@@ -97,6 +97,10 @@ def _load_scenario_file(
         made_of["trajectory"] = options.trajectory
     if options.actuator:
         options = replace(options, actuator=_read("actuator", options.actuator))
+        made_of["actuators"] = options.actuator
+    if options.sheet:
+        changed = CHANGES["actuator"](described.system, options.actuator, options.sheet)
+        options = replace(options, actuator=changed)
         made_of["actuators"] = options.actuator
     make = described.make or SYSTEMS[described.system]
     with accept_faults(options.lenient):  # preparing lists them

@@ -37,9 +37,24 @@ def find_contradictions(v: Values) -> Iterator[str]:
         if v.get(f"motor.{low}", 0.0) > v.get(f"motor.{high}", float("inf")):
             yield f"motor.{low} is more than motor.{high}"
     yield from _too_fast(v)
+    yield from _halves(v)
     made = derived.plant(v)
     if "F_C" in made and made["F_S"] < made["F_C"]:
         yield "friction.F_S is less than friction.F_C; the breakaway force cannot be smaller"
+
+
+def _halves(v: Values) -> Iterator[str]:
+    """Yield a message for each entry that means something only with another, and for a brake that is on."""
+    for one, other in (("motor.tau_R", "motor.n_R"), ("inverter.C_DC", "inverter.U_brake")):
+        if (one in v) != (other in v):
+            there, lacking = (one, other) if one in v else (other, one)
+            yield f"{there} needs {lacking}"
+    normal = ROOT_3 * derived.voltage(v)
+    if v.get("inverter.U_brake", math.inf) < normal:
+        yield (
+            f"inverter.U_brake is {v['inverter.U_brake']:.4g} V, below the DC link of {normal:.4g} V; the "
+            "brake resistor would always be on"
+        )
 
 
 def remarks(v: Values) -> Iterator[str]:

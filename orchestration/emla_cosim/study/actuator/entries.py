@@ -19,6 +19,8 @@ class SheetEntry:
         positive: Whether zero is excluded.
         whole: Whether it must be an integer.
         kind: float for a number, bool for true or false.
+        choices: Allowed texts; the number is the position of the text.
+        is_difference: Whether a temperature is a difference, so that 180 °F are 100 K.
     """
 
     key: str
@@ -34,6 +36,12 @@ class SheetEntry:
     per_turn: bool = False
     needed: bool = False
     kind: type = float
+    choices: tuple[str, ...] = ()
+    is_difference: bool = False
+
+
+ENDS = ("fixed-free", "supported-supported", "fixed-supported", "fixed-fixed")
+"""Bearings at the ends of a screw."""
 
 
 def _current(key: str, about: str) -> SheetEntry:
@@ -63,6 +71,8 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         _current("i_max", "peak current"),
         SheetEntry("tau_N", "N.m", "8.4 N m", "continuous stall torque"),
         SheetEntry("tau_max", "N.m", "25 N m", "peak torque"),
+        SheetEntry("tau_R", "N.m", "7.1 N m", "continuous torque at the speed n_R"),
+        SheetEntry("n_R", "rad/s", "3000 rpm", "speed of the continuous torque tau_R"),
         SheetEntry("n_max", "rad/s", "3500 rpm", "largest speed", needed=True),
     ),
     "coupling": (SheetEntry("J_c", "kg.m2", "0.4 kg cm^2", "inertia of the coupling", positive=False),),
@@ -80,6 +90,13 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("J_BS", "kg.m2", "3 kg cm^2", "inertia of the screw that turns", positive=False),
         SheetEntry("B_BS", "N.s/m", "100 N s/m", "viscous friction", positive=False),
         SheetEntry("v_max", "m/s", "200 mm/s", "largest speed, if less than the motor's"),
+        SheetEntry("F_max", "N", "30 kN", "largest axial force"),
+        SheetEntry("C_a", "N", "67 kN", "dynamic load rating, for 1e6 turns"),
+        SheetEntry("C_0a", "N", "120 kN", "static load rating"),
+        SheetEntry("f_w", "", "1.2", "factor on the load for the life; default: 1"),
+        SheetEntry("d_root", "m", "27 mm", "root diameter of the thread"),
+        SheetEntry("L_free", "m", "800 mm", "longest unsupported length of the screw"),
+        SheetEntry("ends", "", "fixed-supported", f"bearings of the screw: {', '.join(ENDS)}", choices=ENDS),
     ),
     "inverter": (
         SheetEntry("U_DC", "V", "560 V", "voltage of the DC link"),
@@ -97,6 +114,10 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),
         SheetEntry("dead_time", "s", "0.4 us", "dead time that is not compensated", positive=False),
         SheetEntry("f_PWM", "Hz", "8 kHz", "switching frequency"),
+        _current("i_N", "continuous current"),
+        SheetEntry("C_DC", "A.s/V", "470 uF", "capacitance of the DC link, with U_brake"),
+        SheetEntry("U_brake", "V", "780 V", "voltage of the DC link at which the brake resistor turns on"),
+        SheetEntry("P_brake", "W", "150 W", "continuous power of the brake resistor"),
         _current("i_0", "phase current below which dead time has less effect"),
     ),
     "sensor": (
@@ -134,7 +155,15 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
     ),
     "thermal": (
         SheetEntry("tau_th", "s", "20 min", "thermal time constant of the winding", needed=True),
-        SheetEntry("permitted_rise", "K", "100 K", "final temperature rise at i_N", needed=True),
+        SheetEntry(
+            "permitted_rise",
+            "K",
+            "100 K",
+            "final temperature rise at i_N",
+            needed=True,
+            is_difference=True,
+        ),
+        SheetEntry("T_max", "K", "130 °C", "largest temperature of the winding"),
     ),
     "control": (
         SheetEntry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; default: by rule"),

@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...base.errors import CommandError
@@ -32,6 +32,8 @@ _SPELLINGS = (
     (re.compile(r"\bkgm"), "kg m"),
     (re.compile(r"\b(?:1/min|min\^?-1|min⁻¹|r/min|rev/min|RPM)(?![\w.])"), "rpm"),
     (re.compile(r"\bkRPM\b"), "krpm"),
+    (re.compile(r"(?<=[^\W\d_])-(?=[^\W\d_])"), " "),
+    (re.compile(r"\bsec(?![A-Za-z])"), "s"),
     (re.compile(r"\b1000 ?rpm\b"), "krpm"),
 )
 """Spellings of units in data sheets. 1/min is a speed of turns."""
@@ -47,6 +49,10 @@ class SheetValue:
 
 def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
     """Read an entry of a file; raise CommandError, with `label`, if it is invalid or ambiguous."""
+    if entry.choices:
+        if value not in entry.choices:
+            raise CommandError(f"{label} is {value!r}; it must be {' or '.join(entry.choices)}.")
+        return SheetValue(str(value), float(entry.choices.index(value)))
     if entry.kind is bool:
         if not isinstance(value, bool):
             raise CommandError(f"{label} is {value!r}; it must be true or false.")
@@ -68,16 +74,18 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
     rest, factor = _read_suffix(text, entry, label)
     for pattern, meant in _SPELLINGS:
         rest = pattern.sub(meant, rest)
-    found = parse_quantity(rest.strip(), label)
-    if not entry.unit:
+    unit = parse_unit_name(entry.unit, label) if entry.unit else None
+    found = parse_quantity(rest.strip(), label, unit)
+    if unit is None:
         return found.in_unit(parse_unit_name("%", label), label) / 100.0 if found.unit else found.number
     if found.unit is None:
         raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
-    unit = parse_unit_name(entry.unit, label)
+    written = replace(found.unit, offset=0.0) if entry.is_difference else found.unit
+    found = replace(found, unit=written)
     number = found.in_unit(unit, label) * factor
-    if unit.exponents is None or found.unit.exponents is None or unit.exponents == found.unit.exponents:
+    if unit.exponents is None or written.exponents is None or unit.exponents == written.exponents:
         return number
-    if entry.per_turn and found.unit.exponents[-1] == -1:
+    if entry.per_turn and written.exponents[-1] == -1:
         return number * TURN
     raise CommandError(
         f"{label} is '{text}'; state whether it is in turns or radians: write it as \"{entry.example}\"."

@@ -1,0 +1,51 @@
+"""The output folder of a sizing."""
+
+from pathlib import Path
+
+from ..base.files import report_write_errors
+from ..base.ownership import has_format
+from ..views.folder import Folder
+from ..views.pages.plain import to_plain
+from .pictures import draw_pictures, list_pictures
+from .result import SizeResult
+
+RECORD, TABLE, CYCLES, PAGE = "size.json", "limits.csv", "cycles.csv", "size.html"
+
+
+class SizeFolder(Folder):
+    """`size.json`, `limits.csv`, `cycles.csv`, plots of each joint, and `size.html`.
+
+    Args:
+        path: The folder.
+        overwrite: Whether to replace files that emla did not write.
+        plots: Whether to draw plots.
+        report: Whether to write the page.
+    """
+
+    what = "sizing"
+    files = (RECORD, TABLE, CYCLES)
+    pictures = (PAGE,)
+    record_file, is_record = RECORD, has_format("emla-sizing")
+
+    def __init__(self, path: Path, overwrite: bool, plots: bool, report: bool) -> None:
+        super().__init__(path, overwrite)
+        self._plots, self._report = plots, report
+        if report:
+            self.check_files([PAGE])
+
+    def keep(self, result: SizeResult) -> list[str]:
+        """Write all files, and return the names of the plots. Raises CommandError and RunError."""
+        pictures = list_pictures(result)
+        self.check_files(pictures if self._plots else ())
+        with report_write_errors(self.path):
+            self.write_json(RECORD, to_plain(result.record))
+            self.write(TABLE, result.table.write_csv().encode())
+            self.write(CYCLES, result.cycles.write_csv().encode())
+            if self._plots:
+                for name, figure in draw_pictures(result):
+                    self.draw(name, figure)
+            if self._report:
+                from .page import render_page  # importing it loads jinja2
+
+                self.write(PAGE, render_page(result).encode())
+        return pictures if self._plots else []

@@ -1,0 +1,170 @@
+"""Plots of a sizing: torque and force over speed, temperature over cycles, power and energy."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..study.actuator.entries import TURN
+from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
+from .figures import copper_load
+from .motor_curves import continuous_torque, peak_torque
+from .result import JointSizing, SizeResult
+from .thermal import heat
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_POINTS = 4000
+"""Largest number of points of a drawn curve."""
+
+_WARM = 5.0
+"""Thermal time constants over which the temperature is drawn."""
+
+_SHOWN_CYCLES = 40
+"""Up to this number of cycles, each is drawn; of more, only the highest and the lowest temperature."""
+
+
+def list_pictures(result: SizeResult) -> list[str]:
+    """Return the names of the plots' files."""
+    return [_name(joint) for joint in result.joints]
+
+
+def draw_pictures(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
+    """Draw the plots of all joints of the first candidate that ran, by the names of their files."""
+    for joint, sizing in result.joints.items():
+        yield _name(joint), draw_joint(sizing)
+
+
+def _name(joint: str) -> str:
+    return f"{''.join(c if c.isalnum() or c in '-_' else '_' for c in joint)}.png"
+
+
+def draw_joint(sizing: JointSizing) -> "Figure":
+    """Draw the four plots of a joint."""
+    figure, axes = new_figure(2, 2, 4.6, 3.3, sharex="none")
+    _draw_torque(axes[0, 0], sizing)
+    _draw_force(axes[0, 1], sizing)
+    _draw_temperature(axes[1, 0], sizing)
+    _draw_power(axes[1, 1], sizing)
+    title = f"{sizing.joint}: {sizing.actuator}"
+    figure.suptitle(title if len(title) < 90 else f"{title[:87]}...", fontsize=11, parse_math=False)
+    return figure
+
+
+def _every(count: int) -> slice:
+    return slice(None, None, max(count // _POINTS, 1))
+
+
+def _draw_torque(axes: "Axes", sizing: JointSizing) -> None:
+    cycle, rpm = sizing.cycle, 60.0 / TURN
+    top = max(sizing.values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max()))
+    speed = np.linspace(0.0, top, 200)
+    inside = speed <= sizing.values["motor.n_max"]
+    labels = ["peak torque", "cycle"]
+    peak = np.where(inside, peak_torque(cycle.emla, speed), np.nan)
+    axes.plot(rpm * speed, peak, color=RED)
+    part = _every(len(cycle.time))
+    shown = np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
+    axes.plot(rpm * shown[0], shown[1], color=BLUE, linewidth=1.0)
+    lasting = continuous_torque(sizing.values, speed)
+    if lasting is not None:
+        axes.plot(rpm * speed, np.where(inside, np.minimum(lasting, peak), np.nan), color=ORANGE)
+        labels.append("continuous torque")
+    axes.plot([rpm * cycle.rms(cycle.omega)], [sizing.figures.torque_rms_N_m], "o", color=GREEN)
+    labels.append("rms of the cycle")
+    _finish(axes, "motor speed / rpm", "motor torque / N m", labels)
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_force(axes: "Axes", sizing: JointSizing) -> None:
+    """Draw axial force over speed; the curves are the motor's through gearbox and screw, without inertia."""
+    cycle = sizing.cycle
+    ratio = cycle.emla.alpha_RL * cycle.emla.eta_GB
+    top = max(cycle.emla.v_max, 1.05 * float(np.abs(cycle.v).max()))
+    speed = np.linspace(0.0, top, 200)
+    inside = speed <= cycle.emla.v_max
+    omega = cycle.emla.alpha_RL * speed
+    labels = ["peak force", "cycle"]
+    peak = peak_torque(cycle.emla, omega) * ratio
+    if "screw.F_max" in sizing.values:
+        peak = np.minimum(peak, sizing.values["screw.F_max"])
+    axes.plot(1e3 * speed, 1e-3 * np.where(inside, peak, np.nan), color=RED)
+    part = _every(len(cycle.time))
+    axes.plot(1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part]), color=BLUE, linewidth=1.0)
+    lasting = continuous_torque(sizing.values, omega)
+    if lasting is not None:
+        force = np.minimum(lasting * ratio, peak)
+        axes.plot(1e3 * speed, 1e-3 * np.where(inside, force, np.nan), color=ORANGE)
+        labels.append("continuous force")
+    _finish(axes, "speed / mm/s", "axial force / kN", labels)
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_temperature(axes: "Axes", sizing: JointSizing) -> None:
+    cycle = sizing.cycle
+    if sizing.rise is None:
+        text = "no [thermal] in the data sheet"
+        axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes, fontsize=9)
+        axes.set_axis_off()
+        return
+    tau, permitted = sizing.values["thermal.tau_th"], sizing.values["thermal.permitted_rise"]
+    count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
+    every = max(count // _SHOWN_CYCLES, 1)
+    unit, factor = ("min", 1.0 / 60.0) if _WARM * tau > 600.0 else ("s", 1.0)
+    # a cold motor differs from a warm one by what it began with, which decays
+    start = float(sizing.rise[0])
+    local = cycle.time - cycle.time[0]
+    load = copper_load(cycle, sizing.values)
+    cold = heat(cycle.time, load, permitted, tau)
+    part = _every(len(local))
+    labels = []
+    if every == 1:
+        rows = [
+            (
+                local[part] + k * cycle.duration,
+                sizing.rise[part] - start * np.exp(-(local[part] + k * cycle.duration) / tau),
+            )
+            for k in range(count)
+        ]
+        axes.plot(
+            factor * np.concatenate([t for t, _ in rows]), np.concatenate([r for _, r in rows]), color=BLUE
+        )
+        labels.append("from cold")
+    else:
+        k = np.arange(0, count, every)
+        begin = start * -np.expm1(-k * cycle.duration / tau)
+        highest = [float((cold + b * np.exp(-local / tau)).max()) for b in begin]
+        lowest = [float((cold + b * np.exp(-local / tau)).min()) for b in begin]
+        axes.plot(factor * k * cycle.duration, highest, color=BLUE)
+        axes.plot(factor * k * cycle.duration, lowest, color=BLUE, linestyle="--")
+        labels += ["highest of the cycle", "lowest of the cycle"]
+    axes.axhline(permitted, color=RED)
+    axes.axhline(float(sizing.rise.max()), color=GREY, linewidth=0.8, linestyle=":")
+    labels += ["permitted rise", "highest when warm"]
+    _finish(axes, f"time / {unit}", "temperature rise / K", labels)
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_power(axes: "Axes", sizing: JointSizing) -> None:
+    cycle = sizing.cycle
+    part = _every(len(cycle.time))
+    time, kilo = cycle.time[part] - cycle.time[0], 1e-3
+    axes.plot(time, kilo * cycle.P_el[part], color=BLUE)
+    axes.plot(time, kilo * (cycle.torque * cycle.omega)[part], color=GREEN)
+    _finish(axes, "time / s", "power / kW", ["electrical power", "mechanical power"])
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    steps = np.diff(cycle.time)
+    energy = np.concatenate([[0.0], np.cumsum(0.5 * (cycle.P_el[1:] + cycle.P_el[:-1]) * steps)])
+    right = axes.twinx()
+    right.plot(time, kilo * energy[part], color=PURPLE, linestyle="--")
+    right.set_ylabel("electrical energy / kJ (dashed)", fontsize=9)
+    right.tick_params(labelsize=8)
+    right.spines[["top"]].set_visible(False)
+
+
+def _finish(axes: "Axes", x: str, y: str, labels: list[str]) -> None:
+    tidy_axes(axes, labels)
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)

@@ -1,0 +1,221 @@
+"""The result of a sizing: figures, limits and verdicts of joints, for each candidate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import polars
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from .cycle import Cycle
+from .figures import SizingFigures
+from .limits import Unexamined, Utilisation, format_percent
+
+
+@dataclass(frozen=True)
+class JointSizing:
+    """One joint with one actuator.
+
+    Attributes:
+        joint: Name of the joint.
+        actuator: Name of the actuator.
+        values: Entries of its data sheet in SI units, currents and voltages as peak values of a phase.
+        cycle: Signals over the cycle.
+        figures: Figures of the cycle.
+        limits: Examined limits, the most used first.
+        unexamined: Limits that the data sheet lacks.
+        rise: Temperature rise of the winding in K over the repeated cycle; None without thermal data.
+        required: Whether figures are what the motion requires, because the joint did not follow it in the
+            run.
+        reason: Why the joint did not follow the motion in the run; None if it did.
+        remarks: What limits the validity of the figures.
+    """
+
+    joint: str
+    actuator: str
+    values: Mapping[str, float] = field(repr=False)
+    cycle: Cycle = field(repr=False)
+    figures: SizingFigures
+    limits: Sequence[Utilisation]
+    unexamined: Sequence[Unexamined]
+    rise: Vector | None = field(repr=False)
+    required: bool = False
+    reason: str | None = None
+    remarks: Sequence[str] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether the joint followed its motion and no examined limit is exceeded."""
+        return self.reason is None and all(one.holds for one in self.limits)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the actuator does not do the job; without full stops."""
+        own = [] if self.reason is None else [self.reason.removesuffix(".")]
+        return [*own, *(one.sentence for one in self.limits if not one.holds)]
+
+    @property
+    def verdict(self) -> str:
+        """The verdict, as a sentence."""
+        label = f"{self.joint} with {self.actuator}"
+        count = len(self.unexamined)
+        left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
+        if self.holds:
+            worst = self.limits[0]
+            return f"{label} holds; most used is {worst.name}, {format_percent(worst.fraction)} %.{left}"
+        return f"{label} does not hold: {'; '.join(self.reasons)}.{left}"
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content for `size.json`."""
+        return {
+            "actuator": self.actuator,
+            "holds": self.holds,
+            "reasons": self.reasons,
+            "figures_from": "reference" if self.required else "run",
+            "figures": asdict(self.figures),
+            "limits": [{**asdict(one), "holds": one.holds} for one in self.limits],
+            "not_examined": [asdict(one) for one in self.unexamined],
+            "remarks": list(self.remarks),
+        }
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """The cycle: time, motion, force, torque, currents, power and temperature rise in SI units."""
+        cycle = self.cycle
+        rise = np.full(len(cycle.time), np.nan) if self.rise is None else self.rise
+        return polars.DataFrame(
+            {
+                "joint": [self.joint] * len(cycle.time),
+                "time": cycle.time,
+                "x_L": cycle.x,
+                "v_L": cycle.v,
+                "force": cycle.force,
+                "tau_m": cycle.torque,
+                "omega_m": cycle.omega,
+                "current": cycle.current,
+                "P_el": cycle.P_el,
+                "temperature_rise": rise,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One set of actuators.
+
+    Attributes:
+        label: Name of the candidate: the file of its actuator.
+        joints: Results by joint; empty if the candidate cannot be run.
+        problem: Why it cannot be run; None if it can.
+    """
+
+    label: str
+    joints: Mapping[str, JointSizing]
+    problem: str | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether all joints hold."""
+        return self.problem is None and all(one.holds for one in self.joints.values())
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the candidate falls out; without full stops."""
+        if self.problem is not None:
+            return [self.problem.removesuffix(".")]
+        return [f"{joint}: {text}" for joint, one in self.joints.items() for text in one.reasons]
+
+
+@dataclass(frozen=True)
+class SizeResult:
+    """Whether actuators do the job of a scenario.
+
+    `result["lift"]` is the joint of the first candidate that can be run.
+
+    Attributes:
+        name: Name of the scenario.
+        candidates: Results by candidate; one if the scenario ran with one set of actuators.
+        varied: Joint of the candidates; None if there is one set of actuators.
+        ambient: Temperature around the motors in K.
+        life: Required life in s; None if it was not stated.
+    """
+
+    name: str
+    candidates: Sequence[Candidate]
+    varied: str | None
+    ambient: float
+    life: float | None
+
+    def __getitem__(self, joint: str) -> JointSizing:
+        """Return the sizing of a joint.
+
+        Raises:
+            CommandError: There is no such joint, or no candidate can be run.
+        """
+        if joint not in self.joints:
+            raise CommandError(f"there is no sizing of a joint '{joint}'.", joint=joint)
+        return self.joints[joint]
+
+    @property
+    def joints(self) -> Mapping[str, JointSizing]:
+        """Joints of the first candidate that can be run."""
+        return next((one.joints for one in self.candidates if one.problem is None), {})
+
+    @property
+    def holds(self) -> bool:
+        """Whether a candidate holds."""
+        return any(one.holds for one in self.candidates)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of `size.json`."""
+        return {
+            "format": "emla-sizing",
+            "scenario": self.name,
+            "ambient_K": self.ambient,
+            "required_life_s": self.life,
+            "varied": self.varied,
+            "candidates": [
+                {
+                    "label": one.label,
+                    "holds": one.holds,
+                    "reasons": one.reasons,
+                    "joints": {joint: found.record for joint, found in one.joints.items()},
+                }
+                for one in self.candidates
+            ],
+        }
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """Utilisation of all limits: candidate, joint, limit, used and permitted value, unit, fraction."""
+        rows = [
+            {
+                "candidate": one.label,
+                "joint": joint,
+                "limit": limit.name,
+                "used": limit.used,
+                "permitted": limit.limit,
+                "unit": limit.unit,
+                "fraction": limit.fraction,
+                "holds": limit.holds,
+                "source": limit.source,
+            }
+            for one in self.candidates
+            for joint, found in one.joints.items()
+            for limit in found.limits
+        ]
+        return polars.DataFrame(rows)
+
+    @property
+    def cycles(self) -> polars.DataFrame:
+        """The cycles of all candidates and joints, see `JointSizing.table`."""
+        parts = [
+            sizing.table.select(polars.lit(one.label).alias("candidate"), polars.all())
+            for one in self.candidates
+            for sizing in one.joints.values()
+        ]
+        return polars.concat(parts) if parts else polars.DataFrame()

@@ -1,0 +1,276 @@
+"""Size the actuators of a scenario."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from emla_fmu import EmlaCompliantPlant, EmlaPlant
+
+from ..base.errors import CommandError, RunError, join_names
+from ..base.patterns import matches_pattern
+from ..base.progress import Progress
+from ..base.values import convert_value
+from ..recorders.time_series import TimeSeries
+from ..run.option_types import LoadOptions
+from ..run.result import Result
+from ..run.run_setup import run_times
+from ..run.scenarios.scenario import Scenario
+from ..study.actuator.actuator import Actuator
+from ..study.actuator.effective_values import get_number
+from ..study.loading import load
+from ..study.roles import list_role_patterns
+from ..system.model import System
+from .cycle import SIGNALS, Cycle, follow_reference, list_joints, read_cycle
+from .data_sheets import find_data_sheet
+from .figures import compute_figures, winding_rise
+from .folder import SizeFolder
+from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
+from .result import Candidate, JointSizing, SizeResult
+
+AMBIENT = 313.15
+"""Default temperature around a motor in K, 40 degrees Celsius as in IEC 60034-1."""
+
+LEAD_IN = 1.0
+"""Default time in s before the cycle."""
+
+_ROWS = 200_000
+"""Largest number of rows of a cycle."""
+
+_RETURNS = 1e-3
+"""Fraction of the stroke within which a cycle ends where it began."""
+
+
+def size(
+    source: str | Path | System,
+    *,
+    candidates: Mapping[str, Sequence[str | Path | Actuator]] | None = None,
+    cycle: float | None = None,
+    lead_in: float = LEAD_IN,
+    ambient: float = AMBIENT,
+    life: float | None = None,
+    output: str | Path | None = None,
+    plots: bool = True,
+    report: bool = False,
+    progress: Progress | None = None,
+    **options: Unpack[LoadOptions],
+) -> SizeResult:
+    """Examine whether actuators do the job of a scenario: continuously, at peak, and for how long.
+
+    The scenario runs once with each candidate. The end of the run is one cycle, which repeats for ever. The
+    winding temperature is that of the repeated cycle. Each limit of the data sheet is compared with what the
+    cycle uses of it.
+
+    Args:
+        source: scenario, as for `load`.
+        candidates: several data sheets for one joint, as files or actuators, by the joint.
+        cycle: length of the cycle in s. Default: the period of the reference, otherwise the whole run.
+        lead_in: time in s before the start time, in which the joints settle. It does not count.
+        ambient: temperature around the motors in K.
+        life: time in s for which the cycle is to repeat, for the life of the screw.
+        output: folder for results.
+        plots: draw plots into the folder.
+        report: write a page, size.html, into the folder.
+        progress: receives the progress.
+        **options: options as for `load`.
+
+    Returns:
+        Figures, limits and verdicts of all joints, for each candidate.
+
+    Raises:
+        CommandError: a name or a value does not fit, or a single actuator cannot do its motion at all.
+        RunError: a run fails.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.size("prototype", stop_time=4.0)
+        >>> joint = result["prototype"]
+        >>> joint.holds, joint.limits[0].name
+        (True, 'motor speed')
+    """
+    told = progress or Progress()
+    _check(cycle, lead_in, ambient, life)
+    needed = Requirements(ambient, life)
+    varied, sheets = _read_candidates(candidates or {})
+    folder = None
+    if output is not None:
+        place = convert_value(output, Path, "the output folder")
+        folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
+    if varied is None:
+        scenario = load(source, **options)
+        if folder is not None:
+            folder.check_unread([scenario.options.files_read()])
+        sized = _size_scenario(scenario, source, cycle, lead_in, needed, told)
+        found, name = [Candidate(scenario.name, sized)], scenario.name
+    else:
+        name, found = Path(str(source)).stem if isinstance(source, (str, Path)) else "system", []
+        for label, sheet in sheets:
+            found.append(_size_candidate(source, varied, label, sheet, options, cycle, lead_in, needed, told))
+    result = SizeResult(name, found, varied, ambient, life)
+    if folder is not None:
+        with folder.alone():
+            folder.keep(result)
+            folder.settle()
+    return result
+
+
+def _check(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:
+    for name, value in (("cycle", cycle), ("life", life), ("ambient", ambient)):
+        if value is not None and not 0.0 < value < np.inf:
+            raise CommandError(f"{name} is {value!r}; it must be a positive number.")
+    if not 0.0 <= lead_in < np.inf:
+        raise CommandError(f"lead_in is {lead_in!r}; it must be 0 or a positive number.")
+
+
+def _read_candidates(
+    given: Mapping[str, Sequence[str | Path | Actuator]],
+) -> tuple[str | None, list[tuple[str, str | Path | Actuator]]]:
+    """Return the joint with candidates, and label and data sheet of each."""
+    if len(given) > 1:
+        raise CommandError(
+            f"{join_names(given)} have several actuators each; vary those of one joint at a time."
+        )
+    for joint, sheets in given.items():
+        labels = [one.title if isinstance(one, Actuator) else str(one) for one in sheets]
+        if doubled := [label for i, label in enumerate(labels) if label in labels[:i]]:
+            raise CommandError(f"'{doubled[0]}' occurs twice among the actuators of {joint}.")
+        return joint, list(zip(labels, sheets, strict=True))
+    return None, []
+
+
+def _size_candidate(
+    source: Any,
+    joint: str,
+    label: str,
+    sheet: str | Path | Actuator,
+    options: Mapping[str, Any],
+    cycle: float | None,
+    lead_in: float,
+    needed: Requirements,
+    told: Progress,
+) -> Candidate:
+    """Return a candidate; one that cannot be run has a problem."""
+    given: dict[str, Any] = dict(options)
+    given["actuator"] = {**given.get("actuator", {}), joint: sheet}
+    try:
+        scenario = load(source, **given)
+    except CommandError as error:
+        if "problems" not in error.fields:
+            raise  # not a fault of the data sheet
+        return Candidate(label, {}, str(error))
+    try:
+        return Candidate(label, _size_scenario(scenario, source, cycle, lead_in, needed, told))
+    except RunError as error:
+        return Candidate(label, {}, str(error))
+
+
+def _size_scenario(
+    scenario: Scenario,
+    source: object,
+    cycle: float | None,
+    lead_in: float,
+    needed: Requirements,
+    told: Progress,
+) -> dict[str, JointSizing]:
+    """Run a scenario and return its joints."""
+    times = run_times(scenario.options, scenario.name)
+    wanted = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *scenario.options.roles.values()))]
+    length = times.stop - times.start if cycle is None else min(cycle, times.stop - times.start)
+    interval = scenario.options.output_interval or max(times.step, length / _ROWS)
+    interval = times.step * max(round(interval / times.step), 1)
+    given: dict[str, Any] = {"output_interval": interval, "set": _directional(scenario)}
+    if lead_in:
+        given["start_time"] = times.start - lead_in
+    with scenario.prepare(told, **given) as simulation:
+        known = simulation.select_signals([])
+        kept = [name for name in known if any(matches_pattern(name, pattern) for pattern in wanted)]
+        result = simulation.run(recorders=[TimeSeries()], **({"signals": kept} if kept else {}))
+    joints = list_joints(result)
+    if not joints:
+        raise CommandError(
+            f"'{scenario.name}' has no joint with position, speed, torque, currents, power and load; see "
+            "--role."
+        )
+    sizings = {}
+    for joint in joints:
+        own = _cycle_length(scenario, joint, cycle, times.start, times.stop)
+        sheet = find_data_sheet(scenario, source, joint)
+        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own, times.stop, needed)
+    return sizings
+
+
+def _directional(scenario: Scenario) -> dict[str, Any]:
+    """Return start values with which losses of gearbox and screw oppose the motion, unless the user set it.
+
+    The plant's default takes them from the torque in both directions, which returns more energy than a load
+    gives.
+    """
+    set_, plants = scenario.options.set, (EmlaPlant.__name__, EmlaCompliantPlant.__name__)
+    names = [f"{c.name}.gearbox.directional" for c in scenario.system.components if c.model in plants]
+    return {name: True for name in names if not any(matches_pattern(name, key) for key in set_)}
+
+
+def _cycle_length(scenario: Scenario, joint: str, cycle: float | None, start: float, stop: float) -> float:
+    """Return the length in s of a joint's cycle."""
+    whole = stop - start
+    if cycle is not None:
+        if cycle > whole * (1.0 + 1e-9):
+            raise CommandError(f"the cycle of {cycle:g} s is longer than the run of {whole:g} s.")
+        return cycle
+    period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
+    return period if period and period <= whole else whole
+
+
+def _size_joint(
+    result: Result, joint: str, sheet: Actuator, start: float, stop: float, needed: Requirements
+) -> JointSizing:
+    values = sheet.values
+    cycle = read_cycle(result, joint, sheet.emla, start, stop)
+    verdict = result.metrics.get("joints", {}).get(joint)
+    reason = None if verdict is None or verdict.get("held") else str(verdict.get("reason"))
+    required = reason is not None and cycle.has_required
+    if required:
+        cycle = follow_reference(cycle, result)
+    figures = compute_figures(cycle, values, link_capacity(values))
+    examined = list(examine(cycle, values, figures, needed))
+    limits = [one for one in examined if isinstance(one, Utilisation)]
+    return JointSizing(
+        joint,
+        sheet.title or (sheet.file.name if sheet.file else "its own actuator"),
+        values,
+        cycle,
+        figures,
+        sorted(limits, key=lambda one: -one.fraction),
+        [one for one in examined if isinstance(one, Unexamined)],
+        winding_rise(cycle, values),
+        required,
+        reason,
+        tuple(_remarks(cycle, values, figures.cycle_s, reason, required)),
+    )
+
+
+def _remarks(
+    cycle: Cycle, values: Mapping[str, float], length: float, reason: str | None, required: bool
+) -> list[str]:
+    found = []
+    joint = cycle.joint
+    if required:
+        found.append(
+            f"{joint} did not follow its motion; its figures are those that the motion requires of a motor "
+            "without limits."
+        )
+    elif reason is not None:
+        found.append(
+            f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
+        )
+    ends = abs(float(cycle.x[-1] - cycle.x[0]))
+    if ends > _RETURNS * values["screw.stroke"]:
+        found.append(
+            f"{joint} ends {1e3 * ends:.4g} mm away from its start; the repeated cycle lacks the way back."
+        )
+    if "inverter.C_DC" not in values and np.min(cycle.P_el) < 0.0:
+        found.append(
+            f"{joint}: without inverter.C_DC and U_brake, the brake resistor takes all regenerated energy."
+        )
+    return found

@@ -1,0 +1,145 @@
+"""Terminal output of a sizing."""
+
+from rich.markup import escape
+from rich.table import Table
+
+from ..study.actuator.entries import ROOT_2, TURN
+from .limits import format_percent, format_value
+from .result import Candidate, JointSizing, SizeResult
+
+_RMS, _RPM = 1.0 / ROOT_2, 60.0 / TURN
+_FIGURES = (
+    ("cycle", "cycle_s", 1.0, "s"),
+    ("torque, peak", "torque_peak_N_m", 1.0, "N m"),
+    ("torque that the motion requires, peak", "required_torque_peak_N_m", 1.0, "N m"),
+    ("torque, rms", "torque_rms_N_m", 1.0, "N m"),
+    ("current, peak", "current_peak_A", _RMS, "A rms"),
+    ("current, rms over the cycle", "current_rms_A", _RMS, "A rms"),
+    ("axial force, peak", "force_peak_N", 1e-3, "kN"),
+    ("axial force, rms", "force_rms_N", 1e-3, "kN"),
+    ("axial force, cubic mean over the travel", "force_mean_N", 1e-3, "kN"),
+    ("speed, peak", "speed_peak_m_s", 1e3, "mm/s"),
+    ("speed, mean", "speed_mean_m_s", 1e3, "mm/s"),
+    ("motor speed, peak", "motor_speed_peak_rad_s", _RPM, "rpm"),
+    ("mechanical power of the motor, peak", "mechanical_power_peak_W", 1.0, "W"),
+    ("electrical power, peak", "electrical_power_peak_W", 1.0, "W"),
+    ("electrical power, mean", "electrical_power_mean_W", 1.0, "W"),
+    ("regenerated power, peak", "regenerated_power_peak_W", 1.0, "W"),
+    ("energy into the motor, per cycle", "energy_in_J", 1.0, "J"),
+    ("energy regenerated, per cycle", "energy_regenerated_J", 1.0, "J"),
+    ("energy into the load, per cycle", "energy_load_J", 1.0, "J"),
+    ("loss in the motor, per cycle", "energy_motor_loss_J", 1.0, "J"),
+    ("energy of the brake resistor, per cycle", "energy_brake_J", 1.0, "J"),
+    ("brake resistor, peak", "brake_power_peak_W", 1.0, "W"),
+    ("brake resistor, mean", "brake_power_mean_W", 1.0, "W"),
+    ("winding temperature rise, peak when warm", "temperature_rise_peak_K", 1.0, "K"),
+    ("winding temperature rise, mean when warm", "temperature_rise_mean_K", 1.0, "K"),
+    ("cycles from cold to 95 % of the rise", "cycles_until_warm", 1.0, ""),
+    ("life of the screw L10, turns", "life_turns", 1e-6, "million"),
+    ("life of the screw L10, travel", "life_travel_m", 1e-3, "km"),
+    ("life of the screw L10, time", "life_s", 1.0 / 3600.0, "h"),
+)
+
+
+def list_figures(sizing: JointSizing) -> list[tuple[str, str, str]]:
+    """Return label, value and unit of the figures that are known."""
+    found = [(label, getattr(sizing.figures, name), factor, unit) for label, name, factor, unit in _FIGURES]
+    return [(label, format_value(factor * v), unit) for label, v, factor, unit in found if v is not None]
+
+
+def format_tables(result: SizeResult) -> list[Table]:
+    """Return the tables of a result: one of the candidates, or figures and limits of each joint."""
+    if result.varied is not None:
+        return [_candidates(result)]
+    (one,) = result.candidates
+    return [table for sizing in one.joints.values() for table in (_figures(sizing), _limits(sizing))]
+
+
+def format_lines(result: SizeResult) -> list[str]:
+    """Return the verdicts and remarks."""
+    if result.varied is None:
+        return [line for one in result.joints.values() for line in _lines(one)]
+    lines = [
+        f"{one.label} falls out: {'; '.join(one.reasons)}." for one in result.candidates if not one.holds
+    ]
+    left = [one.label for one in result.candidates if one.holds]
+    unexamined = {
+        f"{limit.name} ({limit.missing})": None
+        for one in result.candidates
+        for sizing in one.joints.values()
+        for limit in sizing.unexamined
+    }
+    lines += [f"Not examined for at least one actuator: {', '.join(unexamined)}."] if unexamined else []
+    return [
+        *lines,
+        f"{', '.join(left)} hold{'s' if len(left) == 1 else ''}." if left else "No actuator holds.",
+    ]
+
+
+def _lines(sizing: JointSizing) -> list[str]:
+    found = [f"Note: {remark}" for remark in sizing.remarks]
+    return [*found, sizing.verdict]
+
+
+def _figures(sizing: JointSizing) -> Table:
+    table = Table(title=escape(f"{sizing.joint}, {sizing.actuator}"), title_justify="left")
+    for heading in ("", "value", ""):
+        table.add_column(heading, justify="right" if heading else "left")
+    for label, value, unit in list_figures(sizing):
+        table.add_row(label, value, unit)
+    return table
+
+
+def _limits(sizing: JointSizing) -> Table:
+    table = Table(title=escape(f"Limits of {sizing.joint}, the most used first"), title_justify="left")
+    for heading in ("", "%", "used", "limit", "from"):
+        table.add_column(heading, justify="right" if heading in ("%", "used", "limit") else "left")
+    for one in sizing.limits:
+        mark = "" if one.holds else " (!)"
+        used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
+        table.add_row(f"{one.name}{mark}", format_percent(one.fraction), used, limit, one.source)
+    for left in sizing.unexamined:
+        table.add_row(left.name, "?", "", "", f"not examined: needs {left.missing}")
+    return table
+
+
+def _candidates(result: SizeResult) -> Table:
+    table = Table(title=escape(f"Actuators of {result.varied}"), title_justify="left")
+    headings = (
+        "",
+        "holds",
+        "most used",
+        "%",
+        "peak %",
+        "rms %",
+        "rise/K",
+        "net/J",
+        "life/h",
+    )
+    for heading in headings:
+        text = heading in ("", "holds", "most used")
+        table.add_column(heading, justify="left" if text else "right", no_wrap=heading == "")
+    for one in result.candidates:
+        table.add_row(escape(one.label), "yes" if one.holds else "no", *_cells(one, str(result.varied)))
+    return table
+
+
+def _cells(one: Candidate, joint: str) -> list[str]:
+    if joint not in one.joints:
+        return ["cannot be run", *[""] * 6]
+    sizing = one.joints[joint]
+    used = {limit.name: limit.fraction for limit in sizing.limits}
+    figures, worst = sizing.figures, sizing.limits[0]
+    percents = [worst.fraction, used.get("peak torque"), used.get("rms torque")]
+    return [
+        worst.name,
+        *("" if x is None else format_percent(x) for x in percents),
+        *(
+            "" if x is None else format_value(x)
+            for x in (
+                figures.temperature_rise_peak_K,
+                figures.energy_in_J - figures.energy_regenerated_J,
+                None if figures.life_s is None else figures.life_s / 3600.0,
+            )
+        ),
+    ]

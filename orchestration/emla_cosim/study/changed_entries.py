@@ -1,0 +1,64 @@
+"""Actuators with other entries than their data sheets have."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from ..base.errors import CommandError, join_names
+from ..system.model import Value
+from .actuator.actuator import Actuator
+from .actuator.entries import TABLES
+from .experiments import EXPERIMENTS
+from .joints.joint_files import list_joint_names, load_joint
+
+
+def change_entries(
+    system: str, actuators: Mapping[str, Actuator], entries: Mapping[str, Value]
+) -> dict[str, Actuator]:
+    """Return the actuators with other entries.
+
+    Args:
+        system: Name of the system; its own joint may have no other actuator.
+        actuators: Actuators by joint.
+        entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+
+    Raises:
+        CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
+    """
+    found = dict(actuators)
+    changes: dict[str, dict[str, dict[str, Value]]] = {}
+    for place, value in entries.items():
+        joint, table, key = _split(place)
+        changes.setdefault(joint, {}).setdefault(table, {})[key] = value
+    for joint, tables in changes.items():
+        base = found.get(joint) or _own(system, joint)
+        content: dict[str, Any] = {f.name: getattr(base, f.name) for f in fields(base) if f.name in TABLES}
+        for table, values in tables.items():
+            content[table] = {**content[table], **values}
+        content |= {"name": base.name, "source": base.source}
+        found[joint] = Actuator.of_tables(content, f"{base.label} with changes", base.file, base.sha256)
+    return found
+
+
+def _split(place: str) -> tuple[str, str, str]:
+    joint, _, rest = place.partition(".")
+    table, _, key = rest.partition(".")
+    if table not in TABLES:
+        raise CommandError(
+            f"the entry '{place}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
+            f"{join_names(TABLES)}.",
+            entry=place,
+        )
+    return joint, table, key
+
+
+def _own(system: str, joint: str) -> Actuator:
+    """Return the actuator that a joint of a built-in system has without another one."""
+    own = {EXPERIMENTS.get(system, joint), joint}
+    if joint not in list_joint_names() or own != {joint}:
+        raise CommandError(
+            f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
+            joint=joint,
+        )
+    file = load_joint(joint)
+    return file.realistic if file.is_realistic else file.actuator

@@ -1,0 +1,96 @@
+"""Data sheets and their entries as factors, against runs with edited files."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+from tests.support.commands import Emla, sentence
+from tests.support.paths import ROOT
+
+SHEET = ROOT / "docs/actuator.toml"
+SHORT: dict[str, Any] = {"stop_time": 0.4}
+
+
+def edited(folder: Path, name: str, before: str, after: str) -> Path:
+    """The data sheet with another text in it."""
+    text = SHEET.read_text(encoding="utf-8")
+    assert before in text
+    (folder / name).write_text(text.replace(before, after), encoding="utf-8")
+    return folder / name
+
+
+def peak(file: Path) -> float:
+    result = ec.load("prototype", actuator={"prototype": file}, **SHORT).prepare().run()
+    return result.metrics["joints"]["prototype"]["torque_peak_N_m"]
+
+
+def test_all_that_follows_from_an_entry_varies_with_it(tmp_path: Path) -> None:
+    """A lead changes plant, models of controller and observer, limits and gains."""
+    lead = 'lead = "10 mm"'
+    files = [edited(tmp_path, f"{mm}.toml", lead, f'lead = "{mm} mm"') for mm in (10, 14)]
+    base = {"actuator": {"prototype": SHEET}, **SHORT}
+    found = ec.sweep("prototype", {"actuator.screw.lead": "10mm:14mm:2"}, **base)
+    assert found.variants["actuator.screw.lead"].to_list() == [10.0, 14.0]
+    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
+    assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
+    assert peaks[0] != pytest.approx(peaks[1], rel=0.01)
+    assert found.options(1)["sheet"] == {"prototype.screw.lead": "14.0 mm"}
+
+
+def test_files_vary_like_entries(tmp_path: Path) -> None:
+    files = [edited(tmp_path, f"{n}.toml", 'M_BS = "60 kg"', f'M_BS = "{n} kg"') for n in (60, 200)]
+    given = ",".join(map(str, files))
+    found = ec.sweep("prototype", {"actuator.prototype": given}, **SHORT)
+    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
+    assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
+    assert found.variants["actuator.prototype"].to_list() == [str(file) for file in files]
+
+
+def test_entries_of_one_actuator_vary_together() -> None:
+    vary = {
+        "actuator.prototype.motor.R": "2 Ohm line to line,3 Ohm line to line",
+        "actuator.gearbox.ratio": "4,5",
+    }
+    base = {"actuator": {"prototype": SHEET}, "stop_time": 0.01}
+    found = ec.sweep("prototype", vary, **base)
+    assert [found.options(i)["sheet"] for i in range(4)] == [
+        {"prototype.motor.R": f"{R} Ohm line to line", "prototype.gearbox.ratio": ratio}
+        for R in (2.0, 3.0)
+        for ratio in (4, 5)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name", "values", "said"),
+    [
+        ("prototype", "actuator.screw.leed", "5mm,6mm", "did you mean 'lead'?"),
+        ("prototype", "actuator.screw.lead", "5mm,1cm", "in different units: cm and mm"),
+        ("prototype", "actuator.screw.lead", "5,6", "without a unit"),
+        (
+            "prototype",
+            "actuator.scew.lead",
+            "5mm,6mm",
+            "'prototype.scew.lead' of a data sheet does not exist",
+        ),
+        ("prototype", "actuator.screw", "5mm,6mm", "write actuator.JOINT"),
+        ("study", "actuator.screw.lead", "5mm,6mm", "write actuator.JOINT"),
+        ("prototype", "actuator.screw.lead", "80%:120%", "need values with their units"),
+    ],
+)
+def test_wrong_names_are_refused(scenario: str, name: str, values: str, said: str) -> None:
+    with pytest.raises(ec.CommandError, match=said.replace("?", r"\?")):
+        ec.sweep(scenario, {name: values}, stop_time=0.01)
+
+
+def test_an_entry_of_a_single_run(emla: Emla) -> None:
+    change = ("--sheet", "prototype.screw.lead=8 mm")
+    result = emla("run", "prototype", *change, "--stop-time", "0.01", "--no-plots")
+    assert result.exit_code == 0, result.output
+    assert "screw.lead 8 mm" in result.stdout
+    text = 'system = "prototype"\nstop_time = 0.01\n\n[sheet]\nprototype.screw.lead = "7 mm"\n'
+    Path("mine.toml").write_text(text, encoding="utf-8")
+    assert "screw.lead 7 mm" in emla("run", "mine.toml", "--no-plots").stdout
+    refused = emla("run", "lift", "--sheet", "tilt.screw.lead=8 mm", "--stop-time", "0.01")
+    assert "there is no joint 'tilt'" in sentence(refused, 2)

@@ -1,0 +1,500 @@
+"""Sizing: against hand calculations, published examples of catalogues, and independent solvers."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import emla_cosim as ec
+from emla_cosim.sizing import screw, thermal
+from emla_cosim.sizing.braking import brake_power
+from emla_cosim.sizing.cycle import Cycle
+from emla_cosim.sizing.figures import compute_figures
+from emla_cosim.sizing.limits import Requirements, examine, link_capacity
+from emla_cosim.sizing.motor_curves import continuous_torque, peak_torque
+from emla_cosim.study.actuator.entries import ENDS, TABLES
+from emla_cosim.study.actuator.sheet_values import read_sheet_value
+from tests.support.commands import Emla
+from tests.support.paths import ROOT
+
+IMPERIAL = ROOT / "docs/roller-screw.toml"
+"""A sheet of another family, with everything that sizing examines, in imperial units."""
+
+INCH, POUND = 0.0254, 4.4482216152605
+
+POINTS = ["2 in", "8 in", *["2 in"] * 7]
+PRESS: dict[str, Any] = {
+    "prototype.reference.period": 3.0,
+    **{f"prototype.reference.waypoint[{i + 1}]": place for i, place in enumerate(POINTS)},
+    "prototype.reference.move.start[2]": 1.5,
+    "prototype.reference.move.duration[1]": 1.3,
+    "prototype.reference.move.duration[2]": 1.3,
+    "prototype.disturbance.load.level[1]": "350 lbf",
+    "prototype.plant.start.x_L": "2 in",
+    "prototype.observer.start.x_hat": "2 in",
+}
+"""Six inches out and back in 3 s, against 350 lbf."""
+
+
+def sized(sheet: Any = IMPERIAL, values: dict[str, Any] | None = None, **more: Any) -> ec.JointSizing:
+    given: dict[str, Any] = {"stop_time": 3.0, "lead_in": 0.4, **more}
+    result = ec.size("prototype", actuator={"prototype": sheet}, set=PRESS | (values or {}), **given)
+    return result["prototype"]
+
+
+@pytest.fixture(scope="module")
+def press() -> ec.JointSizing:
+    return sized()
+
+
+# ---- Published examples ------------------------------------------------------------------------------
+
+FIXED_SUPPORTED = ENDS.index("fixed-supported")
+
+
+def test_life_of_misumis_example() -> None:
+    """MISUMI, Selection of Ball Screws 3, P. 1678: C = 4400 N, Pm = 250 N, fw = 1.2, 2118 rpm, 24824 h."""
+    hours = screw.life_turns(4400.0, 250.0, 1.2) / (60.0 * 2118.0)
+    assert hours == pytest.approx(24824.0, rel=2e-4)  # its own formula gives 24826, so it was rounded before
+
+
+def test_buckling_of_misumis_example() -> None:
+    """MISUMI, Selection of Ball Screws 2, P. 1676: d = 12.5 mm, 820 mm, fixed-supported, 3630 N."""
+    assert screw.buckling_load(12.5e-3, 0.82, FIXED_SUPPORTED) == pytest.approx(3630.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("ends", "printed"), [("fixed-fixed", 18.0), ("supported-supported", 8.0)])
+def test_resonance_of_a_white_papers_example(ends: str, printed: float) -> None:
+    """10 Steps to Achieve Optimal Ball Screw Selection: 100 in long, 1 in thick, "about" 18 and 8 Hz."""
+    permitted = screw.critical_speed(INCH, 100.0 * INCH, ENDS.index(ends))
+    assert permitted / screw.SPEED_SAFETY / (2.0 * math.pi) == pytest.approx(printed, rel=0.02)
+
+
+def test_mean_load_of_exlars_example() -> None:
+    """Exlar, Engineering Reference: 500, 100, 250 and 50 lbf over 0.5, 2.9, 1.0 and 3.5 in make 217 lbf."""
+    forces, ways = np.array([500.0, 100.0, 250.0, 50.0]), np.array([0.5, 2.9, 1.0, 3.5])
+    ends = np.concatenate([[0.0], np.cumsum(ways)])  # one inch per second
+    time = np.column_stack([ends[:-1], ends[1:] - 1e-9]).ravel()
+    force = np.repeat(forces, 2)
+    found = screw.mean_load(force, np.ones_like(time), time)
+    assert found == pytest.approx(217.0, rel=0.02)
+    assert found == pytest.approx(float(np.cbrt((forces**3 * ways).sum() / ways.sum())), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ends", "equation", "between"),
+    [
+        ("fixed-free", lambda x: math.cos(x) * math.cosh(x) + 1.0, (1.0, 3.0)),
+        ("supported-supported", lambda x: math.sin(x), (2.0, 4.0)),
+        ("fixed-supported", lambda x: math.tan(x) - math.tanh(x), (3.7, 4.5)),
+        ("fixed-fixed", lambda x: math.cos(x) * math.cosh(x) - 1.0, (4.0, 5.5)),
+    ],
+)
+def test_critical_speed_is_that_of_a_beam(ends: str, equation: Any, between: tuple[float, float]) -> None:
+    wave = brentq(equation, *between)
+    d, length = 0.02, 0.9
+    stiffness = 2.06e11 * math.pi / 64.0 * d**4
+    expected = 0.8 * (wave / length) ** 2 * math.sqrt(stiffness / (7850.0 * math.pi / 4.0 * d**2))
+    assert screw.critical_speed(d, length, ENDS.index(ends)) == pytest.approx(expected, rel=2e-4)
+
+
+# ---- Temperature -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("loads", "period", "tau"),
+    [([0.0, 9.0, 1.0, 0.0, 0.0], 2.0, 5.0), ([3.0, 0.5, 4.0], 20.0, 3.0), ([0.2, 2.0], 1.0, 0.1)],
+)
+def test_the_repeated_cycle_is_where_many_cycles_end(loads: list[float], period: float, tau: float) -> None:
+    """An independent solver runs many cycles from cold."""
+    time = np.linspace(5.0, 5.0 + period, len(loads))
+    found = thermal.repeat_cycle(time, np.array(loads), 100.0, tau)
+    rise = np.zeros(1)
+    for _ in range(math.ceil(16.0 * tau / period) + 1):
+        solved = solve_ivp(
+            lambda t, x: (100.0 * np.interp(t, time, loads) - x) / tau,
+            (time[0], time[-1]),
+            rise,
+            t_eval=time,
+            rtol=1e-8,
+            atol=1e-8,
+            max_step=period / (len(loads) - 1),
+        )
+        rise = solved.y[:, -1]
+    assert found == pytest.approx(solved.y[0], rel=1e-5)
+    assert found[0] == pytest.approx(found[-1], rel=1e-9)
+
+
+def test_the_plant_is_as_warm_after_many_cycles() -> None:
+    """The plant integrates its own winding; a short time constant makes it warm within the run."""
+    sheet = ec.Actuator.read(IMPERIAL)
+    sheet = replace(sheet, thermal={"tau_th": "1 s", "permitted_rise": "105 K"}, file=None)
+    joint = sized(sheet)
+    with ec.load("prototype", actuator={"prototype": sheet}, set=PRESS, stop_time=9.0).prepare(
+        set={"prototype.plant.gearbox.directional": True}
+    ) as simulation:
+        run = simulation.run(recorders=[ec.TimeSeries()])
+    last = run.time >= 6.0
+    rise = run["prototype.plant.motor.temperature_rise"][last]
+    assert joint.figures.temperature_rise_peak_K == pytest.approx(rise.max(), rel=0.01)
+    assert joint.rise is not None
+    assert joint.rise.min() == pytest.approx(rise.min(), rel=0.01)
+
+
+def test_short_steps_heat_like_long_ones() -> None:
+    """The load is linear, so the number of rows does not matter."""
+    ends = np.array([0.0, 1.0])
+    time = np.linspace(0.0, 1.0, 100_001)  # 1e-5 of the time constant each
+    few, many = thermal.heat(ends, 1.0 + ends, 80.0, 1.0), thermal.heat(time, 1.0 + time, 80.0, 1.0)
+    assert many[-1] == pytest.approx(few[-1], rel=1e-9)
+    # 80 (1 + t) less 80 in steady state, from 0
+    assert few[-1] == pytest.approx(80.0 * (1.0 + 1.0 - 1.0), rel=1e-12)
+
+
+def test_cycles_until_warm() -> None:
+    count = thermal.cycles_until_warm(4.0, 900.0)
+    assert 1.0 - math.exp(-count * 4.0 / 900.0) >= 0.95 > 1.0 - math.exp(-(count - 1) * 4.0 / 900.0)
+
+
+# ---- Hand calculations -------------------------------------------------------------------------------
+
+
+def test_figures_of_the_press_are_those_of_a_hand_calculation(press: ec.JointSizing) -> None:
+    figures = press.figures
+    way, duration, force = 6.0 * INCH, 1.3, 350.0 * POUND
+    lead, mass, inertia = 0.2 * INCH, 30.0 * 0.45359237, 0.0035 * POUND * INCH
+    radius, efficiency = lead / (2.0 * math.pi), 0.8
+    assert figures.cycle_s == pytest.approx(3.0)
+    speed = 1.875 * way / duration  # of a quintic move
+    assert figures.speed_peak_m_s == pytest.approx(speed, rel=2e-3)
+    assert figures.motor_speed_peak_rad_s == pytest.approx(speed / radius, rel=2e-3)
+    assert figures.speed_mean_m_s == pytest.approx(2.0 * way / 3.0, rel=0.02)
+    a = 10.0 / math.sqrt(3.0) * way / duration**2
+    assert figures.force_peak_N == pytest.approx(force + mass * a, rel=0.01)
+    required = force * radius / efficiency + (inertia / radius + mass * radius) * a
+    assert figures.required_torque_peak_N_m == pytest.approx(required, rel=1e-3)
+    assert figures.torque_peak_N_m == pytest.approx(required, rel=0.25)
+    # from the supply on the way out; on the way back the screw takes a quarter of the load's energy
+    assert figures.energy_load_J == pytest.approx(0.0, abs=1.0)
+    out, back = force * way / efficiency, force * way * (2.0 - 1.0 / efficiency)
+    assert figures.energy_in_J == pytest.approx(out, rel=0.12)
+    assert figures.energy_in_J > out
+    assert figures.energy_regenerated_J == pytest.approx(back, rel=0.12)
+    assert figures.energy_regenerated_J < back
+    in_and_out = figures.energy_in_J - figures.energy_regenerated_J
+    assert in_and_out == pytest.approx(out - back + figures.energy_motor_loss_J, rel=0.05)
+    constant = 7.5 * POUND * INCH / math.sqrt(2.0)
+    assert figures.current_rms_A == pytest.approx(figures.torque_rms_N_m / constant, rel=1e-3)
+    R = 1.3
+    assert figures.energy_motor_loss_J == pytest.approx(1.5 * R * figures.current_rms_A**2 * 3.0, rel=0.02)
+    turns = 1e6 * (4900.0 * POUND / figures.force_mean_N) ** 3
+    assert figures.life_turns == pytest.approx(turns)
+    assert figures.life_s == pytest.approx(turns * lead / figures.speed_mean_m_s)
+
+
+def test_standing_still_takes_the_holding_torque() -> None:
+    still = {f"prototype.reference.waypoint[{i}]": "2 in" for i in range(1, 10)}
+    joint = sized(values={**still, "prototype.plant.gearbox.directional": False}, stop_time=0.5, cycle=0.2)
+    torque = 350.0 * POUND * 0.2 * INCH / (2.0 * math.pi) / 0.8
+    assert joint.figures.torque_rms_N_m == pytest.approx(torque, rel=2e-3)
+    assert joint.figures.cycle_s == pytest.approx(0.2)
+    current = torque / (7.5 * POUND * INCH)
+    expected = (current / 4.3) ** 2 * 105.0
+    assert joint.figures.temperature_rise_peak_K == pytest.approx(expected, rel=4e-3)
+    assert joint.figures.life_s is not None
+    assert joint.figures.life_s > 1e12  # it only trembles
+
+
+def test_the_brake_takes_what_the_link_cannot_store() -> None:
+    time = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    power = np.array([0.0, -100.0, 0.0, 60.0, 0.0])  # 100 J back, 60 J in
+    assert brake_power(time, power, 0.0) @ np.diff(time) == pytest.approx(100.0)
+    # the link is empty again before energy comes back
+    assert brake_power(time, power, 40.0) == pytest.approx([10.0, 50.0, 0.0, 0.0])
+    # 20 J of the link remain from the cycle before
+    assert brake_power(time, power, 80.0) == pytest.approx([0.0, 40.0, 0.0, 0.0])
+
+
+def test_capacity_of_the_link() -> None:
+    values = {"inverter.U_DC": 560.0, "inverter.C_DC": 1e-3, "inverter.U_brake": 780.0}
+    assert link_capacity(values) == pytest.approx(0.5e-3 * (780.0**2 - 560.0**2))
+    assert link_capacity({"inverter.U_DC": 560.0}) == 0.0
+
+
+def test_peak_torque_uses_the_whole_voltage_at_speed(press: ec.JointSizing) -> None:
+    emla = replace(press.cycle.emla, u_max=60.0)
+    speed = np.linspace(0.0, 300.0, 50)
+    torque = peak_torque(emla, speed)
+    current, omega = torque / (1.5 * emla.N_p * emla.Phi_PM), emla.N_p * speed
+    voltage = np.hypot(emla.R_s * current + omega * emla.Phi_PM, omega * emla.L_q * current)
+    limited = torque < emla.tau_max * (1.0 - 1e-9)
+    possible = omega * emla.Phi_PM < emla.u_max
+    assert limited[-1] and not limited[0] and not possible[-1]
+    assert voltage[limited & possible] == pytest.approx(60.0)
+    assert (torque[~possible] == 0.0).all()
+    assert (voltage[~limited] <= 60.0).all()
+
+
+def test_continuous_torque() -> None:
+    values = {"motor.tau_N": 8.0, "motor.tau_R": 6.0, "motor.n_R": 200.0}
+    assert continuous_torque(values, np.array([0.0, 100.0, 200.0, 900.0])) == pytest.approx(
+        [8.0, 7.0, 6.0, 0.0]
+    )
+    assert continuous_torque({"motor.tau_N": 8.0}, np.array([300.0])) == pytest.approx([8.0])
+    assert continuous_torque({}, np.array([0.0])) is None
+
+
+# ---- Limits and verdicts -----------------------------------------------------------------------------
+
+FACTORS = {"A rms": 2**-0.5, "rpm": 30.0 / math.pi, "mm/s": 1e3, "kN": 1e-3}
+
+
+def test_every_limit_is_examined_or_listed(press: ec.JointSizing) -> None:
+    bare = ec.size("prototype", stop_time=0.5, lead_in=0.4)["prototype"]
+    found = [{one.name for one in (*joint.limits, *joint.unexamined)} for joint in (press, bare)]
+    assert len(found[0]) == 17
+    assert found[0] == found[1]
+    assert len(bare.unexamined) == 11
+    assert {one.name for one in press.unexamined} == {"screw speed", "screw life"}
+    fractions = [one.fraction for one in press.limits]
+    assert fractions == sorted(fractions, reverse=True)
+    values = press.values
+    for one in press.limits:
+        entry = one.source.split(",")[0]
+        if entry in values and one.unit in FACTORS and "screw.d_root" not in one.source:
+            assert one.limit == pytest.approx(FACTORS[one.unit] * values[entry])
+            assert one.fraction == pytest.approx(one.used / one.limit)
+
+
+def flat_cycle(press: ec.JointSizing, **changes: Any) -> Cycle:
+    """A cycle at constant values."""
+    time = np.linspace(0.0, 1.0, 11)
+    names = ("x", "v", "a", "load", "torque", "omega", "P_el", "i_q", "i_d", "required")
+    fixed = {name: np.full(11, float(changes.get(name, 0.0))) for name in names}
+    return Cycle("j", press.cycle.emla, time, **fixed)
+
+
+@pytest.mark.parametrize(
+    ("entry", "changes", "name"),
+    [
+        ("motor.i_max", {"i_q": 1.0}, "motor peak current"),
+        ("motor.i_N", {"i_d": 1.0}, "motor rms current"),
+        ("inverter.i_max", {"i_q": 1.0}, "inverter peak current"),
+        ("inverter.i_N", {"i_q": 1.0}, "inverter rms current"),
+        ("motor.n_max", {"omega": 1.0}, "motor speed"),
+        ("screw.v_max", {"v": 1.0}, "screw speed"),
+        ("screw.F_max", {"load": -1.0}, "axial force"),
+        ("screw.C_0a", {"load": 1.0}, "screw static load"),
+        ("inverter.P_brake", {"P_el": -1.0}, "brake resistor power"),
+        ("motor.tau_max", {"torque": 1.0}, "peak torque"),
+        ("motor.tau_N", {"torque": -1.0}, "rms torque"),
+    ],
+)
+def test_a_limit_holds_up_to_its_value(
+    press: ec.JointSizing, entry: str, changes: dict[str, float], name: str
+) -> None:
+    values = {**press.values, "motor.tau_max": 5.0, "screw.v_max": 0.2}
+    values = {k: v for k, v in values.items() if k not in ("motor.tau_R", "motor.n_R")}
+    for factor, holds in ((0.999, True), (1.001, False)):
+        cycle = flat_cycle(press, **{k: sign * factor * values[entry] for k, sign in changes.items()})
+        figures = compute_figures(cycle, values, 0.0)
+        (found,) = [
+            one for one in examine(cycle, values, figures, Requirements(300.0, None)) if one.name == name
+        ]
+        assert isinstance(found, ec.Utilisation)
+        assert found.holds is holds
+        assert found.fraction == pytest.approx(factor)
+
+
+def test_the_force_of_the_screw_moves_its_mass(press: ec.JointSizing) -> None:
+    force = 1000.0 + 30.0 * 0.45359237 * 50.0
+    figures = compute_figures(flat_cycle(press, load=1000.0, a=50.0, v=0.1), press.values, 0.0)
+    assert figures.force_peak_N == pytest.approx(force)
+    assert figures.force_mean_N == pytest.approx(force)
+    assert figures.energy_load_J == pytest.approx(100.0)
+
+
+def test_only_compression_buckles(press: ec.JointSizing) -> None:
+    for load, used in ((-2e3, 0.0), (2e3, 2.0)):
+        cycle = flat_cycle(press, load=load)
+        figures = compute_figures(cycle, press.values, 0.0)
+        found = {one.name: one for one in examine(cycle, press.values, figures, Requirements(300.0, None))}
+        assert found["screw buckling"].used == pytest.approx(used)
+        assert found["axial force"].used == pytest.approx(2.0)
+
+
+def test_ambient_and_life_have_a_verdict(press: ec.JointSizing) -> None:
+    hot = sized(ambient=390.0, life=1e5 * 3600.0)
+    limits = {one.name: one for one in hot.limits}
+    rise = press.figures.temperature_rise_peak_K
+    assert rise is not None
+    temperature = limits["winding temperature"]
+    limit = (266.0 - 32.0) * 5 / 9
+    assert temperature.limit == pytest.approx(limit)
+    assert temperature.used == pytest.approx(390.0 - 273.15 + rise, rel=1e-6)
+    assert temperature.fraction == pytest.approx(rise / (limit + 273.15 - 390.0))
+    assert limits["screw life"].fraction == pytest.approx(1e5 * 3600.0 / press.figures.life_s)
+    assert not hot.holds
+
+
+def test_a_load_that_no_motor_can_hold_ends_in_words() -> None:
+    """Figures are those that the motion requires: not what a falling load does."""
+    joint = sized(values={"prototype.disturbance.load.level[1]": "4000 lbf"})
+    assert not joint.holds and joint.required
+    assert joint.reason is not None
+    required = 4000.0 * POUND * 0.2 * INCH / (2.0 * math.pi) / 0.8
+    limits = {one.name: one for one in joint.limits}
+    assert limits["peak torque"].used == pytest.approx(required, rel=0.02)
+    assert limits["peak torque"].fraction > 1.0
+    assert "peak torque" in joint.verdict and "does not hold" in joint.verdict
+    assert joint.figures.speed_peak_m_s < 0.4
+    assert joint.figures.temperature_rise_peak_K is not None
+    assert joint.figures.temperature_rise_peak_K < 1e4
+
+
+def with_entry(sheet: str, **entries: str) -> str:
+    lines = [line for line in sheet.splitlines() if line.split(" = ")[0] not in entries]
+    for key, value in entries.items():
+        table = next(t for t, known in TABLES.items() if any(e.key == key for e in known))
+        lines.insert(lines.index(f"[{table}]") + 1, f"{key} = {value}")
+    return "\n".join(lines)
+
+
+def test_candidates_have_reasons(emla: Emla, tmp_path: Path) -> None:
+    sheet = IMPERIAL.read_text(encoding="utf-8")
+    (tmp_path / "good.toml").write_text(with_entry(sheet, P_brake='"100 W"'))
+    (tmp_path / "hot.toml").write_text(
+        with_entry(sheet, P_brake='"100 W"', i_N='"1 A rms"', tau_N='"6 lb-in"', tau_R='"5 lb-in"')
+    )
+    (tmp_path / "slow.toml").write_text(with_entry(sheet, lead='"0.05 in"'))
+    (tmp_path / "wrong.toml").write_text(with_entry(sheet, lead='"0.2"'))
+    values = [part for name, value in PRESS.items() for part in ("--set", f"{name}={value}")]
+    files = "good.toml,hot.toml,slow.toml,wrong.toml"
+    result = emla(
+        *("size", "prototype", "--actuator", f"prototype={files}", *values, "--stop-time", "3"),
+        *("--lead-in", "400ms", "--life", "1000 h", "--report", "--no-plots", "--output", "out"),
+    )
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    reasons = {line.split()[0]: line for line in lines if " falls out: " in line}
+    assert set(reasons) == {"hot.toml", "slow.toml", "wrong.toml"}
+    assert "motor rms current" in reasons["hot.toml"] and "rms torque" in reasons["hot.toml"]
+    assert "faster than its actuator" in reasons["slow.toml"]
+    assert "without a unit" in reasons["wrong.toml"]
+    assert "good.toml holds." in lines
+    record = json.loads((tmp_path / "out/size.json").read_text(), parse_constant=pytest.fail)
+    assert [one["holds"] for one in record["candidates"]] == [True, False, False, False]
+    with (tmp_path / "out/limits.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["candidate"] for row in rows} == {"good.toml", "hot.toml"}
+    page = (tmp_path / "out/size.html").read_text(encoding="utf-8")
+    assert "does not hold" in page and "data:image/png;base64," in page
+
+
+def test_wrong_requests_are_refused() -> None:
+    for request, said in (
+        ({"cycle": 9.0}, "longer than the run"),
+        ({"cycle": -1.0}, "must be a positive number"),
+        ({"life": 0.0}, "must be a positive number"),
+        ({"lead_in": -1.0}, "must be 0 or a positive"),
+    ):
+        with pytest.raises(ec.CommandError, match=said):
+            ec.size("prototype", stop_time=0.5, **request)
+    with pytest.raises(ec.CommandError, match="one joint at a time"):
+        ec.size("study", candidates={"lift": ["a.toml", "b.toml"], "tilt": ["a.toml", "b.toml"]})
+    with pytest.raises(ec.CommandError, match="occurs twice"):
+        ec.size("prototype", candidates={"prototype": ["a.toml", "a.toml"]})
+
+
+def test_plots_show_the_cycle(press: ec.JointSizing, tmp_path: Path) -> None:
+    from emla_cosim.sizing.pictures import draw_joint
+
+    figure = draw_joint(press)
+    torque, force, temperature, power, *_ = figure.axes
+    rpm = 30.0 / math.pi
+    peak, cycle, *_ = torque.lines
+    assert cycle.get_xdata().max() == pytest.approx(rpm * press.figures.motor_speed_peak_rad_s, rel=1e-3)
+    assert np.nanmax(peak.get_ydata()) == pytest.approx(press.cycle.emla.tau_max)
+    assert force.lines[1].get_ydata().max() == pytest.approx(1e-3 * press.figures.force_peak_N, rel=1e-3)
+    assert temperature.lines[0].get_ydata().max() == pytest.approx(
+        press.figures.temperature_rise_peak_K, rel=0.02
+    )
+    assert power.lines[0].get_ydata().max() == pytest.approx(
+        1e-3 * press.figures.electrical_power_peak_W, rel=1e-3
+    )
+
+
+# ---- Units -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("entry", "text", "number"),
+    [
+        ("screw.F_max", "2700 lbf", 2700.0 * POUND),
+        ("screw.F_max", "2700 lb", 2700.0 * POUND),
+        ("screw.F_max", "16 oz", POUND),
+        ("screw.M_BS", "30 lb", 13.6077711),
+        ("screw.M_BS", "16 oz", 0.45359237),
+        ("screw.M_BS", "30 lbm", 13.6077711),
+        ("screw.lead", "0.2 in", 5.08e-3),
+        ("screw.lead", "0.2 in/rev", 5.08e-3),
+        ("screw.v_max", "10 in/s", 0.254),
+        ("screw.v_max", "10 in/sec", 0.254),
+        ("screw.v_max", "1 ft/min", 5.08e-3),
+        ("motor.tau_N", "30 lb-in", 30.0 * POUND * INCH),
+        ("motor.tau_N", "30 lbf-in", 30.0 * POUND * INCH),
+        ("motor.tau_N", "2.5 ft-lbs", 30.0 * POUND * INCH),
+        ("motor.tau_N", "480 oz-in", 30.0 * POUND * INCH),
+        ("motor.tau_N", "3.4 N-m", 3.4),
+        ("motor.kT", "7.5 lb-in/A rms", 7.5 * POUND * INCH / math.sqrt(2.0)),
+        ("motor.J_m", "0.0035 lb-in-s²", 0.0035 * POUND * INCH),
+        ("motor.J_m", "0.056 oz-in-s^2", 0.0035 * POUND * INCH),
+        ("motor.J_m", "0.056 oz-in-sec²", 0.0035 * POUND * INCH),
+        ("motor.J_m", "10 lb-in²", 10.0 * 0.45359237 * INCH**2),
+        ("motor.n_max", "3000 rpm", 100.0 * math.pi),
+        ("inverter.P_brake", "0.1 hp", 74.569987158227),
+        ("thermal.permitted_rise", "180 °F", 100.0),
+        ("thermal.permitted_rise", "100 °C", 100.0),
+        ("thermal.permitted_rise", "100 K", 100.0),
+        ("thermal.T_max", "266 °F", 403.15),
+        ("thermal.T_max", "130 °C", 403.15),
+    ],
+)
+def test_units_of_catalogues(entry: str, text: str, number: float) -> None:
+    table, key = entry.split(".")
+    (found,) = [e for e in TABLES[table] if e.key == key]
+    assert read_sheet_value(text, found, entry).number == pytest.approx(number, rel=1e-12)
+
+
+def test_pounds_without_a_quantity_are_refused() -> None:
+    with pytest.raises(ec.CommandError, match=r"mass or a force; write lbm or lbf"):
+        ec.load("prototype", set={"prototype.disturbance.load.level[1]": "30 lb"}).prepare()
+    (mass,) = [e for e in TABLES["screw"] if e.key == "M_BS"]
+    with pytest.raises(ec.CommandError, match="lbf"):
+        read_sheet_value("30 lbf", mass, "screw.M_BS")
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"tau_R": '"20 lb-in"', "n_R": None}, "motor.tau_R needs motor.n_R"),
+        ({"C_DC": None}, "inverter.U_brake needs inverter.C_DC"),
+        ({"U_brake": '"300 V"'}, "the brake resistor would always be on"),
+        ({"ends": '"clamped"'}, "it must be fixed-free or"),
+    ],
+)
+def test_entries_that_need_others(entries: dict[str, Any], said: str, tmp_path: Path) -> None:
+    text = IMPERIAL.read_text(encoding="utf-8")
+    removed = [key for key, value in entries.items() if value is None]
+    text = "\n".join(line for line in text.splitlines() if line.split(" = ")[0] not in removed)
+    kept = {key: value for key, value in entries.items() if value is not None}
+    (tmp_path / "sheet.toml").write_text(with_entry(text, **kept), encoding="utf-8")
+    with pytest.raises(ec.CommandError, match=said):
+        ec.Actuator.read(tmp_path / "sheet.toml")
