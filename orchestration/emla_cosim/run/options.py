@@ -42,7 +42,7 @@ from ..base.option import (
 )
 from ..base.patterns import has_wildcard, matches_pattern
 from ..base.quantities import parse_quantity, parse_unit_name
-from ..base.values import convert_value
+from ..base.values import convert_value, list_elements
 from ..fmu.cvode import METHODS
 from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
@@ -666,7 +666,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if unit and isinstance(value, str):
         value = _in_unit(value, unit, label)
     if option.about.arrays and isinstance(value, Mapping):
-        value = _with_elements(value)
+        value = list_elements(value)
     objects = {}
     if takes is not None and isinstance(value, Mapping):
         objects = {name: one for name, one in value.items() if isinstance(one, takes)}
@@ -676,18 +676,6 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
         return {**found, **objects}
     for one in found if isinstance(found, list) else [found]:
         option.check(one)
-    return found
-
-
-def _with_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Replace each entry that has a list by entries `name[1]`, `name[2]` and so on."""
-    found: dict[Any, Any] = {}
-    for name, value in values.items():
-        many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
-        if isinstance(many, (list, tuple)) and many:
-            found |= {f"{name}[{i}]": one for i, one in enumerate(many, 1)}
-        else:
-            found[name] = value
     return found
 
 
