@@ -41,9 +41,6 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
-    for component in system.components:
-        if component.note and component.name not in replacements:
-            progress.note(f"Note: {component.note}")
     fmus = _fmu_files(system, options, progress)
     system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
@@ -60,6 +57,10 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     system = wire_faults(system, faults, interfaces)
     followers = following_values(as_made, options)
     system = system.with_parameters(resolve_start_values(system, interfaces, options.set) | followers)
+    for component in system.components:
+        note = component.note(system) if callable(component.note) else component.note
+        if note and component.name not in replacements:
+            progress.note(f"Note: {note}")
     others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
         system = _replace_component(system, name, replacement, others[name], interfaces, progress)

@@ -42,7 +42,8 @@ class Component:
             holds between them are then no error of the coupling.
         kind: as what its FMU runs: `cs` (co-simulation) or `me` (Model Exchange). Default: co-simulation if
             the FMU has that.
-        note: message for the user when the system is prepared.
+        note: message for the user when the system is prepared, or a function that returns it for the system
+            with all start values; empty for none.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Component:
     aliases: Mapping[str, Alias] = field(default_factory=dict)
     samples: bool = False
     kind: str = ""
-    note: str = field(default="", compare=False)
+    note: "str | Callable[[System], str]" = field(default="", compare=False)
 
     @property
     def branch(self) -> str:
