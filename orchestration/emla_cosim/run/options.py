@@ -345,6 +345,14 @@ class Options:
         commands=(RUN, SWEEP),
         identity="bonds",
     )
+    stop_when: Sequence[str] = _stepping(
+        [],
+        help="End the run successfully at the first communication point at which this condition on a signal "
+        "holds, such as 'lift.plant.x_L > 0.3' (repeatable).",
+        metavar="'SIGNAL > VALUE'",
+        commands=(RUN, SWEEP, COMPARE),
+        in_sweep=SAME,
+    )
     require: Sequence[str] = _output(
         [],
         help="Fail unless this condition holds, such as 'lift.position_error_m < 2e-5' (repeatable).",

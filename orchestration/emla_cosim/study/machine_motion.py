@@ -84,8 +84,9 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         elements = given if isinstance(given, list) else [given]
         for scalar, theirs in zip(variable.scalars(), elements, strict=False):
             ours = values.get(scalar.name, scalar.start)
-            is_number = isinstance(theirs, (int, float)) and isinstance(ours, (int, float))
-            if is_number and scalar.name not in driven and not math.isclose(ours, theirs, rel_tol=1e-9):
+            if not isinstance(theirs, (int, float)) or not isinstance(ours, (int, float)):
+                continue
+            if scalar.name not in driven and not math.isclose(ours, theirs, rel_tol=1e-9):
                 unit = f" {variable.unit}" if variable.unit else ""
                 shown.append(f"{name}.{scalar.name} is {ours:.6g}{unit}, but {theirs:.6g}{unit} there")
     more = f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""

@@ -100,7 +100,8 @@ def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
     if not _is_whole(knots) or not max(least, 2) <= knots <= most:
         raise CommandError(
             f"knots is {knots!r}; with degree {degree}, it must be a whole number from {max(least, 2)} to "
-            f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + degree - 1."
+            f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + "
+            "degree - 1."
         )
     return degree, knots, _size("points", points)
 
