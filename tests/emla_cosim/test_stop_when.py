@@ -126,12 +126,11 @@ def test_the_command_and_its_record(emla: Emla) -> None:
 def test_variants_of_a_sweep_end_each_at_its_own_time(
     fmu_folder: Path, tmp_path: Path, on_one_cluster: None
 ) -> None:
-    levels = [1e4, 3e4]
-    vary = {"lift.disturbance.load.level[1]": levels}
-    options = {"stop_time": STOP, "stop_when": [CONDITION], "fmus": fmu_folder}
-    swept = ec.sweep("lift", vary, **options, output=tmp_path / "sweep")
-    for level, end, problem in zip(levels, swept.variants["end_s"], swept.variants["problem"], strict=True):
-        alone = run(lift(fmu_folder, stop_when=[CONDITION], set={"lift.disturbance.load.level[1]": level}))
+    starts, condition = [0.2395, 0.24], "lift.plant.x_L > 0.2402"
+    options = {"stop_time": STOP, "stop_when": [condition], "fmus": fmu_folder}
+    swept = ec.sweep("lift", {"lift.plant.start.x_L": starts}, **options, output=tmp_path / "sweep")
+    for start, end, problem in zip(starts, swept.variants["end_s"], swept.variants["problem"], strict=True):
+        alone = run(lift(fmu_folder, stop_when=[condition], set={"lift.plant.start.x_L": start}))
         assert end == alone.end_s
-        assert (alone.stopped_when is None) or "because lift.plant.tau_m > 150" in problem
+        assert (f"because {condition}" in problem) == (alone.stopped_when is not None)
     assert len(set(swept.variants["end_s"])) == 2

@@ -69,7 +69,7 @@ def find_stop_conditions(
     return found
 
 
-def describe_stop(condition: Requirement, time: float) -> str:
+def describe_stop(condition: Requirement | str, time: float) -> str:
     """Return a message on the condition that ended a run at a time in s."""
     return f"the run ended at t = {time:.6g} s, because {condition} (--stop-when)."
 
