@@ -696,5 +696,10 @@ def _in_unit(text: str, unit: str, label: str) -> float:
 
 
 def _suggest_option(name: str, known: Mapping[str, Option]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; there are {join_names(sorted(known))}."
+    longer = [n for n in known if n.startswith(f"{name}_")]
+    near = longer or difflib.get_close_matches(name, known, n=1)
+    return (
+        f"; did you mean {' or '.join(map(repr, near[:3]))}?"
+        if near
+        else f"; there are {join_names(sorted(known))}."
+    )
