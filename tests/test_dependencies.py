@@ -53,7 +53,8 @@ def normalized(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-OPTIONAL = [r for extra in ("control", "pandas", "pytest") for r in PROJECT["optional-dependencies"][extra]]
+EXTRAS = ("control", "mdf", "pandas", "pytest", "tdms")
+OPTIONAL = [r for extra in EXTRAS for r in PROJECT["optional-dependencies"][extra]]
 """What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
 
 DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}

@@ -65,7 +65,7 @@ class Variable:
         terminal: str | None = None,
         limits: "Parameter | tuple[Parameter, Parameter] | None" = None,
     ) -> None:
-        self.start = start
+        self.start = start.tolist() if hasattr(start, "tolist") else start  # an array of NumPy
         self.unit = unit
         self.description = description
         self._symbol = symbol

@@ -107,7 +107,7 @@ class HdrmParameters:
 
 
 def _named(attribute: str, element: int | None = None) -> str:
-    return attribute if element is None else f"{attribute}[{element}]"
+    return attribute if element is None else f"{attribute}[{element + 1}]"
 
 
 _SIDES = ("lift_a", "lift_b", "lift_L_0", "tilt_a", "tilt_b", "tilt_L_0", "lift_length", "reach")

@@ -1,7 +1,7 @@
 """Conditions on the manipulator's parameters, beside the ranges of single values, with their messages.
 
 `p` is any object with the attributes of HdrmParameters. `name` returns the name for messages of an
-attribute, or of an element of it, counted from 0.
+attribute, or of an element of it, which it gets counted from 0.
 """
 
 from collections.abc import Callable

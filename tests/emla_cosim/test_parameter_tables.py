@@ -233,7 +233,9 @@ def test_a_list_sets_the_elements_of_an_array(emla: Emla, fmu_folder: Path) -> N
     ("many", "said"),
     [
         ([], "must be a number"),
-        ([[1.0, 2.0]], "must be a number"),
+        ([[1.0, 2.0]], "no variable 'load.level[1,1]'"),
+        ([[1.0, 2.0], [3.0]], "differ in length"),
+        ([[]], "are empty or differ"),
         ([1.0, None], "must be a number"),
         ([1.0, float("nan")], "out of range"),
         ([1.0] * 7, "no variable 'load.level[7]'"),

@@ -61,6 +61,11 @@ def start_value(record: dict[str, Any], path: str) -> Any:
 SETTINGS: dict[str, tuple[str, str, Any]] = {
     "stop_time": ("stop_time = 0.003", "stop_time_s", 0.003),
     "start_time": ("start_time = 0.001", "start_time_s", 0.001),
+    "stop_when": (
+        'stop_when = ["lift.plant.x_L < 0"]',
+        "stop_when",
+        ["lift.plant.x_L < 0"],
+    ),
     "step_size": ("step_size = 5e-5", "step_size_s", 5e-5),
     "algorithm": ('algorithm = "jacobi"', "algorithm", "jacobi"),
     "extrapolation": ('extrapolation = "fmu"', "extrapolation", "fmu"),

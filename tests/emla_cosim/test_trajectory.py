@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import emla_cosim as ec
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
+from emla_cosim.system.model import System
 from emla_cosim.trajectories import runner
 from emla_cosim.trajectories.file import DEFAULT_FILE
 from hdrm_fmu.optimisation.problem import MotionProblem
@@ -72,7 +73,8 @@ def test_a_file_is_read_by_others_and_by_us(coarse: ec.TrajectoryResult, tmp_pat
     assert document["problem"]["machine"]["lift_a"] == 1.15
     assert document["end_speed"] == "clip"
     assert document["figures"]["cost"] == coarse.assessment.cost
-    assert document["discretisation"] == {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3}
+    wanted = {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3, "subdivisions": 1}
+    assert document["discretisation"] == wanted
     assert {"casadi", "emla-cosim"} <= document["versions"].keys()
 
 
@@ -80,7 +82,8 @@ def test_the_file_in_the_package_is_what_the_command_writes() -> None:
     kept, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), MotionProblem()
     assert kept["problem"]["v_E"] == list(options.v_E)
     assert kept["problem"]["machine"]["motor_m"] == list(options.machine.motor_m)
-    assert kept["discretisation"] == {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3}
+    wanted = {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3, "subdivisions": 1}
+    assert kept["discretisation"] == wanted
     assert ec.read_trajectory(DEFAULT_FILE) == default_spline()
 
 
@@ -152,10 +155,14 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--end-speed", "never"), "there is no reading of end speeds 'never'; choose from clip, exempt"),
         (
             ("--knots", "45"),
-            "45 knots and degree 5 make 49 coefficients; the block Trajectory has room",
+            "knots is 45; with degree 5, it must be a whole number from 2 to 44",
         ),
-        (("--knots", "2", "--degree", "3"), "2 knots and degree 3 make 4 coefficients"),
+        (
+            ("--knots", "3", "--degree", "3"),
+            "knots is 3; with degree 3, it must be a whole number from 4 to 46",
+        ),
         (("--degree", "6"), "degree is 6; it must be a whole number from 3 to 5"),
+        (("--subdivisions", "65"), "subdivisions is 65; it must be a whole number from 1 to 64"),
         (("--points", "1"), "points is 1; it must be a whole number from 3 to 50"),
         (("--starts", "0"), "starts is 0; it must be a whole number from 1 to 100"),
         (("--tie-break", "-1"), "the tie-break weight is -1; it must be from 0 to 1000"),
@@ -252,3 +259,29 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         ec.trajectory(**FAST, progress=Impatient(), output=tmp_path / "m.json")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_motion_for_another_machine_is_reported(tmp_path: Path) -> None:
+    def note(system: System) -> str:
+        found = system.component("machine.trajectory").note
+        return found(system) if callable(found) else found
+
+    document = json.loads(DEFAULT_FILE.read_text(encoding="utf-8"))
+    (tmp_path / "same.json").write_text(json.dumps(document))
+    document["problem"]["payload"] = 200.0
+    document["problem"]["machine"]["motor_m"][1] = 35.0
+    (tmp_path / "other.json").write_text(json.dumps(document))
+    del document["problem"]
+    (tmp_path / "bare.json").write_text(json.dumps(document))
+    for scenario, machine in (("hdrm-replay", "machine.manipulator"), ("hdrm-merged", "machine.plant")):
+        systems = {
+            n: ec.load(scenario, trajectory=tmp_path / f"{n}.json").system for n in ("same", "other", "bare")
+        }
+        assert note(systems["same"]) == note(systems["bare"]) == note(ec.load(scenario).system) == ""
+        told = note(systems["other"])
+        assert f"{machine}.payload.m is 470 kg, but 200 kg there" in told
+        assert "motor.m[2] is 30 kg, but 35 kg there." in told and told.count(";") == 1
+        changed = systems["other"].with_parameters({f"{machine}.payload.m": 200.0})
+        assert "payload" not in note(changed) and "motor.m[2]" in note(changed)
+        heavier = systems["same"].with_parameters({f"{machine}.payload.m": 500.0})
+        assert "payload.m is 500 kg, but 470 kg there" in note(heavier)

@@ -72,15 +72,15 @@ def test_native_fmus_say_the_same(sessions: dict[str, Session]) -> None:
     [
         (
             {"q_UB": (0.9, 0.6, 1.0)},
-            "the lift triangle cannot close: lift_L_0 + q_UB[0] must be below lift_a + lift_b.",
+            "the lift triangle cannot close: lift_L_0 + q_UB[1] must be below lift_a + lift_b.",
         ),
         (
             {"tilt_b": 0.2},
-            "the tilt triangle cannot close: tilt_L_0 + q_LB[1] must be above |tilt_a - tilt_b|.",
+            "the tilt triangle cannot close: tilt_L_0 + q_LB[2] must be above |tilt_a - tilt_b|.",
         ),
-        ({"q_LB": (0.0, 0.7, 0.0)}, "the stroke is empty: q_UB[1] must be above q_LB[1]."),
+        ({"q_LB": (0.0, 0.7, 0.0)}, "the stroke is empty: q_UB[2] must be above q_LB[2]."),
         ({"outer_m": -1.0}, "outer_m = -1 is outside its range, 0 to inf."),
-        ({"motor_m": (45.0, -30.0, 12.0)}, "motor_m[1] = -30 is outside its range, 0 to inf."),
+        ({"motor_m": (45.0, -30.0, 12.0)}, "motor_m[2] = -30 is outside its range, 0 to inf."),
         ({"tube_share": 1.5}, "tube_share = 1.5 is outside its range, 0 to 1."),
         ({"reach": 0.0}, "reach = 0 is outside its range, 0.001 to inf."),
         ({"gravity": float("nan")}, "gravity = nan is outside its range, -inf to inf."),

@@ -98,6 +98,7 @@ _USEFUL: dict[str, Sequence[str]] = {
     "replace": ["lift.plant=ok.fmu", "lift.plant=fmu-0.9.fmu", "lift.plant=gone", "lift.observer=ok.fmu"],
     "mapping": ["lift.plant=empty.ssm", "lift.plant=device"],
     "require": ["lift.position_error_m < 1", "steps_per_s > 1e308", "lift.torque_peak_N_m > 1"],
+    "stop_when": ["lift.plant.x_L > 0.24", "lift.plant.x_L < 0", "x", "lift.plant.x_L > true"],
     "start_time": ["0", "0.001", "-0.001"],
     "stop_time": ["0.003", "0.0015", "0.00015", "1e308", "2 ms", "2 m", "1e999 d"],
     "step_size": ["1e-4", "0.1ms", "5e-5", "2e-4", "1e-3"],

@@ -1,7 +1,8 @@
 """Conversion of values from outside to the types that they must have."""
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -50,6 +51,64 @@ def convert_value(value: Any, type_: Any, label: str, folder: Path | None = None
     if is_dataclass(type_):
         return _convert_record(value, type_, label, folder)
     return _convert_plain(value, type_, label, folder)
+
+
+def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Replace each entry that has a list by entries `name[1]`, `name[2]`, of nested lists by `name[1,2]`.
+
+    Args:
+        values: Values by name: single ones, lists, or arrays of NumPy.
+
+    Raises:
+        CommandError: If lists in a list differ in length.
+    """
+    found: dict[Any, Any] = {}
+    for name, value in values.items():
+        many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
+        if not (isinstance(many, (list, tuple)) and many):
+            found[name] = value
+            continue
+        elements = dict(_elements_of(many))
+        if (
+            not elements
+            or len({len(index) for index in elements}) > 1
+            or len(elements)
+            != math.prod(max(index[k] for index in elements) for k in range(len(next(iter(elements)))))
+        ):
+            raise CommandError(f"the rows of '{name}' are empty or differ in length.", name=name)
+        found |= {f"{name}[{','.join(map(str, index))}]": one for index, one in elements.items()}
+    return found
+
+
+def _elements_of(many: Sequence[Any], outer: tuple[int, ...] = ()) -> Iterator[tuple[tuple[int, ...], Any]]:
+    """Yield the elements of nested lists with their indices, which begin at 1."""
+    for i, one in enumerate(many, 1):
+        if isinstance(one, (list, tuple)):
+            yield from _elements_of(one, (*outer, i))
+        else:
+            yield (*outer, i), one
+
+
+def parse_list(text: str) -> Any:
+    """Return the nested lists of texts that a text such as `[[1, 2], [3 kN, 4]]` describes.
+
+    Raises:
+        ValueError: The text is not a list.
+    """
+    stack: list[list[Any]] = [[]]
+    for token in re.findall(r"[\[\],]|[^\[\],]+", text):
+        if token == "[":
+            stack.append([])
+        elif token == "]" and len(stack) > 1:
+            done = stack.pop()
+            stack[-1].append(done)
+        elif token == "]":
+            raise ValueError(text)
+        elif token != "," and token.strip():
+            stack[-1].append(token.strip())
+    if len(stack) != 1 or len(stack[0]) != 1 or not isinstance(stack[0][0], list):
+        raise ValueError(text)
+    return stack[0][0]
 
 
 def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:

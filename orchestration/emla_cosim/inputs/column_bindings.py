@@ -12,7 +12,7 @@ from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..system.model import System
 from .data_tables import DataTable
-from .headers import Header, is_same_unit, parse_data_unit, rate_of
+from .headers import Header, is_same_unit, parse_data_unit, rate_of, read_suffix
 from .input import Column, Input
 
 
@@ -29,6 +29,7 @@ class ColumnBinding:
         order: The order of the derivative that drives the signal.
         transformation: Converts the derivative to the unit of the signal.
         unit: The unit of the signal.
+        is_assumed: Whether the column has no unit, so that the one of the signal applies.
     """
 
     signal: str
@@ -39,6 +40,7 @@ class ColumnBinding:
     order: int
     transformation: LinearTransformation
     unit: SiUnit | None
+    is_assumed: bool = False
 
 
 def bind_columns(
@@ -61,9 +63,11 @@ def bind_columns(
     for position, header in _match_headers(source, data, time):
         if header.name in chosen:
             continue
-        if _is_driven(header.name, system, interfaces):
+        names = [header.name] if header.suffix is None else [header.name, header.suffix.name]
+        signal = next((name for name in names if _is_driven(name, system, interfaces)), None)
+        if signal is not None:
             data.find(header.text)  # raises CommandError if it is not unique
-            chosen[header.name] = position, Column(header.text, header.unit)
+            chosen[signal] = position, Column(header.text, header.unit)
         else:
             idle.append(header.name)
     if not chosen and source.columns:
@@ -88,11 +92,17 @@ def _match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int,
     if not source.columns:
         return [] if source.signals else others
     for pattern in source.columns:
-        if not any(matches_pattern(h.name, pattern) for _, h in others):
+        if not any(_matches(h, pattern) for _, h in others):
             near = difflib.get_close_matches(pattern, [h.name for _, h in others], n=3, cutoff=0.5)
             meant = f"; did you mean {' or '.join(near)}?" if near else "."
             raise CommandError(f"{data.label} has no column '{pattern}'{meant}", name=pattern, near=near)
-    return [(i, h) for i, h in others if any(matches_pattern(h.name, p) for p in source.columns)]
+    return [(i, h) for i, h in others if any(_matches(h, p) for p in source.columns)]
+
+
+def _matches(header: Header, pattern: str) -> bool:
+    return matches_pattern(header.name, pattern) or (
+        header.suffix is not None and matches_pattern(header.suffix.name, pattern)
+    )
 
 
 def _column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
@@ -183,7 +193,12 @@ def _bind_column(
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
     unit = interface.unit(end[1])
     label = f"the column '{data.headers[position].text}' of {data.label}"
-    given = rate_of(parse_data_unit(column.unit, label), column.derivative)
+    measured = parse_data_unit(column.unit, label)
+    header = data.headers[position]
+    if measured is None and header.suffix is not None and header.name != signal:
+        target = rate_of(unit, -column.derivative)
+        measured = read_suffix(header.suffix, target, label, header.text)
+    given = rate_of(measured, column.derivative)
     try:
         transformation = find_conversion(given, unit) if given is not None else IDENTITY
     except ValueError as error:
@@ -191,7 +206,8 @@ def _bind_column(
             f"{label} drives {signal} and has {error}, which cannot be converted into each other.",
             signal=signal,
         ) from error
-    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit)
+    assumed = given is None and unit is not None
+    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit, assumed)
 
 
 def check_single_binding(found: Sequence[ColumnBinding]) -> None:

@@ -1,8 +1,9 @@
 """Tables of numbers over time, from files and from Python."""
 
+import codecs
+import contextlib
 import csv
 import io
-import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,26 +15,36 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.files import read_file
+from ..base.wording import format_count
 from ..recorders.registry import TABLES, format_of
 from ..recorders.stored import readable
 from ..recorders.table import Table
-from .headers import Header, read_metadata_units
+from .clock_times import is_clock, read_clock, seconds_from_first
+from .csv_layout import NUMBER, OTHER_TIME_NAMES, TIME_NAMES, bare_unit, find_layout
+from .headers import Header, is_same_unit, read_metadata_units
 from .input import Input
+from .measurement_files import TIME, ChannelGroup, choose_group, is_measurement_file, read_groups
 
 _LATEST = 1e100
 """The largest time in s; differences of greater ones can overflow."""
 
 _PARQUET = b"PAR1"
-_NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
 
 
 class DataTable:
-    """Columns of a table. `headers` are the headers of its columns, `label` is its name in error messages."""
+    """Columns of a table.
+
+    Attributes:
+        label: Its name in error messages.
+        headers: The headers of its columns.
+        notes: What users should know of how it was read; phrases that follow its name.
+    """
 
     def __init__(self, label: str, names: Sequence[str], units: Mapping[str, str] | None = None) -> None:
         self.label = label
+        self.notes: list[str] = []
         self.headers = [Header.of(name, (units or {}).get(name)) for name in names]
 
     def texts(self, position: int) -> polars.Series:
@@ -67,6 +78,8 @@ class DataTable:
     def times(self, column: str | None) -> tuple[int, Vector]:
         """Return the position of the column of times, and the times in s.
 
+        Clock times and dates become times from the first row.
+
         Args:
             column: The name of the column; default: `time` or `t`.
 
@@ -75,7 +88,9 @@ class DataTable:
         """
         position = self._time_column(column)
         header = self.headers[position]
-        times = header.in_seconds(self.numbers(position), column, self.label)
+        times = self._clock_times(position)
+        if times is None:
+            times = header.in_seconds(self.numbers(position), column, self.label)
         if len(times) < 2:
             raise CommandError(f"{self.label} has fewer than two rows.")
         if max(abs(times[0]), abs(times[-1])) > _LATEST:
@@ -95,8 +110,8 @@ class DataTable:
         Raises:
             CommandError: If several columns have the name.
         """
-        for called in ([h.text for h in self.headers], [h.name for h in self.headers]):
-            found = [i for i, text in enumerate(called) if text == name]
+        for called in (_whole_text, _name, _name_before_unit):
+            found = [i for i, header in enumerate(self.headers) if called(header) == name]
             if len(found) > 1:
                 raise CommandError(
                     f"{self.label} has {len(found)} columns '{name}'; each needs its own name."
@@ -105,6 +120,20 @@ class DataTable:
                 return found[0]
         return None
 
+    def _clock_times(self, position: int) -> Vector | None:
+        """Return the times of a column of clock times, from the first row; None for one of numbers."""
+        column = self.texts(position)
+        label = f"the time '{self.headers[position].text}' of {self.label}"
+        if not len(column) or not (column.dtype.is_temporal() or is_clock(column[0])):
+            return None
+        if (missing := column.is_null()).any():
+            raise self._bad(position, int(missing.arg_max() or 0), None)
+        if not column.dtype.is_temporal():
+            return read_clock(column, label)
+        if column.dtype == polars.Date:
+            raise self._wrong(position, "has dates without clock times")
+        return seconds_from_first(column)
+
     def _time_column(self, column: str | None) -> int:
         if column is not None:
             wanted = Header.of(column)
@@ -112,7 +141,7 @@ class DataTable:
                 if (position := self.find(name)) is not None:
                     return position
             raise CommandError(f"{self.label} has no column '{column}'; it has {_join_few(self.headers)}.")
-        found = [i for i, h in enumerate(self.headers) if h.name.lower() in ("time", "t")]
+        found = self._called(TIME_NAMES) or self._called(OTHER_TIME_NAMES)
         if len(found) != 1:
             raise CommandError(
                 f"{self.label} has {'no column' if not found else 'several columns'} called time or t, but "
@@ -120,10 +149,18 @@ class DataTable:
             )
         return found[0]
 
+    def _called(self, names: Sequence[str]) -> list[int]:
+        """Return the positions of the columns with one of these names."""
+        return [
+            i
+            for i, h in enumerate(self.headers)
+            if h.name.lower() in names or (h.suffix is not None and h.suffix.name.lower() in names)
+        ]
+
     def _bad(self, position: int, row: int, value: Any) -> CommandError:
         what = "nothing" if value is None or str(value).strip() == "" else f"'{str(value)[:40]}'"
         hint = ""
-        if row == 0 and isinstance(value, str) and not _NUMBER.fullmatch(value):
+        if row == 0 and isinstance(value, str) and not NUMBER.fullmatch(value):
             hint = " (write units in the header, as in 'Force [kN]')"
         return CommandError(
             f"{self.label} has {what} in row {row + 1} of the column '{self.headers[position].text}'; "
@@ -134,6 +171,18 @@ class DataTable:
 
     def _wrong(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")
+
+
+def _whole_text(header: Header) -> str:
+    return header.text
+
+
+def _name(header: Header) -> str:
+    return header.name
+
+
+def _name_before_unit(header: Header) -> str | None:
+    return None if header.suffix is None else header.suffix.name
 
 
 def _count_filled(column: polars.Series) -> int:
@@ -153,32 +202,43 @@ def _join_few(headers: Sequence[Header]) -> str:
 
 
 class CsvTable(DataTable):
-    """A text of rows, the first one of names; the delimiter is the semicolon, the tab or the comma.
+    """A text of rows below a row of names; the delimiter is the semicolon, the tab or the comma.
 
     Where it is the semicolon or the tab, numbers may have a decimal comma. Lines that
-    begin with # are comments.
+    begin with # are comments. Other lines may precede the names, and a row of units may follow them.
     """
 
     def __init__(self, label: str, content: bytes) -> None:
-        try:
-            content.decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise CommandError(f"{label} is not a text in UTF-8; save it as such.") from error
-        if b"\0" in content:
+        text, encoding = _decode(content)
+        if "\0" in text:
             raise CommandError(f"{label} is not a text file; it must be CSV or Parquet.")
-        self._content = (
-            content.removeprefix(b"\xef\xbb\xbf").rstrip().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        )
-        header = self._header()
-        if not header.strip():
+        self._content = text.rstrip().replace("\r\n", "\n").replace("\r", "\n").encode()
+        layout = find_layout(self._content)
+        if layout is None:
             raise CommandError(f"{label} is empty.")
-        self._delimiter = next((d for d in ";\t" if d in header), ",")
-        names = [name.strip() for name in next(csv.reader([header], delimiter=self._delimiter))]
-        if all(_NUMBER.fullmatch(name) for name in names):
+        self._begin, self._delimiter = layout.begin, layout.delimiter
+        if all(NUMBER.fullmatch(name) for name in layout.names):
             raise CommandError(
                 f"{label} begins with numbers; its first row must have the names of the columns."
             )
-        super().__init__(label, names)
+        super().__init__(label, layout.names)
+        if layout.units:
+            self._apply_units([bare_unit(cell) for cell in layout.units])
+        if layout.skipped:
+            lines = format_count(layout.skipped, "line")
+            self.notes.append(f"has {lines} before its header, which {_are(layout.skipped)} skipped")
+        if encoding is not None:
+            self.notes.append(f"is not UTF-8; it is read as {encoding}")
+
+    def _apply_units(self, units: Sequence[str]) -> None:
+        """Use the row of units for columns without a unit in their header."""
+        for position, (header, unit) in enumerate(zip(self.headers, units, strict=True)):
+            if header.unit is not None and unit and not is_same_unit(header.unit, unit):
+                raise self._wrong(
+                    position, f"has the unit '{unit}' in its row of units, and another one before"
+                )
+            if header.unit is None and (unit or header.suffix is None):
+                self.headers[position] = Header(header.text, header.name, unit)
 
     def texts(self, position: int) -> polars.Series:
         """Return a column of texts.
@@ -215,22 +275,28 @@ class CsvTable(DataTable):
                 return f"has {len(row)} fields in row {number + 1}, but its header has {width}"
         return "cannot be read as a table"
 
-    def _header(self) -> str:
-        """Return the first line that is neither blank nor a comment, and set `_begin` to the next line."""
-        self._begin, end = 0, 0
-        while end < len(self._content):
-            self._begin = end
-            end = self._content.find(b"\n", self._begin)
-            end = len(self._content) if end < 0 else end + 1
-            line = self._content[self._begin : end].strip()
-            if line and not line.startswith(b"#"):
-                self._begin = end
-                return line.decode()
-        return ""
-
     def _rows(self) -> Any:
         lines = io.StringIO(self._content[self._begin :].decode())
         return (line for line in lines if line.strip() and not line.startswith("#"))
+
+
+def _decode(content: bytes) -> tuple[str, str | None]:
+    """Return a text, and its encoding if it is not UTF-8."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        with contextlib.suppress(UnicodeDecodeError):
+            return content.decode("utf-16"), "UTF-16"
+    try:
+        return content.decode("utf-8-sig"), None
+    except UnicodeDecodeError:
+        pass
+    try:
+        return content.decode("cp1252"), "Windows-1252 (Latin-1)"
+    except UnicodeDecodeError:
+        return content.decode("latin-1"), "Latin-1"
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
 
 
 class ParquetTable(DataTable):
@@ -292,13 +358,51 @@ class FrameTable(DataTable):
         Raises:
             CommandError: If it is not a list of numbers.
         """
+        column = self._frame[self._names[position]]
+        if np.asarray(column).dtype.kind in "mM":
+            return polars.Series(np.asarray(column).astype(f"{np.asarray(column).dtype.kind}8[ns]"))
         try:
-            values = np.asarray(self._frame[self._names[position]], dtype=np.float64)
+            values = np.asarray(column, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise self._wrong(position, "must be of numbers") from error
         if values.ndim != 1:
             raise self._wrong(position, "must have one number in a row")
         return polars.Series(values)
+
+
+class MeasurementTable(DataTable):
+    """A group of channels of an MDF or TDMS file."""
+
+    def __init__(self, label: str, group: ChannelGroup) -> None:
+        self._group = group
+        units = {c.name: c.unit for c in group.channels if c.unit is not None}
+        super().__init__(label, [c.name for c in group.channels], units)
+
+    def texts(self, position: int) -> polars.Series:
+        """Return a channel.
+
+        Raises:
+            CommandError: If it cannot be read, or was not sampled at the times of its group.
+        """
+        channel = self._group.channels[position]
+        values, times = readable(f"the channel '{channel.name}' of {self.label}", channel.read)
+        if values.ndim != 1 or values.dtype.kind not in "biufmM":
+            raise self._wrong(position, "is not of numbers")
+        if times is not None and not np.array_equal(times, self._times):
+            raise self._wrong(
+                position,
+                f"has {len(values)} samples that are not at the {len(self._times)} times of its group; some "
+                "may be marked as invalid",
+            )
+        return polars.Series(
+            values.astype(f"{values.dtype.kind}8[ns]") if values.dtype.kind in "mM" else values
+        )
+
+    @cached_property
+    def _times(self) -> Vector:
+        first = self._group.channels[0]
+        values = readable(f"the times of {self.label}", first.read)[0]
+        return values if first.name == TIME else np.empty(0)
 
 
 def read_data(source: Input) -> DataTable:
@@ -309,15 +413,26 @@ def read_data(source: Input) -> DataTable:
     """
     if source.file is None:
         return FrameTable(source.label, source.data)
-    return read_table(source.file, "the input")
+    names = [_channel_name(column.column) for column in source.signals.values()]
+    names += [] if source.time is None else [Header.of(source.time).name]
+    return read_table(source.file, "the input", [*names, *source.columns])
 
 
-def read_table(file: Path, what: str) -> DataTable:
-    """Return the table of a CSV or Parquet file, or of a file in a registered format.
+def _channel_name(text: str) -> str:
+    """Return the name of the column in a text such as `der(x [mm])`."""
+    text = text.strip()
+    while text.startswith("der(") and text.endswith(")"):
+        text = text[4:-1].strip()
+    return Header.of(text).name
+
+
+def read_table(file: Path, what: str, columns: Sequence[str] = ()) -> DataTable:
+    """Return the table of a CSV or Parquet file, a measurement file, or one in a registered format.
 
     Args:
         file: The file.
         what: What error messages call it.
+        columns: Names or patterns of columns to read; they choose the group of a measurement file.
 
     Raises:
         CommandError: If it cannot be read as a table.
@@ -326,6 +441,8 @@ def read_table(file: Path, what: str) -> DataTable:
     content = read_file(file, what)
     if (form := format_of(file)) not in ("csv", "parquet"):
         return RegisteredData(label, TABLES[form](file))
+    if is_measurement_file(content[:16]):
+        return MeasurementTable(label, choose_group(read_groups(file, content[:16], label), columns, label))
     if content.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return ParquetTable(label, content)
     return CsvTable(label, content)

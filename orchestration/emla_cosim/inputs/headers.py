@@ -4,12 +4,13 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.quantities import parse_unit_name
-from ..base.units import COLUMN_UNITS, SiUnit, find_conversion, find_unit
+from ..base.units import COLUMN_UNITS, IDENTITY, SiUnit, find_conversion, find_unit
 
 _HEADER = re.compile(
     r"(?P<name>.+?)"
@@ -20,7 +21,25 @@ _HEADER = re.compile(
 _ONE = ("-", "–", "none", "")
 """Units of numbers without a unit, as users write them."""
 
+_SEPARATOR = re.compile(r"\s+in\s+|\s*,\s*|/|_|\s+|\((?=[^()]+(?:\([^()]*\)[^()]*)?\)$)")
+"""What may stand between a name and its unit, beside the forms of `_HEADER`."""
+
 _SECONDS = SiUnit("s", (0, 0, 1, 0, 0, 0, 0, 0))
+
+
+@dataclass(frozen=True)
+class Suffix:
+    """The end of a header that may be a unit, as in `Force in kN` or `F_kN`.
+
+    Attributes:
+        name: The header without it.
+        unit: The name of the unit.
+        is_short: Whether it has one letter, and may be an index, as in `x_d` and `F_L`.
+    """
+
+    name: str
+    unit: str
+    is_short: bool
 
 
 @dataclass(frozen=True)
@@ -30,6 +49,20 @@ class Header:
     text: str
     name: str
     unit: str | None = None
+
+    @cached_property
+    def suffix(self) -> Suffix | None:
+        """The unit at the end of the name; None if the header has a unit, or if there is none."""
+        if self.unit is not None:
+            return None
+        for found in _SEPARATOR.finditer(self.name):
+            name, unit = self.name[: found.start()].strip(), self.name[found.end() :].strip()
+            bare = unit.removesuffix(")") if found[0] == "(" else unit
+            letters = [c for c in bare if c.isalpha() or c in "°%"]
+            if not name or name == "der" or not letters or not is_unit(bare):
+                continue
+            return Suffix(name, bare, len(letters) == 1 and found[0].strip() in ("", "/", "_"))
+        return None
 
     @classmethod
     def of(cls, text: str, unit: str | None = None) -> "Header":
@@ -52,6 +85,8 @@ class Header:
         """
         declared = Header.of(asked).unit if asked is not None and asked != self.text else None
         unit = parse_data_unit(declared or self.unit, f"the time of {label}")
+        if unit is None and (suffix := self.suffix) is not None:
+            unit = read_suffix(suffix, _SECONDS, f"the time '{self.text}' of {label}", self.text)
         try:
             factor = find_conversion(unit, _SECONDS)
         except ValueError as error:
@@ -73,7 +108,50 @@ def parse_data_unit(name: str | None, label: str) -> SiUnit | None:
     """
     if name is None:
         return None
-    return parse_unit_name("1" if name.strip() in _ONE else name, label)
+    return parse_unit_name("1" if is_dimensionless(name) else name, label)
+
+
+def is_dimensionless(name: str) -> bool:
+    """Return whether a text says that numbers have no unit, as a dash does."""
+    return name.strip() in (*_ONE, "1")
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is the name of a unit."""
+    try:
+        parse_unit_name(text, "")
+    except CommandError:
+        return False
+    return True
+
+
+def read_suffix(suffix: Suffix, target: SiUnit | None, label: str, header: str) -> SiUnit | None:
+    """Return the unit at the end of a header, None if the end belongs to the name.
+
+    Args:
+        suffix: The end of the header.
+        target: The unit of the quantity that the column drives.
+        label: What error messages call the column.
+        header: The header.
+
+    Raises:
+        CommandError: If it can be both a unit and a part of the name, and the values would differ.
+    """
+    unit = parse_unit_name(suffix.unit, label)
+    try:
+        between = find_conversion(unit, target)
+    except ValueError:
+        if suffix.is_short:
+            return None
+    else:
+        if between == IDENTITY or not suffix.is_short:
+            return unit
+    example = target.name if target is not None and target.name else suffix.unit
+    raise CommandError(
+        f"{label} may have the unit '{suffix.unit}' at its end, or be called so; write the unit after the "
+        f"name of the column, such as '{header} [{example}]'.",
+        unit=suffix.unit,
+    )
 
 
 def is_same_unit(one: str, other: str) -> bool:
@@ -88,7 +166,8 @@ def rate_of(unit: SiUnit | None, order: int) -> SiUnit | None:
         return unit
     exponents = list(unit.exponents)
     exponents[_SECONDS.exponents.index(1)] -= order  # type: ignore[union-attr]
-    return SiUnit(f"{unit.name}/s{order if order > 1 else ''}", tuple(exponents), unit.factor)
+    name = f"{unit.name}/s{order if order > 1 else ''}" if order > 0 else ""
+    return SiUnit(name, tuple(exponents), unit.factor)
 
 
 def read_metadata_units(metadata: Mapping[str, Any]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from ..base.errors import CommandError, check_choice
 from ..base.files import hash_if_readable
 from ..base.option import FileOrObject
 from ..recorders.registry import TABLES
+from .measurement_files import MEASUREMENT_ENDINGS
 
 _TEXTS = (".tsv", ".txt", ".dat")
 """File extensions read as CSV, beside those of `TABLES`."""
@@ -23,7 +24,7 @@ _SETTINGS = tuple(_USUAL)
 
 def table_endings() -> tuple[str, ...]:
     """Return the file extensions of tables."""
-    return (*(f".{name.lower()}" for name in TABLES), *_TEXTS)
+    return (*(f".{name.lower()}" for name in TABLES), *_TEXTS, *MEASUREMENT_ENDINGS)
 
 
 def _parts(text: str) -> re.Match[str] | None:
@@ -73,7 +74,7 @@ class Input(FileOrObject):
     Before the first row, the values of that row apply.
 
     Args:
-        file: CSV or Parquet file, or another format of `TABLES`.
+        file: CSV, Parquet, MDF or TDMS file, or another format of `TABLES`.
         signals: column by full name of the signal that it drives. Default: columns drive the signals of the
             same name.
         columns: names or patterns of columns that drive the signals of the same name.

@@ -94,6 +94,9 @@ def wire_inputs(
     check_single_binding([one for driven, _ in found for one in driven])
     fmus, notes = dict[str, Path](), list[str]()
     for table, (driven, idle) in zip(tables, found, strict=True):
+        notes += [f"{table.source.label} {note}." for note in table.data.notes]
+        if assumed := [one for one in driven if one.is_assumed]:
+            notes.append(_describe_assumed(table, assumed))
         if idle:
             more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
             notes.append(f"{table.source.label} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
@@ -169,6 +172,16 @@ def _describe_partly_replaced(name: str, driven: Sequence[ColumnBinding]) -> lis
         for one in driven
         if one.output
     ]
+
+
+def _describe_assumed(table: LoadedInput, driven: Sequence[ColumnBinding]) -> str:
+    """Return the message on columns that have the unit of their signal because they name none."""
+    units = [f"'{table.data.headers[one.column].text}' in {one.unit}" for one in driven[:8]]
+    more = f" and {len(driven) - 8} more" if len(driven) > 8 else ""
+    return (
+        f"{table.source.label} has columns without a unit, which are read in the unit of their signal: "
+        f"{', '.join(dict.fromkeys(units))}{more}."
+    )
 
 
 def _free_name(system: System) -> str:

@@ -21,6 +21,7 @@ def simulate(
     pacing: Pacing | None = None,
     between: Callable[[], None] = lambda: None,
     until: float = math.inf,
+    longest: int = MOST_STEPS,
 ) -> None:
     """Step until a time, the end of the run, or an interruption.
 
@@ -31,6 +32,7 @@ def simulate(
         pacing: Holds the run back to a multiple of real time; None runs at full speed.
         between: Called after each stretch of steps.
         until: Time in s at which to stop.
+        longest: Largest number of steps in a stretch; `interrupted` is asked after each stretch.
 
     Raises:
         InstanceError: A call of an FMU failed.
@@ -43,7 +45,7 @@ def simulate(
         stepping.advance(rows, count, until)
         took = time.perf_counter() - began
         if took < 0.5 * STRETCH:
-            most = min(2 * most, MOST_STEPS)
+            most = min(2 * most, longest)
         elif took > 2.0 * STRETCH:
             most = max(min(most, stepping.steps - first) // 2, 1)
         if pacing is not None:

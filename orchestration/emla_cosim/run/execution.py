@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from ..base.errors import RunError
@@ -10,9 +11,11 @@ from ..base.units import LinearTransformation
 from ..master.run_loop import simulate
 from ..master.stepping.checkpoint import Checkpoint
 from ..master.stepping.pacing import Pacing
-from ..master.stepping.stepping_base import Stepping
+from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, recording
 from ..sandbox.interruption import catch_interrupts
+from .requirements import Requirement
+from .stop_conditions import StopCondition, StoppingRows
 
 FLUSH_INTERVAL = 1.0
 """Longest wall time in s between two transfers of rows to the recorders."""
@@ -33,8 +36,12 @@ class Run:
         shown: Mapping[int, LinearTransformation],
         pacing: Pacing | None = None,
         resumed: Checkpoint | None = None,
+        conditions: Sequence[StopCondition] = (),
     ) -> None:
-        """Take a stepping whose algorithm is set up; see `RowBuffer` for `shown`."""
+        """Take a stepping whose algorithm is set up; see `RowBuffer` for `shown`.
+
+        The run ends at the first row that meets one of the `conditions`. With some, it makes single steps.
+        """
         self.stepping = stepping
         self.pacing = pacing
         self.error: RunError | None = None
@@ -48,6 +55,8 @@ class Run:
         self._buffer = RowBuffer(
             1 + len(outline.names), self._recorders, shown=shown, texts=outline.text_columns
         )
+        self._stopping = StoppingRows(self._buffer, conditions) if conditions else None
+        self._rows: RowSink = self._buffer if self._stopping is None else self._stopping
         self._flushed = time.monotonic()
         self._paced = False
         self._first = (0, stepping.times.start)
@@ -68,6 +77,11 @@ class Run:
         if self.error is not None:
             return str(self.error)
         return f"interrupted at t = {self.stepping.time:.6g} s." if self.interrupted else None
+
+    @property
+    def stopped(self) -> tuple[Requirement, float] | None:
+        """The condition that ended the run and its time in s, or None."""
+        return None if self._stopping is None else self._stopping.met
 
     def memory(self) -> dict[str, Any]:
         """Pass all rows to the recorders, and return their memories by key."""
@@ -93,7 +107,7 @@ class Run:
                 self._recorders.append(recorder)
             self.stepping.algorithm.initialize(self.stepping.times.start, stop_time)
             if self._resumed is None:
-                self.stepping.record(self._buffer)
+                self.stepping.record(self._rows)
             else:
                 self._resumed.restore(self.stepping)
             self._first = (self.stepping.steps, self.stepping.time)
@@ -105,7 +119,7 @@ class Run:
             until: Time in s.
             interrupted: Function that says whether to stop. Default: stop after Ctrl-C.
         """
-        if self.error is not None:
+        if self.error is not None or self.stopped is not None:
             return
         self.interrupted = False
         began = time.perf_counter()
@@ -115,8 +129,12 @@ class Run:
             if self.pacing is not None and not self._paced:
                 self._paced = True
                 self.pacing.begin(self.stepping.time)
-            simulate(self.stepping, self._buffer, asked, self.pacing, self._pause, until)
-            self.interrupted = not self.stepping.reached(until)
+            if self._stopping is None:
+                simulate(self.stepping, self._rows, asked, self.pacing, self._pause, until)
+            else:
+                ends = partial(self._ends, asked)
+                simulate(self.stepping, self._rows, ends, self.pacing, self._pause, until, longest=1)
+            self.interrupted = self.stopped is None and not self.stepping.reached(until)
         self.wall_s += time.perf_counter() - began
 
     def end(self) -> None:
@@ -137,6 +155,9 @@ class Run:
         if not self.over:
             with contextlib.suppress(Exception):
                 self._buffer.end()
+
+    def _ends(self, asked: Callable[[], bool]) -> bool:
+        return self.stopped is not None or asked()
 
     def _pause(self) -> None:
         if time.monotonic() - self._flushed >= FLUSH_INTERVAL:

@@ -42,6 +42,7 @@ class RunOptions(TypedDict, total=False):
     roles: Mapping[str, str]
     criteria: Mapping[str, float | str]
     bonds: Mapping[str, str]
+    stop_when: Sequence[str]
     require: Sequence[str]
     reference: str | Path | None
     tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
@@ -113,6 +114,7 @@ class CompareOptions(TypedDict, total=False):
     compiled: bool
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
+    stop_when: Sequence[str]
     timeout: float | str | None
     patience: float | str
     extrapolation: str

@@ -43,7 +43,7 @@ from ..base.option import (
 )
 from ..base.patterns import has_wildcard, matches_pattern
 from ..base.quantities import parse_quantity, parse_unit_name
-from ..base.values import convert_value
+from ..base.values import convert_value, list_elements
 from ..fmu.cvode import METHODS
 from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
@@ -359,6 +359,14 @@ class Options:
         metavar="NAME='EFFORT * FLOW'",
         commands=(RUN, SWEEP),
         identity="bonds",
+    )
+    stop_when: Sequence[str] = _stepping(
+        [],
+        help="End the run successfully at the first communication point at which this condition on a signal "
+        "holds, such as 'lift.plant.x_L > 0.3' (repeatable).",
+        metavar="'SIGNAL > VALUE'",
+        commands=(RUN, SWEEP, COMPARE),
+        in_sweep=SAME,
     )
     require: Sequence[str] = _output(
         [],
@@ -694,7 +702,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if unit and isinstance(value, str):
         value = _in_unit(value, unit, label)
     if option.about.arrays and isinstance(value, Mapping):
-        value = _with_elements(value)
+        value = list_elements(value)
     objects = {}
     if takes is not None and isinstance(value, Mapping):
         objects = {name: one for name, one in value.items() if isinstance(one, takes)}
@@ -707,18 +715,6 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     return found
 
 
-def _with_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Replace each entry that has a list by entries `name[1]`, `name[2]` and so on."""
-    found: dict[Any, Any] = {}
-    for name, value in values.items():
-        many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
-        if isinstance(many, (list, tuple)) and many:
-            found |= {f"{name}[{i}]": one for i, one in enumerate(many, 1)}
-        else:
-            found[name] = value
-    return found
-
-
 def _in_unit(text: str, unit: str, label: str) -> float:
     """Read a number, or a quantity in this unit. Raise CommandError for any other text."""
     try:
@@ -728,5 +724,10 @@ def _in_unit(text: str, unit: str, label: str) -> float:
 
 
 def _suggest_option(name: str, known: Mapping[str, Option]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; there are {join_names(sorted(known))}."
+    longer = [n for n in known if n.startswith(f"{name}_")]
+    near = longer or difflib.get_close_matches(name, known, n=1)
+    return (
+        f"; did you mean {' or '.join(map(repr, near[:3]))}?"
+        if near
+        else f"; there are {join_names(sorted(known))}."
+    )

@@ -15,7 +15,7 @@ from ..base.wording import format_count
 from ..fmu.interface import Interface
 from ..fmu.variables import convert_start_value
 from ..inputs.data_tables import DataTable, read_table
-from ..inputs.headers import parse_data_unit
+from ..inputs.headers import Header, parse_data_unit
 from ..inputs.input import table_endings
 from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..system.model import Component, System, Value
@@ -56,10 +56,11 @@ def _read_column_values(
     """Read the value of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
+    name, unit = _name_and_unit(header, system, interfaces, label)
     try:
-        component, own = system.split(header.name)
+        component, own = system.split(name)
     except CommandError as error:
-        raise CommandError(f"{label}: {error}", name=header.name) from error
+        raise CommandError(f"{label}: {error}", name=name) from error
     interface = interfaces[component.name]
     elements = _elements(component, own, interface, label)
     numbers = data.numbers(position, padded=True)
@@ -71,7 +72,7 @@ def _read_column_values(
             f"{format_count(len(elements), 'element')}.",
             name=header.name,
         )
-    given, found = parse_data_unit(header.unit, label), dict[str, Value]()
+    given, found = parse_data_unit(unit, label), dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
         value = Quantity(number, given).in_unit(_unit(component, element, interface, given), label)
         try:
@@ -79,6 +80,22 @@ def _read_column_values(
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return found
+
+
+def _name_and_unit(
+    header: Header, system: System, interfaces: Mapping[str, Interface], label: str
+) -> tuple[str, str | None]:
+    """Return the name of a variable, and the unit in the header: `level in kN` is no variable, `level` is."""
+    if header.suffix is None:
+        return header.name, header.unit
+    for name, unit in ((header.name, header.unit), (header.suffix.name, header.suffix.unit)):
+        try:
+            component, own = system.split(name)
+            _elements(component, own, interfaces[component.name], label)
+        except CommandError:
+            continue
+        return name, unit
+    return header.name, header.unit
 
 
 def _elements(component: Component, name: str, interface: Interface, label: str) -> list[str]:

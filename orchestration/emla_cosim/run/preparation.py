@@ -1,20 +1,22 @@
 """Prepare a system to run or to export: build FMUs, apply parameter files, replace components."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.wording import format_count
-from ..fmu.interface import KINDS, Interface, read_interfaces
-from ..fmu.models import build, check_build_path
+from ..fmu.interface import KINDS, Interface, read_interface, read_interfaces
+from ..fmu.models import build, check_build_path, find_block
 from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from ..system.model import Replacement, System
 from ..system.signal_faults import add_fault_components, wire_faults
 from ..system.start_values import needs_interfaces, resolve_start_values, select_plain_names
+from ..system.vectors import connect_elements
 from .followers import following_values
 from .options import Options
 from .parameter_files import file_values
@@ -40,6 +42,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
+    system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
     looked_at = looked_at or options.kind
     interfaces = read_interfaces(fmus) if looked_at else {}
@@ -54,11 +57,24 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     system = wire_faults(system, faults, interfaces)
     followers = following_values(as_made, options)
     system = system.with_parameters(resolve_start_values(system, interfaces, options.set) | followers)
+    for component in system.components:
+        note = component.note(system) if callable(component.note) else component.note
+        if note and component.name not in replacements:
+            progress.note(f"Note: {note}")
     others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
         system = _replace_component(system, name, replacement, others[name], interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, others[name]
     return choose_kinds(system, options.kind, interfaces), fmus
+
+
+def _variable_names(system: System, fmus: Mapping[str, Path], name: str) -> Collection[str]:
+    """Return the names of a component's variables; those of an FMU file are read."""
+    model = system.component(name).model
+    if not model:
+        return read_interface(fmus[name]).variables
+    block = find_block(model) if isinstance(model, str) else model
+    return {scalar.name: None for scalar in block.layout().scalars}
 
 
 def choose_kinds(system: System, kinds: Mapping[str, str], interfaces: Mapping[str, Interface]) -> System:

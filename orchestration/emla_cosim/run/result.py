@@ -47,6 +47,7 @@ class Result:
         pacing: how real time was kept; None without `real_time`.
         problem: error message if the run ended early or misses a requirement, otherwise None.
         interrupted: whether Ctrl-C or a signal ended the run.
+        stopped_when: condition of `stop_when` that ended the run; None if it did not.
         record: content of run.json.
         comparisons: signals with those of the run that the option `reference` names.
         parameters: numeric parameters of all components, by full name.
@@ -87,6 +88,7 @@ class Result:
     notes: Sequence[str] = ()
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
+    stopped_when: str | None = None
 
     def __repr__(self) -> str:
         """Return one line: scenario, time, steps and number of signals."""

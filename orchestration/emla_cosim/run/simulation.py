@@ -53,6 +53,7 @@ from .requirements import Requirement, check_requirements, describe_unmet, parse
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import run_times, select_isolated, select_signals, steps_per_row
+from .stop_conditions import describe_stop, find_stop_conditions
 from .stored_margins import read_margins
 
 
@@ -365,7 +366,8 @@ class Simulation:
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
-            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
+            conditions = find_stop_conditions(chosen.stop_when, names, assembly.shown)
+            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
             _close_stepping(stepping)
@@ -618,6 +620,8 @@ class Simulation:
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
             going.metrics.ended_early(run.problem)
+        elif run.stopped is not None:
+            going.metrics.ended_early(describe_stop(*run.stopped))
         report, units, types = stepping.report(), going.units, going.types
         record = build_run_record(
             self.name,
@@ -633,7 +637,11 @@ class Simulation:
             self._unpacked,
         )
         record["accepted_faults"] = self._faults.shown(self._unpacked)
+        if run.stopped is not None:
+            condition, at = run.stopped
+            record["stopped_when"] = {"condition": str(condition), "time_s": at}
         record["remarks"] = [
+            *([] if run.stopped is None else [describe_stop(*run.stopped)]),
             *self._faults.remarks(self._unpacked),
             *describe_lost_values(record),
             *([] if going.has_signals else describe_empty_table(self._assembly.unexchanged.values())),
@@ -659,6 +667,7 @@ class Simulation:
             pacing=run.pacing.report() if run.pacing is not None else None,
             problem=run.problem,
             interrupted=run.interrupted,
+            stopped_when=None if run.stopped is None else str(run.stopped[0]),
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),

@@ -1,16 +1,22 @@
 """One joint: reference, plant, disturbance, observer and controller, connected."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from emla_fmu import Disturbance, EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant, Reference
+from emla_fmu.parameters import EmlaParameters
 from fmublock import Block
+from fmublock.units import parse_unit
 from fmublock.variables import Variable
+from rsba_fmu import BLOCKS
+from rsba_fmu.known_drive import KnownDrive
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, join_names
+from ..base.units import IDENTITY, SiUnit, find_conversion
 from ..system.model import Component, System, Value
 
 _WIRES = (
@@ -40,6 +46,9 @@ _SAMPLE = ("disturbance", "observer")
 """
 
 _SENSOR_FAULTS = ("sensor.sigma", "sensor.resolution", "sensor.current.sigma", "sensor.current.resolution")
+
+MACHINE = "machine."
+"""Begin of the names of parameters that a user's controller takes from the actuator of its joint."""
 
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
@@ -145,10 +154,73 @@ def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any
             raise CommandError(
                 f"the controller {_controller_label(controller)} has no output '{port}'.", name=port
             )
+    if not isinstance(controller, Path) and controller.__module__.startswith("rsba_fmu."):
+        return Component(name, controller.__name__, start_values(controller, emla, gains), samples=True)
+    values, note = _machine_values(name, controller, emla)
     if isinstance(controller, Path):
-        return Component(name, fmu=controller, samples=True)
-    model = controller.__name__ if controller.__module__.startswith("rsba_fmu.") else controller
-    return Component(name, model, start_values(controller, emla, gains), samples=True)
+        return Component(name, fmu=controller, parameters=values, samples=True, note=note)
+    return Component(name, controller, values | start_values(controller, gains), samples=True, note=note)
+
+
+def _machine_values(name: str, controller: type[Block] | Path, emla: Any) -> tuple[dict[str, Value], str]:
+    """Return the start values that a user's controller takes from the actuator, and a message on them.
+
+    These are its parameters `machine.R_s` and the like, and those of `KnownDrive` if it has them all. A block
+    and its FMU have the same names, so they get the same values.
+
+    Raises:
+        CommandError: The actuator has no such value, or the parameter has a unit that does not fit.
+    """
+    units = _parameter_units(controller)
+    wanted = {n: n.removeprefix(MACHINE) for n in units if n.startswith(MACHINE)}
+    if {p.name for p in KnownDrive.layout().parameters} <= units.keys():
+        own = {p.name: p.attribute for b in BLOCKS for p in b.layout().parameters if p.name}
+        wanted |= {n: a for n, a in own.items() if n in units and a in _known_units()}
+    values, shown = dict[str, Value](), list[str]()
+    for parameter, attribute in wanted.items():
+        if attribute not in _known_units():
+            raise CommandError(
+                f"the actuator has no value for {name}.{parameter}; it has "
+                f"{join_names([MACHINE + n for n in _known_units()])}.",
+                name=parameter,
+            )
+        value = getattr(emla, attribute)
+        try:
+            between = find_conversion(_known_units()[attribute], units[parameter])
+        except ValueError as error:
+            raise CommandError(
+                f"{name}.{parameter} takes its value from the actuator and has {error}, which cannot be "
+                "converted into each other.",
+                name=parameter,
+            ) from error
+        values[parameter] = value if between == IDENTITY else between(value)
+        unit = units[parameter]
+        shown.append(f"{parameter} = {values[parameter]:.6g}{'' if unit is None else f' {unit}'}")
+    return values, f"{name} takes start values from the actuator: {', '.join(shown)}." if shown else ""
+
+
+@cache
+def _known_units() -> dict[str, SiUnit | None]:
+    """Return the units of the values of an actuator by name."""
+    found = {v.attribute: v.unit for b in (KnownDrive, EmlaPlant) for v in b.layout().parameters}
+    known = {f.name for f in fields(EmlaParameters)} | {
+        n for n, v in vars(EmlaParameters).items() if isinstance(v, property)
+    }
+    return {n: None if unit is None else parse_unit(unit) for n, unit in found.items() if n in known}
+
+
+def _parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | None]:
+    """Return the units of a controller's parameters by FMI name."""
+    if isinstance(controller, Path):
+        from ..fmu.interface import read_interface  # slow to import
+
+        interface = read_interface(controller)
+        return {n: interface.unit(n) for n, v in interface.variables.items() if v.causality == "parameter"}
+    return {
+        s.name: None if p.unit is None else parse_unit(p.unit)
+        for p in controller.layout().parameters
+        for s in p.scalars()
+    }
 
 
 def _controller_label(controller: type[Block] | Path) -> str:

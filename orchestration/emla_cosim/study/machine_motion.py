@@ -1,25 +1,35 @@
 """The motion of the manipulator's joints."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from fmublock import Block
 from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
 
 from ..base.errors import CommandError
-from ..system.model import Value
-from ..trajectories.file import read_trajectory
+from ..system.model import System, Value
+from ..trajectories.file import read_motion
 from .roles import JOINTS
 from .systems import STUDY
+
+_SHOWN = 3
+"""The number of differences that a message lists."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Parameters of the block Trajectory, and each joint's start relative to q_S in m."""
+    """Parameters of the block Trajectory, and each joint's start relative to q_S in m.
+
+    `problem` is the one that the motion solves; empty if its file has none.
+    """
 
     parameters: Mapping[str, Value]
     ahead: Mapping[str, float]
     spline: Spline
+    problem: Mapping[str, Any] = field(default_factory=dict)
 
     def travel(self, joint: str, start: float, stop: float) -> tuple[float, float, float]:
         """Return lowest and highest position of a joint in m, and its largest speed in m/s.
@@ -41,13 +51,47 @@ def load_motion(file: Path | None) -> Motion:
     if file is None:
         return _motion(default_spline())
     try:
-        return _motion(read_trajectory(file))
+        spline, problem = read_motion(file)
+        return _motion(spline, problem)
     except TrajectoryError as error:
         raise CommandError(f"the trajectory '{file}' cannot be used: {error}") from error
 
 
-def _motion(spline: Spline) -> Motion:
+def _motion(spline: Spline, problem: Mapping[str, Any] | None = None) -> Motion:
     parameters = trajectory_parameters(spline)
     first = spline.evaluated([min(max(0.0, spline.start), spline.end)])[0]
     ahead = {joint: float(x) - STUDY[joint].reference.q_S for joint, x in zip(JOINTS, first, strict=True)}
-    return Motion(parameters, ahead, spline)
+    return Motion(parameters, ahead, spline, problem or {})
+
+
+def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Block], system: System) -> str:
+    """Return a message on what the machine of a motion's problem has and that of the system has not.
+
+    Args:
+        problem: The problem that the motion solves.
+        name: The component of the machine.
+        block: Its block.
+        system: The system with all start values.
+    """
+    values, driven = system.component(name).parameters, {x.input for x in system.into(name)}
+    known = {"payload": problem.get("payload"), **_table(problem.get("machine"))}
+    layout = block.layout()
+    shown = []
+    for variable in (*layout.inputs, *layout.parameters):
+        given = known.get(variable.attribute)
+        if given is None:
+            continue
+        elements = given if isinstance(given, list) else [given]
+        for scalar, theirs in zip(variable.scalars(), elements, strict=False):
+            ours = values.get(scalar.name, scalar.start)
+            if not isinstance(theirs, (int, float)) or not isinstance(ours, (int, float)):
+                continue
+            if scalar.name not in driven and not math.isclose(ours, theirs, rel_tol=1e-9):
+                unit = f" {variable.unit}" if variable.unit else ""
+                shown.append(f"{name}.{scalar.name} is {ours:.6g}{unit}, but {theirs:.6g}{unit} there")
+    more = f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
+    return f"the motion was found for another machine: {'; '.join(shown[:_SHOWN])}{more}." if shown else ""
+
+
+def _table(found: object) -> Mapping[str, Any]:
+    return found if isinstance(found, dict) else {}

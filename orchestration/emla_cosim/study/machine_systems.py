@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from ..system.bond import Bond
 from ..system.model import Component, System, Value
 from .actuator.joint_actuators import NONE, Actuators, check_joints
 from .joint import start_values
-from .machine_motion import Motion, load_motion
+from .machine_motion import Motion, describe_other_machine, load_motion
 from .roles import JOINTS
 from .systems import STUDY, Choice, study_joint
 
@@ -124,7 +125,9 @@ def _system(
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
         if bond is not None:
             bonds[joint] = bond.with_names(joint=joint, element=element)
-    shared = (Component("machine.trajectory", "Trajectory", wanted.parameters), machine)
+    block = HdrmPlant if electrical else HdrmManipulator
+    note = partial(describe_other_machine, wanted.problem, machine.name, block) if wanted.problem else ""
+    shared = (Component("machine.trajectory", "Trajectory", wanted.parameters, note=note), machine)
     system = System((*components, *shared), ()).with_connections(*connections)
     return replace(system, bonds=bonds)
 

@@ -23,6 +23,7 @@ from ..run.lost_values import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation
+from ..run.stop_conditions import describe_stop
 from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
@@ -142,6 +143,9 @@ class VariantProcess:
                     recorders=recorders, signals=measures.reading(simulation.names), **variant.options
                 )
                 problem = reason_not_held(result)
+                if result.stopped_when is not None:
+                    ended = describe_stop(result.stopped_when, result.end_s)
+                    problem = " ".join(filter(None, (ended, problem)))
             except RunError as error:
                 if "result" not in error.fields:
                     raise

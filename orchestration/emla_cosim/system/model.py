@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..base.errors import CommandError, join_names
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
+from ..base.values import list_elements
 from .bond import Bond
 
 Value = float | int | bool | str
@@ -41,6 +42,8 @@ class Component:
             holds between them are then no error of the coupling.
         kind: as what its FMU runs: `cs` (co-simulation) or `me` (Model Exchange). Default: co-simulation if
             the FMU has that.
+        note: message for the user when the system is prepared, or a function that returns it for the system
+            with all start values; empty for none.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Component:
     aliases: Mapping[str, Alias] = field(default_factory=dict)
     samples: bool = False
     kind: str = ""
+    note: "str | Callable[[System], str]" = field(default="", compare=False)
 
     @property
     def branch(self) -> str:
@@ -89,6 +93,7 @@ class Connection:
         target: name of the component with the input.
         input: name of the input in its FMU.
         transformation: how values are transformed. Default: from the unit of the output to that of the input.
+        from_text: whether it was written as a text; its ends may then be vectors.
     """
 
     source: str
@@ -96,6 +101,7 @@ class Connection:
     target: str
     input: str
     transformation: LinearTransformation | None = None
+    from_text: bool = field(default=False, compare=False)
 
     @property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -136,8 +142,9 @@ class System:
         Args:
             components: an FMU file, a block of `fmublock` or the name of an FMU of this project, by
                 component.
-            connections: texts such as "lift.plant.x_L -> lift.observer.y".
-            set: start values by full name.
+            connections: texts such as "lift.plant.x_L -> lift.observer.y"; vectors and matrices of the same
+                shape connect as a whole, such as "mass.x -> link.x".
+            set: start values by full name; of vectors and matrices as lists or arrays.
 
         Raises:
             CommandError: a component does not exist, or a connection cannot be read.
@@ -154,7 +161,7 @@ class System:
         """
         made = cls(tuple(_component(name, what) for name, what in components.items()), ())
         wired = replace(made, connections=tuple(made._connection(text) for text in connections))
-        return wired.with_parameters(set or {})
+        return wired.with_parameters(list_elements(set or {}))
 
     @property
     def branches(self) -> list[str]:
@@ -294,7 +301,7 @@ class System:
         if not (source and arrow and target):
             raise CommandError(f"'{text}' is not a connection; write a.output -> b.input.", name=text)
         (source, output), (target, input_) = self.split(source), self.split(target)
-        return Connection(source.name, output, target.name, input_)
+        return Connection(source.name, output, target.name, input_, from_text=True)
 
     def _unknown(self, name: str) -> CommandError:
         branch = name.partition(".")[0]

@@ -1,7 +1,9 @@
 """Trajectory files: JSON with a B-spline for each joint, and the problem that it solves."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hdrm_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
 
@@ -27,9 +29,20 @@ def read_trajectory(path: str | Path) -> Spline:
     Raises:
         CommandError: the file does not exist or contains no trajectory.
     """
+    return read_motion(path)[0]
+
+
+def read_motion(path: str | Path) -> tuple[Spline, Mapping[str, Any]]:
+    """Read the spline of a trajectory file, and the problem that it solves; empty without one.
+
+    Raises:
+        CommandError: As for `read_trajectory`.
+    """
     text = read_text(Path(path), WHAT)
     try:
-        return spline_of(json.loads(text))
+        document = json.loads(text)
+        spline, problem = spline_of(document), document.get("problem")
+        return spline, problem if isinstance(problem, dict) else {}
     except TrajectoryError as error:
         raise CommandError(f"{WHAT} '{path}' cannot be used: {error}") from error
     except (ValueError, RecursionError) as error:  # ValueError also for numbers with thousands of digits

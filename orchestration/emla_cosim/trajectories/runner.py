@@ -24,7 +24,7 @@ from .pictures import picture_places, save_pictures
 from .problem import load_problem
 from .result import TrajectoryResult
 
-_RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 100)}
+_RANGES = {"degree": (3, 5), "points": (3, 50), "starts": (1, 100), "subdivisions": (1, 64)}
 """Smallest and largest values of the sizes; from degree 3 on, the acceleration has no jumps."""
 
 _LEAST_COEFFICIENTS = 6
@@ -39,6 +39,7 @@ def trajectory(
     degree: int = 5,
     knots: int = 20,
     points: int = 10,
+    subdivisions: int = 1,
     starts: int = 1,
     output: str | Path | None = None,
     overwrite: bool = False,
@@ -54,8 +55,10 @@ def trajectory(
         tie_break: weight of the powers of single joints beside the square of their sum, 0 to 1000; 0 is as
             printed in the paper.
         degree: degree of the spline, 3 to 5.
-        knots: number of different knots, 2 to 48.
+        knots: number of different knots: at least 7 - `degree` and 2, at most 49 - `degree`.
         points: number of points between two knots in which bounds are checked, 3 to 50.
+        subdivisions: number of parts of each span between knots, 1 to 64. Strokes and speeds are bounded at
+            the control points of these parts. More parts cost less power, and more time to solve.
         starts: number of initial guesses, 1 to 100. The best motion counts.
         output: file to write the motion to.
         overwrite: replace files that emla did not write.
@@ -71,7 +74,8 @@ def trajectory(
     """
     reporter, reading = progress or Progress(), _parse_reading(end_speed)
     given = load_problem(problem)
-    how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
+    sizes = _sizes(degree, knots, points)
+    how = Discretisation(*sizes, _weight(tie_break), _size("subdivisions", subdivisions))
     place = None if output is None else convert_value(output, Path, "the output file")
     if place is not None:
         picture_places(place, plots, problem, overwrite)
@@ -92,25 +96,25 @@ def _parse_reading(name: str) -> EndSpeed:
 
 
 def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
-    sizes = _size("degree", degree), _size("knots", knots), _size("points", points)
-    if knots + degree - 1 > COEFFICIENTS:
+    most, least = COEFFICIENTS + 1 - _size("degree", degree), _LEAST_COEFFICIENTS + 1 - degree
+    if not _is_whole(knots) or not max(least, 2) <= knots <= most:
         raise CommandError(
-            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; the block Trajectory "
-            f"has room for {COEFFICIENTS}."
+            f"knots is {knots!r}; with degree {degree}, it must be a whole number from {max(least, 2)} to "
+            f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + "
+            "degree - 1."
         )
-    if knots + degree - 1 < _LEAST_COEFFICIENTS:
-        raise CommandError(
-            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; at least "
-            f"{_LEAST_COEFFICIENTS} are required."
-        )
-    return sizes
+    return degree, knots, _size("points", points)
 
 
 def _size(name: str, value: int) -> int:
     least, most = _RANGES[name]
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+    if not _is_whole(value) or not least <= value <= most:
         raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
     return value
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _weight(tie_break: float) -> float:

@@ -62,8 +62,9 @@ def format_lines(result: OptimisedMotion) -> Iterator[str]:
     """Return how the motion was found, and whether it keeps its bounds on the dense grid."""
     how, solution = result.discretisation, result.solution
     of = f", best of {result.starts} starts" if result.starts > 1 else ""
+    parts = f", each span in {how.subdivisions} parts" if how.subdivisions > 1 else ""
     yield (
-        f"Degree {how.degree}, {how.knots} knots, {how.points} points between two: "
+        f"Degree {how.degree}, {how.knots} knots, {how.points} points between two{parts}: "
         f"{solution.iterations} iterations in {solution.wall_s:.2f} s ({solution.cpu_s:.2f} s CPU){of}"
     )
     beyond = [p for p in result.assessment.peaks if p.excess > 0.0]

@@ -43,6 +43,22 @@ class SplineBasis:
         p, n = self.degree, self.size
         return (self.knots[p + 1 : p + n] - self.knots[1:n]) / p
 
+    @property
+    def derivative(self) -> "SplineBasis":
+        """The basis of the derivatives of curves."""
+        return SplineBasis(self.degree - 1, self.knots[1:-1])
+
+    def subdivided(self, pieces: int) -> np.ndarray:
+        """Return the matrix from coefficients to those of the same curve with more knots.
+
+        Every span between knots has `pieces` equal parts. The curve lies closer to the new coefficients.
+        """
+        curve = BSpline(self.knots, np.eye(self.size), self.degree)
+        for a, b in pairwise(np.unique(self.knots)):
+            for k in range(1, pieces):
+                curve = curve.insert_knot(a + (b - a) * k / pieces)
+        return curve.c[: len(curve.t) - self.degree - 1]
+
     def at(self, places: np.ndarray, derivative: int = 0) -> np.ndarray:
         """Return a derivative of all basis functions: one row per place, one column per coefficient."""
         return BSpline(self.knots, np.eye(self.size), self.degree)(places, nu=derivative)

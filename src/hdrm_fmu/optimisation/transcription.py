@@ -24,12 +24,15 @@ class Discretisation:
 
     `degree` and `knots` are those of the spline, `points` the collocation points in each span between
     knots. `tie_break` is the weight of the joints' own powers, without which many motions cost the same.
+    Control points after dividing each span into `subdivisions` parts keep the bounds of strokes and speeds,
+    and so does the spline between them. The more parts, the closer they are to the spline.
     """
 
     degree: int = 5
     knots: int = 20
     points: int = 10
     tie_break: float = 1e-3
+    subdivisions: int = 1
 
     @property
     def basis(self) -> SplineBasis:
@@ -87,6 +90,7 @@ class Programme:
         forces, cost = stage(self.problem, self.how.tie_break).map(len(self.points[0]))(q, v, a)
         constraints = Constraints()
         self._on_spline(constraints)
+        self._strokes(constraints)
         self._speeds(constraints)
         for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
             scale = max(high - low, 1.0)
@@ -99,9 +103,11 @@ class Programme:
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the bounds of the unknowns. Coefficients are within the strokes, and so is the spline."""
+        """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
         inner, problem = self.basis.size - 2, self.problem
         columns = zip(problem.q_S, problem.machine.q_LB, problem.machine.q_UB, problem.q_E, strict=True)
+        if self.how.subdivisions > 1:
+            columns = [(s, -np.inf, np.inf, e) for s, _, _, e in columns]
         ends = [(s, [low] * inner, [high] * inner, e) for s, low, high, e in columns]
         low = [x for s, lows, _, e in ends for x in (s, *lows, e)]
         high = [x for s, _, highs, e in ends for x in (s, *highs, e)]
@@ -140,6 +146,14 @@ class Programme:
             scale = self.problem.t_M**order
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
 
+    def _strokes(self, constraints: Constraints) -> None:
+        """Require bounds of the strokes' subdivided control points."""
+        if self.how.subdivisions > 1:
+            fine = casadi.mtimes(casadi.DM(self.basis.subdivided(self.how.subdivisions)), self.symbols[0])
+            for i in range(3):
+                low, high = self.problem.machine.q_LB[i], self.problem.machine.q_UB[i]
+                constraints.between((fine[1:-1, i] - low) / (high - low), 0.0, 1.0)
+
     def _speeds(self, constraints: Constraints) -> None:
         """Require the speeds at both ends, and bounds of the speed's control points between.
 
@@ -157,6 +171,9 @@ class Programme:
                 constraints.giving_way(off, 0.0, 0.0, self._slack(group))
             slack = self._slack(_SPEED + i)
             inner = speeds[1:-1, i]
+            if self.how.subdivisions > 1 and i not in self.problem.beyond_bounds():
+                fine = self.basis.derivative.subdivided(self.how.subdivisions)
+                inner = casadi.mtimes(casadi.DM(fine), speeds[:, i])[1:-1]
             extra = 0.0 if slack is None else slack
             constraints.between((inner - high * relative) / scale - extra, -np.inf, 0.0)
             constraints.between((inner - low * relative) / scale + extra, 0.0, np.inf)

@@ -12,6 +12,7 @@ import typer
 
 from ...base.errors import CommandError
 from ...base.option import RUNS, Option
+from ...base.values import parse_list
 from ...run.options import list_options, read_option
 
 SOURCE = (
@@ -143,6 +144,13 @@ def _read(option: Option, value: Any) -> Any:
 def _entry(option: Option, name: str, text: str, of: Any) -> Any:
     if of is Path:
         return Path(text)
+    if option.about.arrays and text.startswith("[") and text.endswith("]"):
+        try:
+            return parse_list(text)
+        except ValueError as error:
+            raise CommandError(
+                f"{option.flag} {name}={text} is not a list; write [1,2], or [[1,2],[3,4]] for a matrix."
+            ) from error
     if of is not int:
         return text
     try:

@@ -63,11 +63,23 @@ def command(
         int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["degree"],
     knots: Annotated[
-        int, typer.Option(help="Number of distinct knots, denser at both ends.", rich_help_panel=_HOW)
+        int,
+        typer.Option(
+            help="Number of distinct knots, denser at both ends; at most 49 minus the degree.",
+            rich_help_panel=_HOW,
+        ),
     ] = _DEFAULT_PATH["knots"],
     points: Annotated[
         int, typer.Option(help="Number of collocation points between two knots.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["points"],
+    subdivisions: Annotated[
+        int,
+        typer.Option(
+            help="Number of parts of each span at whose control points strokes and speeds are bounded; more "
+            "parts cost less power, and more time to solve.",
+            rich_help_panel=_HOW,
+        ),
+    ] = _DEFAULT_PATH["subdivisions"],
     starts: Annotated[
         int, typer.Option(help="Number of starts; the best result is kept.", rich_help_panel=_HOW)
     ] = _DEFAULT_PATH["starts"],
@@ -97,6 +109,7 @@ def command(
             degree=degree,
             knots=knots,
             points=points,
+            subdivisions=subdivisions,
             starts=starts,
             output=place,
             overwrite=overwrite,

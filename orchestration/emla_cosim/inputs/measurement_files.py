@@ -1,0 +1,180 @@
+"""Files of measurement computers: ASAM MDF (`asammdf`) and TDMS of LabVIEW (`nptdms`)."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import CommandError, join_names
+from ..base.patterns import matches_pattern
+
+MEASUREMENT_ENDINGS = (".mf4", ".mdf", ".tdms")
+"""File extensions of measurement files."""
+
+TIME = "time"
+"""Name of the column of times that is not a channel."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A channel of a measurement file.
+
+    Attributes:
+        name: Its name.
+        unit: The name of its unit, None without one.
+        read: Returns its values, and its times in s.
+    """
+
+    name: str
+    unit: str | None
+    read: Callable[[], tuple[np.ndarray, np.ndarray | None]]
+
+
+@dataclass(frozen=True)
+class ChannelGroup:
+    """Channels that were sampled at the same times. `name` is the name of the group."""
+
+    name: str
+    channels: Sequence[Channel]
+
+
+def is_measurement_file(content: bytes) -> bool:
+    """Return whether a file is MDF or TDMS, from its first bytes."""
+    return content.startswith((b"MDF ", b"UnFinMF ", b"TDSm"))
+
+
+def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
+    """Return the groups of a measurement file that have channels of numbers.
+
+    Args:
+        file: The file.
+        content: Its first bytes.
+        label: What error messages call it.
+
+    Raises:
+        CommandError: If it cannot be read, or the package for it is not installed.
+    """
+    read, package, extra = (
+        (_read_tdms, "nptdms", "tdms") if content.startswith(b"TDSm") else (_read_mdf, "asammdf", "mdf")
+    )
+    try:
+        return read(file)
+    except ImportError as error:
+        raise CommandError(
+            f"{label} needs the package {package}; install it with `pip install 'emla-cosim[{extra}]'`."
+        ) from error
+    except Exception as error:  # the packages raise errors of many types
+        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+        raise CommandError(f"{label} cannot be read: {reason}.") from error
+
+
+def choose_group(groups: Sequence[ChannelGroup], asked: Sequence[str], label: str) -> ChannelGroup:
+    """Return the only group that has channels of all these names.
+
+    Args:
+        groups: The groups.
+        asked: Names of channels, or patterns. Names that no group has are ignored.
+        label: What error messages call the file.
+
+    Raises:
+        CommandError: If no group or several groups have them.
+    """
+    if len(groups) == 1:
+        return groups[0]
+    if not groups:
+        raise CommandError(f"{label} has no channels with numbers.")
+    known = [a for a in asked if any(_has(group, a) for group in groups)]
+    found = [group for group in groups if known and all(_has(group, a) for a in known)]
+    if len(found) == 1:
+        return found[0]
+    names = join_names([f"'{g.name}'" for g in groups[:8]])
+    if not known:
+        raise CommandError(
+            f"{label} has channels sampled at different times, in the groups {names}; name the channels to "
+            "use."
+        )
+    if not found:
+        raise CommandError(
+            f"{label} has {join_names(known)} in different groups, sampled at different times; use one input "
+            "for each group."
+        )
+    raise CommandError(
+        f"{label} has {join_names(known)} in the groups {join_names([g.name for g in found])}; the names of "
+        "channels must be unique."
+    )
+
+
+def _has(group: ChannelGroup, name: str) -> bool:
+    return any(c.name == name or matches_pattern(c.name, name) for c in group.channels)
+
+
+def _read_mdf(file: Path) -> list[ChannelGroup]:
+    from asammdf import MDF
+
+    found = []
+    with MDF(file) as mdf:
+        for number, group in enumerate(mdf.groups):
+            master = mdf.masters_db.get(number)
+            if master is None or getattr(group.channels[master], "sync_type", 1) not in (0, 1):
+                continue  # not sampled over time, but over an angle or a distance
+            channels = [
+                Channel(c.name, _unit_of(c), _mdf_reader(file, number, index))
+                for index, c in enumerate(group.channels)
+                if index != master
+            ]
+            name = str(getattr(group.channel_group, "acq_name", "") or f"group {number + 1}")
+            found.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(file, number, None)), *channels]))
+    return found
+
+
+def _unit_of(channel: Any) -> str | None:
+    unit = channel.unit or getattr(channel.conversion, "unit", None)
+    return str(unit).strip() or None if unit else None
+
+
+def _mdf_reader(
+    file: Path, group: int, index: int | None
+) -> Callable[[], tuple[np.ndarray, np.ndarray | None]]:
+    """Return a function that reads a channel, or the times of its group."""
+
+    def read() -> tuple[np.ndarray, np.ndarray | None]:
+        from asammdf import MDF
+
+        with MDF(file) as mdf:
+            if index is None:
+                times = mdf.get_master(group)
+                return times, times
+            signal = mdf.get(group=group, index=index)
+        return signal.samples, signal.timestamps
+
+    return read
+
+
+def _read_tdms(file: Path) -> list[ChannelGroup]:
+    from nptdms import TdmsFile
+
+    found = []
+    for group in TdmsFile.read(file).groups():
+        channels = [Channel(c.name, _tdms_unit(c.properties), _tdms_reader(c)) for c in group.channels()]
+        timed = next((c for c in group.channels() if "wf_increment" in c.properties), None)
+        if timed is not None and not any(c.name == TIME for c in channels):
+            track = timed.time_track()
+            channels = [Channel(TIME, "s", lambda track=track: (track, track)), *channels]
+        if channels:
+            found.append(ChannelGroup(group.name, channels))
+    return found
+
+
+def _tdms_unit(properties: Mapping[str, Any]) -> str | None:
+    unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "").strip()
+    return unit or None
+
+
+def _tdms_reader(channel: Any) -> Callable[[], tuple[np.ndarray, np.ndarray | None]]:
+    def read() -> tuple[np.ndarray, np.ndarray | None]:
+        timed = "wf_increment" in channel.properties
+        return channel[:], channel.time_track() if timed else None
+
+    return read

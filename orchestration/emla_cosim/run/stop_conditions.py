@@ -1,0 +1,102 @@
+"""Conditions on signals that end a run, such as `lift.plant.x_L > 0.3`."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError, suggest_names
+from ..base.units import IDENTITY, LinearTransformation
+from ..recorders.recorder import RowBuffer
+from .requirements import Requirement, parse_requirement
+
+
+def parse_stop_condition(text: str) -> Requirement:
+    """Parse a condition on a signal; it has the form of a requirement.
+
+    Raises:
+        CommandError: It is anything else.
+    """
+    try:
+        found = parse_requirement(text)
+    except CommandError as error:
+        raise CommandError(
+            f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or <=, "
+            "and a number, such as 'lift.plant.x_L > 0.3'.",
+            condition=text,
+        ) from error
+    return found
+
+
+@dataclass(frozen=True)
+class StopCondition:
+    """A condition, the position of its signal in rows, and the transformation to the unit of results."""
+
+    condition: Requirement
+    column: int
+    shown: LinearTransformation
+
+    def is_met(self, row: Vector) -> bool:
+        """Return whether a row meets the condition; NaN does not."""
+        value = self.shown(float(row[self.column]))
+        if isinstance(self.condition.value, bool):
+            return not math.isnan(value) and self.condition.met_by(value != 0.0)
+        return self.condition.met_by(value)
+
+
+def find_stop_conditions(
+    texts: Sequence[str], names: Sequence[str], shown: Mapping[int, LinearTransformation]
+) -> list[StopCondition]:
+    """Return the conditions of a run.
+
+    Args:
+        texts: The conditions as users write them.
+        names: The names of the signals in rows.
+        shown: Transformations of signals to the units of results, by position.
+
+    Raises:
+        CommandError: If a condition is invalid, or its signal does not exist.
+    """
+    found = []
+    for condition in map(parse_stop_condition, texts):
+        name = condition.figure
+        if name not in names:
+            raise CommandError(
+                f"there is no signal '{name}' to stop at; {suggest_names(name, names)}", name=name
+            )
+        place = names.index(name)
+        found.append(StopCondition(condition, 1 + place, shown.get(place, IDENTITY)))
+    return found
+
+
+def describe_stop(condition: Requirement | str, time: float) -> str:
+    """Return a message on the condition that ended a run at a time in s."""
+    return f"the run ended at t = {time:.6g} s, because {condition} (--stop-when)."
+
+
+class StoppingRows:
+    """Takes rows for a buffer, up to the first one that meets a condition.
+
+    Attributes:
+        every: Every `every`-th communication point has a row.
+        met: What ended the run: the condition and the time in s; None before.
+    """
+
+    def __init__(self, buffer: RowBuffer, conditions: Sequence[StopCondition]) -> None:
+        self._buffer, self._conditions = buffer, conditions
+        self.every = buffer.every
+        self._room: Vector | None = None
+        self.met: tuple[Requirement, float] | None = None
+
+    def room(self, most: int) -> Vector:
+        """Return free rows to fill; see `RowBuffer.room`."""
+        self._room = self._buffer.room(most)
+        return self._room
+
+    def commit(self, count: int) -> None:
+        """Take filled rows, and check the conditions in each of them."""
+        for row in () if self._room is None else self._room[:count]:
+            if self.met is None:
+                met = next((c.condition for c in self._conditions if c.is_met(row)), None)
+                self.met = None if met is None else (met, float(row[0]))
+        self._buffer.commit(count)

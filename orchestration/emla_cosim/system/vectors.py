@@ -1,0 +1,60 @@
+"""Connections of vectors and matrices: one for each pair of elements."""
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+
+from ..base.errors import CommandError
+from ..base.wording import format_count
+from .model import Connection, System
+
+
+def connect_elements(system: System, names: Callable[[str], Collection[str]]) -> System:
+    """Return the system with connections of elements in place of connections of vectors and matrices.
+
+    Args:
+        system: The system. Only connections written as texts, such as `mass.x -> link.x`, can be of vectors.
+        names: Returns the names of a component's variables.
+
+    Raises:
+        CommandError: If the two ends do not have the same elements.
+    """
+    if not any(x.from_text for x in system.connections):
+        return system
+    connections = [y for x in system.connections for y in (_elements(x, names) if x.from_text else [x])]
+    return replace(system, connections=tuple(connections))
+
+
+def _elements(connection: Connection, names: Callable[[str], Collection[str]]) -> Iterator[Connection]:
+    """Yield the connections of the elements, or the connection itself if it is not of vectors."""
+    found = [_indices(name, names(component)) for component, name in connection.ends]
+    if not (found[0] and found[1]):
+        yield connection  # not of vectors, or an error that is raised when the connection is resolved
+        return
+    if found[0] != found[1]:
+        ends = [
+            f"{c}.{n} has {format_count(len(i), 'element')}"
+            for (c, n), i in zip(connection.ends, found, strict=True)
+        ]
+        differ = "" if len(found[0]) != len(found[1]) else " with other indices"
+        raise CommandError(
+            f"the connection {connection} joins different shapes: {ends[0]}, {ends[1]}{differ}.",
+            connection=str(connection),
+        )
+    for index in found[0]:
+        yield replace(
+            connection,
+            output=f"{connection.output}{index}",
+            input=f"{connection.input}{index}",
+            from_text=False,
+        )
+
+
+def _indices(name: str, known: Collection[str]) -> list[str]:
+    """Return the indices of a vector, such as `[1]` or `[1,2]`; empty for a scalar."""
+    if name in known:
+        return []
+    return [
+        n[len(name) :]
+        for n in known
+        if n.startswith(f"{name}[") and n.endswith("]") and "." not in n[len(name) :]
+    ]

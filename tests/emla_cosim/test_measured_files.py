@@ -1,0 +1,316 @@
+"""Files as measurement computers write them: units in any form, preambles, clock times, MDF and TDMS."""
+
+import datetime
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas
+import polars
+import pytest
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, TdmsWriter
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.progress import Progress
+from emla_cosim.fmu.interface import Interface, read_interfaces
+from emla_cosim.inputs.column_bindings import bind_columns
+from emla_cosim.inputs.headers import Header
+from emla_cosim.inputs.input import Input
+from emla_cosim.inputs.wired_inputs import LoadedInput, wire_inputs
+from emla_cosim.run.preparation import prepare_system
+from emla_cosim.system.model import System
+
+LOAD, POSITION = "lift.disturbance.F_L", "lift.reference.x_d"
+TIMES, FORCES = [0.0, 0.005, 0.01], [1.5, 2.0, 2.25]
+STOP = 0.01
+
+
+@cache
+def lift(folder: Path) -> tuple[System, dict[str, Interface]]:
+    scenario = ec.load("lift", fmus=folder)
+    system, fmus = prepare_system(scenario.system, scenario.options, Progress())
+    return system, read_interfaces(fmus)
+
+
+def forces_of(folder: Path, source: Input | Path, signal: str = LOAD) -> tuple[np.ndarray, str]:
+    """The values that drive a signal in the rows, and the notes on them."""
+    loaded = LoadedInput.of(source if isinstance(source, Input) else Input(source, {signal: "Force"}))
+    system, interfaces = lift(folder)
+    notes = wire_inputs(system, [loaded], interfaces, ["linux64"]).notes
+    (driven,), _ = bind_columns(loaded.source, loaded.data, loaded.time, system, interfaces)
+    assert driven.signal == signal
+    numbers = loaded.data.numbers(driven.column)
+    return driven.transformation.factor * numbers + driven.transformation.offset, "\n".join(notes)
+
+
+def table(folder: Path, content: str | bytes) -> LoadedInput:
+    file = folder / "data.csv"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return LoadedInput.of(Input(file))
+
+
+def rows(delimiter: str = ";", force: float = 1.0) -> str:
+    return "".join(f"{1000 * t:g}{delimiter}{force * f:g}\n" for t, f in zip(TIMES, FORCES, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit", "short"),
+    [
+        ("Kraft in kN", "Kraft", "kN", False),
+        ("Kraft in N", "Kraft", "N", False),
+        ("Geschwindigkeit in km/h", "Geschwindigkeit", "km/h", False),
+        ("Kraft vorne_kN", "Kraft vorne", "kN", False),
+        ("F_1_kN", "F_1", "kN", False),
+        ("F/kN", "F", "kN", False),
+        ("v/(mm/s)", "v", "(mm/s)", False),
+        ("Force, kN", "Force", "kN", False),
+        ("Force(kN)", "Force", "kN", False),
+        ("Force kN", "Force", "kN", False),
+        ("Torque in N m", "Torque", "N m", False),
+        ("Temp_°C", "Temp", "°C", False),
+        ("F_N", "F", "N", True),
+        ("t/s", "t", "s", True),
+        ("x_d", "x", "d", True),
+    ],
+)
+def test_a_header_may_end_with_a_unit(header: str, name: str, unit: str, short: bool) -> None:
+    found = Header.of(header)
+    assert found.unit is None and found.suffix is not None
+    assert (found.suffix.name, found.suffix.unit, found.suffix.is_short) == (name, unit, short)
+
+
+@pytest.mark.parametrize(
+    "header", ["x", "x_1", "der(s)", "Speed in motor", "a/b", "F [kN]", "x_max", "p_2", "_N"]
+)
+def test_other_headers_have_no_unit_at_their_end(header: str) -> None:
+    assert Header.of(header).suffix is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "Zeit in ms;Force in kN\n" + rows(),
+        "t_ms;Force_kN\n" + rows(),
+        "t/ms;Force/kN\n" + rows(),
+        '"Time, ms","Force, kN"\n' + rows(","),
+        "Zeit;Force\nms;kN\n" + rows(),
+        "Zeit\tForce\n[ms]\t[kN]\n" + rows("\t").replace(".", ","),
+        "Zeit in ms;Force in N\n" + rows(force=1e3),
+        "Zeit in ms;Force_N\n" + rows(force=1e3),
+        f"Zeit in ms;{LOAD} in kN\n" + rows(),
+    ],
+)
+def test_units_are_read_in_every_form(content: str, fmu_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text(content)
+    source = (
+        Input(file) if LOAD in content else Input(file, {LOAD: "Force_N" if "_N" in content else "Force"})
+    )
+    found, notes = forces_of(fmu_folder, source)
+    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-15)
+    assert "without a unit" not in notes
+
+
+def test_a_column_without_a_unit_is_noted(fmu_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text("Zeit in ms;Force\n" + rows())
+    found, notes = forces_of(fmu_folder, file)
+    assert found.tolist() == FORCES
+    assert "read in the unit of their signal: 'Force' in N." in notes
+
+
+@pytest.mark.parametrize(
+    ("header", "signal", "sentence"),
+    [
+        ("F_kN", POSITION, r"may have the unit 'kN' at its end, or be called so; .* such as 'F_kN \[m\]'"),
+        ("x_min", POSITION, r"may have the unit 'min'"),
+        ("Kraft in kN", POSITION, r"may have the unit 'kN'"),
+        ("T_h", "lift.plant.T_h", None),
+        ("x_d", POSITION, None),
+        ("x_L", POSITION, None),
+    ],
+)
+def test_what_a_unit_may_be_is_refused_unless_it_is_none(
+    header: str, signal: str, sentence: str | None, fmu_folder: Path, tmp_path: Path
+) -> None:
+    if signal == "lift.plant.T_h":
+        found = LoadedInput.of(Input(data={"t/s": [0.0, 1.0], "x": [0.0, 1.0]}))
+        assert found.times.tolist() == [0.0, 1.0]
+        with pytest.raises(CommandError, match="the time 't_h' of the input of data may have the unit 'h'"):
+            LoadedInput.of(Input(data={"t_h": [0.0, 1.0], "x": [0.0, 1.0]}))
+        return
+    file = tmp_path / "data.csv"
+    file.write_text(f"t;{header}\n0;0.24\n0.01;0.24\n")
+    source = Input(file, {signal: header})
+    if sentence is None:
+        assert forces_of(fmu_folder, source, signal)[0][0] == 0.24
+        return
+    with pytest.raises(CommandError, match=sentence):
+        forces_of(fmu_folder, source, signal)
+    found, _ = forces_of(fmu_folder, Input(file, {signal: f"{header} [mm]"}), signal)
+    assert found[0] == 0.24e-3
+
+
+PREAMBLE = "Prüfstand 7;\nDatum;03.05.2026\nAbtastrate;1 kHz\n\n"
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "utf-8", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_german_measurement_computer(encoding: str, end: str, fmu_folder: Path, tmp_path: Path) -> None:
+    text = f"{PREAMBLE}Zeit;Druck in Öl;Force\nms;bar;kN\n"
+    text += "".join(f"{1000 * t:g};7,5;{f:g}\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True))
+    file = tmp_path / "data.csv"
+    file.write_bytes(text.replace("\n", end).encode(encoding))
+    found, notes = forces_of(fmu_folder, file)
+    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-15)
+    assert "has 3 lines before its header, which are skipped" in notes
+    assert LoadedInput.of(Input(file)).data.headers[1].text == "Druck in Öl"
+    assert ("is not UTF-8" in notes) == (encoding != "utf-8")
+
+
+def test_units_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="has the unit 'N' in its row of units, and another one before"):
+        table(tmp_path, "t;F [kN]\ns;N\n0;1\n1;2\n")
+    assert table(tmp_path, "t;F [kN]\ns;kN\n0;1\n1;2\n").data.headers[1].unit == "kN"
+
+
+def test_the_first_row_of_numbers_is_row_1_below_a_preamble(tmp_path: Path) -> None:
+    found = table(tmp_path, f"{PREAMBLE}t;F\ns;N\n0;1\n1;two\n")
+    with pytest.raises(CommandError, match="has 'two' in row 2 of the column 'F'"):
+        found.data.numbers(1)
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["12:00:00.000", "12:00:00.250", "12:00:01.500"],
+        ["12:00:00,000", "12:00:00,250", "12:00:01,500"],
+        ["2026-05-03 23:59:59", "2026-05-03T23:59:59.25", "2026-05-04 00:00:00.5"],
+        ["23:59:59", "23:59:59.25", "00:00:00.5"],
+        ["03.05.2026 23:59:59", "03.05.2026 23:59:59.25", "04.05.2026 00:00:00.5"],
+        ["05/13/2026 11:59:59 PM", "05/13/2026 11:59:59.25 pm", "05/14/2026 12:00:00.5 AM"],
+        ["05/03/2026 11:59:58", "05/03/2026 11:59:58.25", "05/03/2026 11:59:59.5"],
+        ["2026-05-03T12:00:00Z", "2026-05-03T14:00:00.25+02:00", "2026-05-03T10:30:01.5-01:30"],
+        ["28.02.24 23:59:59", "28.02.24 23:59:59.25", "29.02.24 00:00:00.5"],
+    ],
+)
+def test_clock_times_and_dates_are_times_from_the_first_row(cells: list[str], tmp_path: Path) -> None:
+    text = "".join(f"{cell};{k}\n" for k, cell in enumerate(cells))
+    assert table(tmp_path, f"Uhrzeit;x\n{text}").times.tolist() == [0.0, 0.25, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("cells", "sentence"),
+    [
+        (["05/03/2026 12:00:00", "05/04/2026 12:00:00"], "whose day and month are ambiguous"),
+        (["31.02.2026 12:00:00", "01.03.2026 12:00:00"], "has the date '31.02.2026', which does not exist"),
+        (["12:00:00", "12:01"], "has '12:01' in row 2; write clock times as"),
+        (["12:00:00", "11:59:00"], "times must increase"),
+        (["2026-05-03 12:00:00", "12:00:01"], "has no date in row 2"),
+    ],
+)
+def test_wrong_clock_times_are_one_sentence(cells: list[str], sentence: str, tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=sentence):
+        table(tmp_path, "time;x\n" + "".join(f"{c};1\n" for c in cells))
+
+
+def test_dates_in_frames_are_times_as_pandas_has_them() -> None:
+    moments = [datetime.datetime(2026, 5, 3, 23, 59, 59, 750_000), datetime.datetime(2026, 5, 4, 0, 0, 1)]
+    for frame in (
+        pandas.DataFrame({"t": moments, "x": [1.0, 2.0]}),
+        {"t": np.array(moments, "M8[us]"), "x": [1, 2]},
+    ):
+        assert LoadedInput.of(Input(data=frame)).times.tolist() == [0.0, 1.25]
+
+
+def test_dates_in_parquet_are_times(tmp_path: Path) -> None:
+    moments = [datetime.datetime(2026, 5, 3, 23, 59, 59, 750_000), datetime.datetime(2026, 5, 4, 0, 0, 1)]
+    polars.DataFrame({"t": moments, "x": [1.0, 2.0]}).write_parquet(tmp_path / "data.parquet")
+    assert LoadedInput.of(Input(tmp_path / "data.parquet")).times.tolist() == [0.0, 1.25]
+
+
+def write_mdf(file: Path) -> None:
+    with MDF() as mdf:
+        times = np.array(TIMES)
+        force = Signal(np.array(FORCES), times, name="Force", unit="kN")
+        count = Signal(np.arange(3, dtype=np.uint16), times, name="count")
+        mdf.append([force, count], acq_name="fast")
+        slow = np.array([0.0, STOP])
+        mdf.append([Signal(np.array([240, 241], np.int16), slow, name="x", unit="mm")], acq_name="slow")
+        mdf.save(file)
+
+
+def write_tdms(file: Path) -> None:
+    step = {"wf_increment": 0.005, "wf_start_offset": 0.0, "wf_samples": 3}
+    start = np.datetime64("2026-05-03T12:00:00")
+    moments = np.array([start, start + np.timedelta64(10, "ms")])
+    with TdmsWriter(file) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("fast", "Force", np.array(FORCES), {"unit_string": "kN", **step}),
+                ChannelObject("fast", "count", np.arange(3, dtype=np.uint16), step),
+                ChannelObject("slow", "Time", moments),
+                ChannelObject("slow", "x", np.array([240, 241], np.int16), {"unit_string": "mm"}),
+            ]
+        )
+
+
+@pytest.mark.parametrize(("name", "write"), [("a.mf4", write_mdf), ("a.tdms", write_tdms)])
+def test_measurement_files_drive_signals(name: str, write, fmu_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / name
+    write(file)
+    found, _ = forces_of(fmu_folder, Input.of_text(f"{file}:{LOAD}=Force"))
+    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-15)
+    positions, _ = forces_of(fmu_folder, Input.of_text(f"{file}:{POSITION}=x"), POSITION)
+    np.testing.assert_allclose(positions, [0.24, 0.241], rtol=1e-12)
+    source = Input.of_text(f"{file}:{LOAD}=Force")
+    result = ec.load("lift", fmus=fmu_folder, stop_time=STOP, input=[source]).prepare().run()
+    rows = np.searchsorted(result["time"], np.array(TIMES) - 1e-9)
+    np.testing.assert_allclose(result[f"input.{LOAD}"][rows], 1e3 * np.array(FORCES), rtol=1e-15)
+    with pytest.raises(CommandError, match="in the groups 'fast' and 'slow'; name the channels"):
+        LoadedInput.of(Input(file))
+    with pytest.raises(
+        CommandError, match=r"has Force and x in different groups, .*; use one input for each"
+    ):
+        LoadedInput.of(Input(file, {LOAD: "Force", POSITION: "x"}))
+
+
+def test_a_file_without_the_package_for_it_names_it(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_mdf(tmp_path / "a.mf4")
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    with pytest.raises(CommandError, match=r"needs the package asammdf; install it with .*\[mdf\]"):
+        LoadedInput.of(Input(tmp_path / "a.mf4"))
+
+
+@pytest.mark.parametrize("magic", [b"MDF     ", b"TDSm"])
+def test_damaged_measurement_files_are_one_sentence(magic: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.mf4").write_bytes(magic + b"\xff" * 200)
+    with pytest.raises(CommandError, match=r"a\.mf4' (cannot be read: |has no channels)") as error:
+        LoadedInput.of(Input(tmp_path / "a.mf4"))
+    assert "\n" not in str(error.value)
+
+
+def test_samples_marked_invalid_are_refused(tmp_path: Path) -> None:
+    with MDF() as mdf:
+        marks = np.array([False, True, False])
+        times = np.array(TIMES)
+        bad = Signal(np.array(FORCES), times, name="Force", unit="kN", invalidation_bits=marks)
+        mdf.append([bad, Signal(np.arange(3.0), times, name="x")])
+        mdf.save(tmp_path / "a.mf4")
+    found = LoadedInput.of(Input(tmp_path / "a.mf4")).data
+    position = found.find("Force")
+    assert position is not None
+    with pytest.raises(CommandError, match="has 2 samples that are not at the 3 times of its group"):
+        found.numbers(position)
+
+
+def test_the_unit_at_the_end_of_a_parameter_is_read(fmu_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "levels.csv").write_text("lift.disturbance.load.level in kN;lift.plant.motor.R_s\n30;0,2\n")
+    options = {"parameters": [tmp_path / "levels.csv"], "stop_time": 1e-3}
+    result = ec.load("lift", fmus=fmu_folder, **options).prepare().run()
+    assert result["lift.disturbance.F_L"][-1] == 3e4

@@ -1,0 +1,136 @@
+"""Conditions on signals end a run where a run without them first meets them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.run.stop_conditions import parse_stop_condition
+from tests.support.commands import Emla
+
+SIGNAL, LIMIT = "lift.plant.tau_m", 150.0
+CONDITION = f"{SIGNAL} > {LIMIT}"
+STOP = 0.02
+
+
+def lift(folder: Path, **options: Any) -> ec.Scenario:
+    return ec.load("lift", fmus=folder, stop_time=STOP, **{"output_interval": 1e-4, **options})
+
+
+def run(scenario: ec.Scenario) -> ec.Result:
+    with scenario.prepare() as simulation:
+        return simulation.run()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compiled": False},
+        {"algorithm": "strong"},
+        {"output_interval": 1e-3},
+        {"isolate": ["*.observer"]},
+    ],
+    ids=str,
+)
+def test_a_run_ends_at_the_first_point_that_meets_the_condition(
+    fmu_folder: Path, options: dict[str, Any]
+) -> None:
+    whole = run(lift(fmu_folder, **{**options, "output_interval": 1e-4}))
+    row = int(np.argmax(whole[SIGNAL] > LIMIT))
+    assert 0 < row < len(whole.time) - 1
+    ended = run(lift(fmu_folder, stop_when=[CONDITION], **options))
+    assert ended.problem is None and not ended.interrupted
+    assert ended.stopped_when == "lift.plant.tau_m > 150"
+    assert ended.end_s == ended.time[-1] == whole.time[row] and ended.steps == row
+    every = round(options.get("output_interval", 1e-4) / 1e-4)
+    rows = [*range(0, row, every), row]
+    for name in ("time", SIGNAL, "lift.observer.x_hat"):
+        np.testing.assert_array_equal(ended[name], whole[name][rows])
+    assert ended.record["status"] == "completed"
+    assert ended.record["stopped_when"] == {"condition": "lift.plant.tau_m > 150", "time_s": whole.time[row]}
+    assert any("because lift.plant.tau_m > 150 (--stop-when)" in remark for remark in ended.remarks)
+    assert not ended.metrics["joints"]["lift"]["held"]
+
+
+def test_steps_of_any_length_end_as_well(fmu_folder: Path) -> None:
+    ended = run(lift(fmu_folder, stop_when=[CONDITION], error_tolerance=1e-3, output_interval=1e-5))
+    above = ended[SIGNAL] > LIMIT
+    assert above[-1] and not above[:-1].any() and ended.end_s < STOP
+
+
+def test_the_first_of_several_conditions_counts_and_others_change_nothing(fmu_folder: Path) -> None:
+    with lift(fmu_folder).prepare() as simulation:
+        whole = simulation.run()
+        never = simulation.run(stop_when=["lift.plant.x_L > 99"])
+        first = simulation.run(stop_when=["lift.plant.x_L > 99", "lift.plant.x_L < 99", CONDITION])
+        after = simulation.run()
+    assert never.stopped_when is None and "stopped_when" not in never.record
+    np.testing.assert_array_equal(whole["lift.plant.x_L"], never["lift.plant.x_L"])
+    assert (first.steps, first.end_s, first.stopped_when) == (0, 0.0, "lift.plant.x_L < 99")
+    np.testing.assert_array_equal(whole["lift.plant.x_L"], after["lift.plant.x_L"])
+
+
+def test_a_run_step_by_step_stays_where_it_ended(fmu_folder: Path) -> None:
+    with lift(fmu_folder, stop_when=[CONDITION]).prepare() as simulation:
+        simulation.advance(0.01)
+        reached, torque = simulation.time, simulation[SIGNAL]
+        simulation.advance(0.015)
+        assert simulation.time == reached < 0.01 and simulation[SIGNAL] == torque > LIMIT
+        assert simulation.finish().end_s == reached
+
+
+def test_runs_without_a_condition_step_as_before(fmu_folder: Path) -> None:
+    with lift(fmu_folder).prepare() as simulation:
+        simulation.start()
+        assert simulation._run is not None
+        assert simulation._run.run._rows is simulation._run.run._buffer
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("lift.plant.x > 1", "there is no signal 'lift.plant.x' to stop at"),
+        ("lift.plant.x_L", "the condition 'lift.plant.x_L' of stop_when is invalid"),
+        ("lift.plant.x_L > nan", "stop_when is invalid"),
+        ("1 < 2 < 3", "stop_when is invalid"),
+    ],
+)
+def test_wrong_conditions_are_refused(text: str, sentence: str, fmu_folder: Path) -> None:
+    with (
+        lift(fmu_folder, stop_when=[text]).prepare() as simulation,
+        pytest.raises(ec.CommandError, match=sentence),
+    ):
+        simulation.run()
+
+
+def test_the_grammar_is_that_of_requirements() -> None:
+    assert str(parse_stop_condition("a.b[1] <= -2e-3")) == "a.b[1] <= -0.002"
+
+
+def test_the_command_and_its_record(emla: Emla) -> None:
+    done = emla(
+        "run", "lift", "--no-plots", "--stop-time", "0.02", "--stop-when", CONDITION, "--output", "out"
+    )
+    assert done.exit_code == 0 and "because lift.plant.tau_m > 150" in done.output
+    record = json.loads(Path("out/run.json").read_text())
+    assert record["stopped_when"]["condition"] == "lift.plant.tau_m > 150"
+    assert record["settings"]["stop_when"] == [CONDITION]
+    again = emla("rerun", "out", "--no-plots")
+    assert "to the last bit" in again.output
+
+
+def test_variants_of_a_sweep_end_each_at_its_own_time(
+    fmu_folder: Path, tmp_path: Path, on_one_cluster: None
+) -> None:
+    starts, condition = [0.2395, 0.24], "lift.plant.x_L > 0.2402"
+    options = {"stop_time": STOP, "stop_when": [condition], "fmus": fmu_folder}
+    swept = ec.sweep("lift", {"lift.plant.start.x_L": starts}, **options, output=tmp_path / "sweep")
+    for start, end, problem in zip(starts, swept.variants["end_s"], swept.variants["problem"], strict=True):
+        alone = run(lift(fmu_folder, stop_when=[condition], set={"lift.plant.start.x_L": start}))
+        assert end == alone.end_s
+        assert (f"because {condition}" in problem) == (alone.stopped_when is not None)
+    assert len(set(swept.variants["end_s"])) == 2
