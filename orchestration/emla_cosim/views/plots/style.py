@@ -118,7 +118,7 @@ def add_legend(axes: "Axes", lines: "Sequence[tuple[str, Line]]", width: float |
         text.set(text=label, parse_math=False)
 
 
-def line_style(line: "Line") -> str | tuple[int, tuple[int, int]]:
+def line_style(line: "Line") -> Any:
     """Return the line style for Matplotlib."""
     return (0, (4, 2)) if line.dashed else "-"
 
@@ -141,8 +141,7 @@ def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
 
     creator = {"png": "Software", "pdf": "Creator", "svg": "Creator"}[form]
     dates = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[form]
-    fixed = {"svg.hashsalt": _SOFTWARE, "pdf.fonttype": 42}
-    with warnings.catch_warnings(), rc_context(fixed):
+    with warnings.catch_warnings(), rc_context({"svg.hashsalt": _SOFTWARE, "pdf.fonttype": 42}):
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from", UserWarning
         )  # the missing glyph is visible as a box
