@@ -53,6 +53,7 @@ def _command(arguments: Sequence[str]) -> str:
 
 def _run() -> None:
     if _memory_limit() is not None:
+        os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
         _silence_libraries()
     try:
         with exit_on_interrupt(_exit_interrupted):

@@ -198,7 +198,9 @@ class ClusterExecutor:
         def come_back() -> list[Chunk]:
             try:
                 future = done.get(timeout=_POLL)
-            except Empty:
+            except Empty:  # a callback is lost where memory for its thread is missing
+                future = next((one for one in flying if one.done()), None)
+            if future not in flying:
                 return []
             chunk = flying.pop(future)
             try:
