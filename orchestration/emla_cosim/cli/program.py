@@ -1,6 +1,7 @@
 """The `emla` command as a program: its standard streams, exit codes and last error messages."""
 
 import gc
+import logging
 import os
 import sys
 import threading
@@ -101,6 +102,7 @@ def _memory_limit() -> int | None:
 def _silence_libraries() -> None:
     """Discard what libraries write to the standard error stream when they get no memory."""
     warnings.simplefilter("ignore")
+    logging.disable(logging.CRITICAL)
     threading.excepthook = sys.unraisablehook = lambda _: None  # libraries' threads and destructors
     with suppress(OSError, ValueError):
         sys.stderr.flush()

@@ -55,7 +55,8 @@ class Header:
         """The unit at the end of the name; None if the header has a unit, or if there is none."""
         if self.unit is not None:
             return None
-        for found in _SEPARATOR.finditer(self.name):
+        separators = sorted(_SEPARATOR.finditer(self.name), key=lambda one: one[0].strip() != "in")
+        for found in separators:  # `in` first: it is also a unit, and `L in kN` a product
             name, unit = self.name[: found.start()].strip(), self.name[found.end() :].strip()
             bare = unit.removesuffix(")") if found[0] == "(" else unit
             letters = [c for c in bare if c.isalpha() or c in "°%"]

@@ -196,7 +196,7 @@ class Assembly:
         self.network.observer, self.shown = observer, shown
 
     def parameters(self) -> dict[str, float]:
-        """Return the numeric parameters of all components by full name, in the units of the system."""
+        """Return the parameters of all components by full name, in units of the system; Booleans are 0 or 1."""
         found: dict[str, float] = {}
         for name, (component, start_values) in self._values.items():
             if self._parameters.get(name, (None,))[0] is not component:
@@ -236,8 +236,9 @@ class Assembly:
         known, values = _map_known_names(component), {v.name: x for v, x in start_values}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
-            number = variable.causality == "parameter" and variable.type in ("Real", "Integer")
+            number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
             if number and value is not None:
+                value = {"true": 1.0, "false": 0.0}.get(str(value).lower(), value)
                 name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
                 found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
         return found

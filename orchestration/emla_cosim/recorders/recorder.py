@@ -31,7 +31,7 @@ class Outline:
         times: start, stop and communication points, in s.
         recorded: positions of the signals to keep, in the order of their columns.
         every: keep every n-th row.
-        parameters: numeric parameters of the components, by full name.
+        parameters: parameters of the components, by full name; Booleans are 0 or 1, Strings are left out.
         roles: signal by joint and role, such as `lift.x_L`.
         criteria: values of the option `criteria`.
         exchanged: connections that carry continuous signals.

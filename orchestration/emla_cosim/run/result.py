@@ -50,7 +50,7 @@ class Result:
         stopped_when: condition of `stop_when` that ended the run; None if it did not.
         record: content of run.json.
         comparisons: signals with those of the run that the option `reference` names.
-        parameters: numeric parameters of all components, by full name.
+        parameters: parameters of all components, by full name; Booleans are 0 or 1, Strings are left out.
         signals: `minimum`, `maximum`, `rms` and `final` of each recorded signal, from all communication
             points, in its unit; NaN where a value was NaN.
         roles: value of the option `roles`.

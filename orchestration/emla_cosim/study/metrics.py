@@ -15,7 +15,7 @@ from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from ..run.requirements import NamedFigures
 from .criteria import criteria_of
-from .limits import LimitWatch
+from .limits import LimitWatch, Trip
 from .oscillation import OscillationWatch
 from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
 from .settling import Settling
@@ -168,6 +168,7 @@ class JointMetrics(Metrics):
         self._not_finite = np.full(count, np.nan)
         """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
+        self._has_drive = [_has_drive(joint, known) for joint in self._joints]
         self._at_trip = np.full((len(_ROLES), count), np.nan)
         """Signals of each joint when it tripped."""
         self._ended: str | None = None
@@ -226,13 +227,17 @@ class JointMetrics(Metrics):
             time: Times in s, shape (rows,).
             signals: Signals of shape (roles, joints, rows), which change.
         """
-        for number, joint in enumerate(self._joints):
-            if (trip := self._limits.trip(joint)) is None:
+        for number in range(len(self._joints)):
+            if (trip := self._trip(number)) is None:
                 continue
             after = int(np.searchsorted(time, trip.time_s, side="right"))
             if 0 < after:
                 self._at_trip[:, number] = signals[:, number, after - 1]
             signals[:, number, after:] = self._at_trip[:, number, np.newaxis]
+
+    def _trip(self, number: int) -> Trip | None:
+        """Return the trip at which the figures of a joint end."""
+        return self._limits.trip(self._joints[number]) if self._has_drive[number] else None
 
     def _moving(self, x_d: Vector, v_d: Vector, steps: Vector) -> Mask:
         """Return whether the references move, by their speeds, else by their positions."""
@@ -315,7 +320,7 @@ class JointMetrics(Metrics):
             found.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
             last = format_length(self._final[number])
-            end = f"is {last} at the end" if trip is None else f"was {last} at the trip"
+            end = f"is {last} at the end" if self._trip(number) is None else f"was {last} at the trip"
             found.append(
                 f"{joint} has not settled: its position error was {format_length(self._first[number])} at "
                 f"the start and {end}; its window is {window}."
@@ -355,7 +360,8 @@ class JointMetrics(Metrics):
             reason = self._ended
         within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
         settled = self._settling.is_settled(number)
-        if trip is not None:  # means over the time after a trip mean nothing
+        cut = self._trip(number) is not None
+        if cut:  # means over the time after a trip mean nothing
             rms_moving = rms_resting = np.nan
         return JointFigures(
             held=reason is None,
@@ -371,8 +377,8 @@ class JointMetrics(Metrics):
             torque_effort_N_m=float(largest[TORQUE]),
             torque_peak_N_m=float(self._peak[number]),
             observer_position_error_m=float(largest[OBSERVER]),
-            saturated_fraction=np.nan if trip else float(self._limited[number]) / max(self._rows, 1),
-            saturated_after_settling=float(limited / counted) if counted and settled and not trip else np.nan,
+            saturated_fraction=np.nan if cut else float(self._limited[number]) / max(self._rows, 1),
+            saturated_after_settling=float(limited / counted) if counted and settled and not cut else np.nan,
             convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
             excursions=self._excursions(number),
             trip=None if trip is None else asdict(trip),
@@ -416,6 +422,11 @@ def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[st
         values.append(np.nan if name is None else parameters[name])
     poles, flux, *currents = values
     return 1.5 * poles * flux * float(np.fmin(*currents))
+
+
+def _has_drive(joint: str, parameters: Mapping[str, float]) -> bool:
+    """Return whether currents make the torque. Without currents, the plant has no drive that could trip."""
+    return not parameters.get(f"{joint}.plant.use_commanded_current", False)
 
 
 def format_length(value: float) -> str:

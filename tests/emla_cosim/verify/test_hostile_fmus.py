@@ -171,7 +171,7 @@ def _wait_until_it_hangs(process: subprocess.Popen[bytes], folder: Path) -> None
     until, seen = time.monotonic() + 90.0, False
     while time.monotonic() < until:
         assert process.poll() is None
-        here = {path.stem for path in folder.glob("emla-verify-*/emla-verify-*/fmu/binaries/*/*")}
+        here = {path.stem for path in folder.glob("emla-*/emla-verify-*/emla-verify-*/fmu/binaries/*/*")}
         seen = seen or "Done" in here
         if seen and here == {"Hanging"}:
             time.sleep(0.5)
