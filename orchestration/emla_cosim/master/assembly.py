@@ -196,7 +196,7 @@ class Assembly:
         self.network.observer, self.shown = observer, shown
 
     def parameters(self) -> dict[str, float]:
-        """Return the parameters of all components by full name, in units of the system; Booleans as 0 or 1."""
+        """Return the parameters of all components by full name, in units of the system; Booleans as 0, 1."""
         found: dict[str, float] = {}
         for name, (component, start_values) in self._values.items():
             if self._parameters.get(name, (None,))[0] is not component:
