@@ -238,9 +238,8 @@ class Assembly:
             value = values.get(variable.name, variable.start)
             number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
             if number and value is not None:
-                value = {"true": 1.0, "false": 0.0}.get(str(value).lower(), value)
                 name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
-                found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
+                found[f"{component.name}.{name}"] = alias.transformation.inverse()(_to_number(value))
         return found
 
     def _typed(self, component: Component) -> list[TypedValue]:
@@ -250,6 +249,11 @@ class Assembly:
         return convert_start_values(
             component.name, self.files[component.name].interface, converted.parameters
         )
+
+
+def _to_number(value: float | str) -> float:
+    """Return a value as a number: a Boolean, also one written as text, is 0 or 1."""
+    return float(value == "true") if value in ("true", "false") else float(value)
 
 
 def _non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:

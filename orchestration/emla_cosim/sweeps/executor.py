@@ -200,7 +200,7 @@ class ClusterExecutor:
                 future = done.get(timeout=_POLL)
             except Empty:  # a callback is lost where memory for its thread is missing
                 future = next((one for one in flying if one.done()), None)
-            if future not in flying:
+            if future is None or future not in flying:
                 return []
             chunk = flying.pop(future)
             try:
