@@ -46,7 +46,8 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str) -> "Figure":
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
-        named = [column] if len(columns) > 1 or column not in run else []
+        is_said = len(columns) == 1 and f"{run} ".startswith(f"Run of {column} ")
+        named = [] if is_said else [column]
         grid[0, j].set_title("   ".join([*named, *said[column]]), fontsize=11, parse_math=False)
     width, height = figure.get_size_inches()
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
