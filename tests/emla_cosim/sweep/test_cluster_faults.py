@@ -122,10 +122,11 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
 ) -> None:
     temporary = tmp_path / "temporary"
     temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
     process = subprocess.Popen(
         command(fmu_folder, "--workers", "2"),
         cwd=tmp_path, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(temporary)},
+        env=environment,
     )  # fmt: skip
     out = tmp_path / "out"
     try:
@@ -145,6 +146,9 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
         partial = read_sweep(out)
         assert 3 <= partial.variants.height < 100 and not partial.complete
     if way != "everything":
+        if way == "caller":  # its folder stays until the next command
+            command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
+            subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
         assert not list(temporary.iterdir())
 
     done = lift(cluster, fmu_folder, out, resume=True)
