@@ -90,7 +90,7 @@ def watched(failures: Failures) -> Iterator[None]:
     sys.path.remove(place)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def own_cluster(watched: None) -> Iterator[object]:
     with ExitStack() as stack:
         made: list[object] = []
