@@ -123,6 +123,10 @@ def test_formats_follow_the_ending_and_emla_knows_its_own(
         assert emla("plot", "a", "--output", name).exit_code == 0
         content.append(Path(name).read_bytes())
     assert content[0].startswith(begin) and content[0] == content[1]
+    if ending != "png":  # people edit these
+        Path(name).write_bytes(edited := content[0].replace(b"emla", b"EMLA", 1))
+        assert emla("plot", "a", "--output", name).exit_code == 2
+        assert Path(name).read_bytes() == edited
     Path(name).write_bytes(begin + b" of another program")
     assert emla("plot", "a", "--output", name).exit_code == 2
     assert Path(name).read_bytes() == begin + b" of another program"

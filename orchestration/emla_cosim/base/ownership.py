@@ -27,10 +27,13 @@ FORMAT = "emla-output"
 _VERSION = 1
 
 _HEAD = 4096
-"""Bytes at the beginning and at the end of a file in which a mark must be."""
+"""Bytes at the beginning of a file in which a mark must be."""
 
 _PART = 2**20
 """Bytes at each end of a file that its fingerprint depends on."""
+
+_SEAL = b"emla-cosim "
+_SEALED = re.compile(rb"[^\n]{0,9}" + _SEAL + rb"([0-9a-f]{64})[^\n]{0,9}\n\Z")
 
 IsOurs = Callable[[Path], bool]
 """Return whether emla wrote the regular file at this path."""
@@ -75,13 +78,33 @@ def is_new(path: Path) -> bool:
 
 
 def has_mark(*marks: bytes) -> IsOurs:
-    """Return a function that recognizes files with one of these marks near their beginning or end."""
+    """Return a function that recognizes files with one of these marks near their beginning."""
 
     def is_ours(path: Path) -> bool:
-        ends = _read_head(path), _read_tail(path)
-        return any(mark in end for mark in marks for end in ends)
+        head = _read_head(path)
+        return any(mark in head for mark in marks)
 
     return is_ours
+
+
+def seal(content: bytes, begin: bytes, end: bytes) -> bytes:
+    """Return the content of a file with a comment at its end, by which `has_seal` recognizes it.
+
+    Args:
+        content: The content.
+        begin: What begins a comment in the format.
+        end: What ends it.
+    """
+    return content + begin + _SEAL + hashlib.sha256(content).hexdigest().encode() + end
+
+
+def has_seal(path: Path) -> bool:
+    """Return whether a file has a seal, and nobody has changed it since."""
+    content = b""
+    with _faults_of_files():
+        content = path.read_bytes()
+    found = _SEALED.search(content)
+    return found is not None and hashlib.sha256(content[: found.start()]).hexdigest().encode() == found[1]
 
 
 def has_format(name: str) -> IsOurs:
@@ -261,14 +284,6 @@ def _is_regular(path: Path) -> bool:
 def _read_head(path: Path) -> bytes:
     """Return the beginning of a file, empty if it cannot be read."""
     with _faults_of_files(), path.open("rb") as stream:
-        return stream.read(_HEAD)
-    return b""
-
-
-def _read_tail(path: Path) -> bytes:
-    """Return the end of a file, empty if it cannot be read."""
-    with suppress(OSError), path.open("rb") as stream:
-        stream.seek(max(path.stat().st_size - _HEAD, 0))
         return stream.read(_HEAD)
     return b""
 
