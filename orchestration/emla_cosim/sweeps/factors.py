@@ -119,8 +119,9 @@ class _FactorResolver:
             if not of:
                 raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
             given = {key: value for key, value in given.items() if key != "of"}
-        if of is None and self.name.partition(".")[0] == ACTUATOR:
-            return [self._of_actuator(given)]
+        joints = self.system.branches
+        if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
+            return [self._of_actuator(given, joints)]
         in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
         if of is None:
             names = self._names(self.name, in_si)
@@ -128,10 +129,9 @@ class _FactorResolver:
         names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
         return [self._factor(self.name, names, self._distribution(given, names))]
 
-    def _of_actuator(self, given: Any) -> Factor:
+    def _of_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
         """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
         parts = self.name.split(".")[1:]
-        joints = list(dict.fromkeys(c.name.partition(".")[0] for c in self.system.components))
         if parts and parts[0] in joints:
             joint, *entry = parts
         elif len(joints) == 1 and len(parts) in (0, 2):

@@ -8,6 +8,7 @@ import pytest
 import emla_cosim as ec
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
+from tests.support.rigid_load import Half
 
 SHEET = ROOT / "docs/actuator.toml"
 SHORT: dict[str, Any] = {"stop_time": 0.4}
@@ -94,3 +95,15 @@ def test_an_entry_of_a_single_run(emla: Emla) -> None:
     assert "screw.lead 7 mm" in emla("run", "mine.toml", "--no-plots").stdout
     refused = emla("run", "lift", "--sheet", "tilt.screw.lead=8 mm", "--stop-time", "0.01")
     assert "there is no joint 'tilt'" in sentence(refused, 2)
+
+
+def test_a_component_called_actuator_keeps_its_parameters() -> None:
+    """Other people's systems have such components."""
+    system = ec.System.of({"actuator": Half, "other": Half}, [])
+    found = ec.sweep(
+        system,
+        {"actuator.k": "100:400:2"},
+        step_size=1e-2,
+        stop_time=1e-2,
+    )
+    assert [found.options(i)["set"] for i in range(2)] == [{"actuator.k": 100.0}, {"actuator.k": 400.0}]
