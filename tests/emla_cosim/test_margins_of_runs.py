@@ -10,6 +10,7 @@ import emla_cosim as ec
 from emla_cosim.cli.app import app
 from tests.emla_cosim.test_linearize import OPTIONS, closed
 
+NAMED = '{"format": "emla-linearization", "scenario": "s", "at_s": 1,'
 GIVEN = {"step_size": OPTIONS["step_size"], "stop_time": 1.0}
 
 
@@ -53,6 +54,11 @@ def test_the_command_takes_a_folder(folder: Path, tmp_path: Path) -> None:
         ('{"format": "emla-run"}', "is no linearization"),
         ('{"format": "emla-linearization", "matrices": {}}', "has no margins"),
         ('{"format": "emla-linearization", "responses": {"a": {"margins": null}}}', "has no margins"),
+        ('{"format": "emla-linearization", "responses": {"a": {}}}', "has no margins"),
+        ('{"format": "emla-linearization", "responses": [1]}', "has no margins"),
+        ('{"format": "emla-linearization", "responses": {"a": {"margins": {"Ms": 2}}}}', "is damaged"),
+        (f'{NAMED} "responses": {{"a": {{"margins": {{"Ms": "x"}}}}}}}}', "is damaged"),
+        (f'{NAMED} "responses": {{"a": {{"margins": [1]}}}}}}', "is damaged"),
     ],
 )
 def test_other_files_get_an_error_message(content: str | None, message: str, tmp_path: Path) -> None:

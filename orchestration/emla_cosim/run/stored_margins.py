@@ -27,7 +27,23 @@ def read_margins(folder: Path) -> dict[str, Any]:
         found = None
     if not isinstance(found, Mapping) or found.get("format") != "emla-linearization":
         raise CommandError(f"'{file}' is no linearization; name an output folder of emla linearize.")
-    loops = {name: of["margins"] for name, of in found.get("responses", {}).items() if of["margins"]}
+    entries = found.get("responses")
+    responses = entries if isinstance(entries, Mapping) else {}
+    loops = {
+        name: of["margins"] for name, of in responses.items() if isinstance(of, Mapping) and of.get("margins")
+    }
     if not loops:
         raise CommandError(f"'{file}' has no margins; emla linearize computes them with --open.")
-    return {"scenario": found["scenario"], "at_s": found["at_s"], "loops": loops}
+    scenario, at = found.get("scenario"), found.get("at_s")
+    if not (isinstance(scenario, str) and _is_number(at) and all(map(_are_margins, loops.values()))):
+        raise CommandError(f"'{file}' is damaged; make it anew with emla linearize.")
+    return {"scenario": scenario, "at_s": at, "loops": loops}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _are_margins(found: object) -> bool:
+    """Return whether an entry has numbers by name; None is one that does not exist."""
+    return isinstance(found, Mapping) and all(x is None or _is_number(x) for x in found.values())
