@@ -48,11 +48,7 @@ def in_floats(spline: Spline, problem: MotionProblem, count: int = 4001) -> tupl
     return times, q, v, force
 
 
-# ---- the default -------------------------------------------------------------------------------
-
-
-def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) -> None:
-    _, q, v, force = in_floats(spline, CLIPPED)
+def assert_within_bounds(q: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
     machine = CLIPPED.machine
     for values, low, high in (
         (q, machine.q_LB, machine.q_UB),
@@ -62,6 +58,14 @@ def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) ->
         width = np.array(high) - np.array(low)
         assert np.all(values >= np.array(low) - 1e-6 * width)
         assert np.all(values <= np.array(high) + 1e-6 * width)
+
+
+# ---- the default -------------------------------------------------------------------------------
+
+
+def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) -> None:
+    _, q, v, force = in_floats(spline, CLIPPED)
+    assert_within_bounds(q, v, force)
     assert figures.within_bounds
     for i, peak in enumerate(figures.peaks):
         assert abs(peak.force) == pytest.approx(np.abs(force[:, i]).max(), rel=1e-3)
@@ -132,15 +136,7 @@ def test_subdivided_control_points_cost_less_and_keep_all_bounds(found: Solution
     assert figures.cost + figures.tie_break == pytest.approx(best.cost, rel=1e-6)
     assert 190_515 < best.cost < 190_838 < 0.951 * found.cost
     _, q, v, force = in_floats(spline, CLIPPED)
-    machine = CLIPPED.machine
-    for values, low, high in (
-        (q, machine.q_LB, machine.q_UB),
-        (v, CLIPPED.v_LB, CLIPPED.v_UB),
-        (force, CLIPPED.f_LB, CLIPPED.f_UB),
-    ):
-        width = np.array(high) - np.array(low)
-        assert np.all(values >= np.array(low) - 1e-6 * width)
-        assert np.all(values <= np.array(high) + 1e-6 * width)
+    assert_within_bounds(q, v, force)
     assert figures.within_bounds
     speeds = np.abs(v).max(axis=0)
     assert speeds[1] == pytest.approx(0.1, rel=0.01) and speeds[2] == pytest.approx(0.21, rel=1e-6)

@@ -106,12 +106,13 @@ def restore_working_folder() -> Iterator[None]:
             os.chdir(before)
 
 
-def read_file(path: Path, what: str) -> bytes:
+def read_file(path: Path, what: str, most: int = -1) -> bytes:
     """Return the content of a file.
 
     Args:
         path: The file.
         what: What the error message calls it, such as `the input`.
+        most: The number of bytes to read; all if negative.
 
     Raises:
         CommandError: If it cannot be read.
@@ -122,7 +123,8 @@ def read_file(path: Path, what: str) -> bytes:
             raise CommandError(f"{what} '{path}' cannot be read: it is a device.")
         if kind == stat.S_IFIFO:  # reading it could block
             raise CommandError(f"{what} '{path}' cannot be read: it is a pipe.")
-        return path.read_bytes()
+        with path.open("rb") as stream:
+            return stream.read(most)
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be read: {error.strerror}.") from error
     except ValueError as error:  # an invalid file name

@@ -84,6 +84,8 @@ def _bars(result: CompareData) -> "Figure":
                 if not one.is_held:
                     text = format_lost(one, shown)
                     axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
+                elif name in _WIDE and not values[place]:  # a logarithmic axis has no zero
+                    axes.text(0.02, place, "0", transform=axes.get_yaxis_transform(), **_TOLD)
             said = _printed(scenario, joint, name) if result.table == PAPER else None
             if said is not None:
                 axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")

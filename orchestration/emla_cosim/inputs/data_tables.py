@@ -29,6 +29,8 @@ _LATEST = 1e100
 """The largest time in s; differences of greater ones can overflow."""
 
 _PARQUET = b"PAR1"
+_HEAD = 16
+"""The number of bytes by which formats are told apart."""
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
 
@@ -438,11 +440,12 @@ def read_table(file: Path, what: str, columns: Sequence[str] = ()) -> DataTable:
         CommandError: If it cannot be read as a table.
     """
     label = f"{what} '{file}'"
-    content = read_file(file, what)
+    begin = read_file(file, what, _HEAD)
     if (form := format_of(file)) not in ("csv", "parquet"):
         return RegisteredData(label, TABLES[form](file))
-    if is_measurement_file(content[:16]):
-        return MeasurementTable(label, choose_group(read_groups(file, content[:16], label), columns, label))
+    if is_measurement_file(begin):  # those can be larger than the memory
+        return MeasurementTable(label, choose_group(read_groups(file, begin, label), columns, label))
+    content = read_file(file, what)
     if content.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return ParquetTable(label, content)
     return CsvTable(label, content)

@@ -33,7 +33,7 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
         raise CommandError(
             f"{joint} has no data sheet to compare with; add --actuator {joint}=FILE.toml.", joint=joint
         )
-    return file.realistic if file.is_realistic else file.actuator
+    return file.sheet
 
 
 def _own_joint(source: object, joint: str) -> JointFile | None:

@@ -60,5 +60,4 @@ def _own(system: str, joint: str) -> Actuator:
             f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
             joint=joint,
         )
-    file = load_joint(joint)
-    return file.realistic if file.is_realistic else file.actuator
+    return load_joint(joint).sheet

@@ -77,7 +77,7 @@ class OutputFolder(Folder):
         pictures, animations = [f"{name}.{plot_format}" for name in FIGURES], [f"{n}.gif" for n in ANIMATIONS]
         self.files = [self.results.name, METRICS, RECORD]
         self.files += [REPORT] * report + pictures * plots + animations * animated
-        plotted = [f"{name}.{form}" for name in FIGURES for form in PLOT_FORMATS]
+        plotted = [f"{name}.{ending}" for name in FIGURES for ending in PLOT_FORMATS]
         known = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
         self.pictures = [name for name in known if name not in self.files]
         try:

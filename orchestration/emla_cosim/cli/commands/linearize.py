@@ -6,15 +6,13 @@ from typing import Annotated, Any
 import typer
 
 from ...base.option import LINEARIZE
-from ...base.quantities import parse_quantity
-from ...base.units import find_unit
 from ...linearization.folder import BODE, NYQUIST, RECORD, TABLE
 from ...linearization.runner import linearize
 from ...linearization.summary import format_lines, format_margins, format_point, format_poles
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import SOURCE
+from .options import SOURCE, read_time
 
 OPTIONS = LINEARIZE
 """Options of the command."""
@@ -124,8 +122,8 @@ def command(
             open=open or (),
             perturb=perturb or (),
             read=read or (),
-            at=_time(at, "--at"),
-            duration=_time(duration, "--duration"),
+            at=read_time(at, "--at"),
+            duration=read_time(duration, "--duration"),
             amplitude=amplitude,
             matrices=matrices,
             steady=steady,
@@ -144,8 +142,3 @@ def command(
     files = ", ".join((RECORD, TABLE, *pictures) if result.responses else (RECORD,))
     for line in (*format_lines(result), f"Wrote {place}/: {files}"):
         print_line(line)
-
-
-def _time(text: str | None, flag: str) -> float | None:
-    """Return a time in s; CommandError if it is none."""
-    return None if text is None else parse_quantity(text, flag).in_unit(find_unit("s"), flag)

@@ -12,6 +12,7 @@ import typer
 
 from ...base.errors import CommandError
 from ...base.option import RUNS, Option
+from ...base.quantities import parse_quantity, parse_unit_name
 from ...base.values import parse_list
 from ...run.options import list_options, read_option
 
@@ -168,3 +169,12 @@ def pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
             raise CommandError(f"{flag} {text} has no name or no value; write {flag} NAME=VALUE.")
         found[name.strip()] = value.strip()
     return found
+
+
+def read_time(text: str | None, flag: str) -> float | None:
+    """Return a time in s from a number or a quantity; None without a text.
+
+    Raises:
+        CommandError: The text is no time.
+    """
+    return None if text is None else parse_quantity(text, flag).in_unit(parse_unit_name("s", flag), flag)

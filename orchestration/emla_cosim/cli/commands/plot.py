@@ -9,7 +9,6 @@ from ...base.errors import CommandError
 from ...base.files import check_output_files, report_write_errors, write_atomically
 from ...base.option import PLOT
 from ...base.ownership import check_replaceable
-from ...base.quantities import parse_quantity, parse_unit_name
 from ...recorders.registry import TABLES
 from ...run.plot_formats import PLOT_FORMATS
 from ...study.registration import register
@@ -17,6 +16,7 @@ from ...views.plots.overlay import overlay_runs, read_traces
 from ...views.plots.stacked import SCREEN
 from ...views.plots.style import is_picture, save
 from ...views.terminal import print_line, show_file
+from .options import read_time
 
 register()
 
@@ -71,14 +71,10 @@ def command(
     found = read_traces(runs)
     check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
     check_replaceable(output, "the plot", is_picture, given.get("overwrite", False))
-    start, stop = _seconds("--from", begin), _seconds("--to", end)
+    start, stop = read_time(begin, "--from"), read_time(end, "--to")
     overlay = overlay_runs(found, signals or [], start, stop, title, layout)
     with report_write_errors(output.parent), write_atomically(output) as stream:
         save(overlay.figure, stream, form)
     for note in overlay.notes:
         print_line(f"Note: {note}")
     show_file(output)
-
-
-def _seconds(flag: str, text: str | None) -> float | None:
-    return None if text is None else parse_quantity(text, flag).in_unit(parse_unit_name("s", flag), flag)

@@ -17,7 +17,7 @@ from ...sizing.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import SOURCE
+from .options import SOURCE, read_time
 
 OPTIONS = SIZE
 """Options of the command."""
@@ -83,14 +83,15 @@ def command(
     actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
+    before = read_time(lead_in, "--lead-in")
     with BarProgress() as progress:
         result = size(
             scenario,
             candidates=candidates,
-            cycle=_time(cycle, "--cycle", None),
-            lead_in=_time(lead_in, "--lead-in", LEAD_IN),
+            cycle=read_time(cycle, "--cycle"),
+            lead_in=LEAD_IN if before is None else before,
             ambient=_temperature(ambient),
-            life=_time(life, "--life", None),
+            life=read_time(life, "--life"),
             output=place,
             plots=plots,
             report=report,
@@ -107,15 +108,12 @@ def command(
 def _split_candidates(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Return the actuators of joints with one file, and the files of joints with several."""
     files = {joint: [part for part in str(one).split(",") if part] for joint, one in given.items()}
+    if none := [joint for joint, one in files.items() if not one]:
+        raise CommandError(f"--actuator {none[0]}={given[none[0]]} names no file.")
     return (
         {joint: one[0] for joint, one in files.items() if len(one) == 1},
         {joint: one for joint, one in files.items() if len(one) > 1},
     )
-
-
-def _time(text: str | None, flag: str, default: Any) -> Any:
-    """Return a time in s; CommandError if it is none."""
-    return default if text is None else parse_quantity(text, flag).in_unit(find_unit("s"), flag)
 
 
 def _temperature(text: str | None) -> float:

@@ -249,6 +249,11 @@ class JointFile:
         return self.actuator.emla
 
     @property
+    def sheet(self) -> Actuator:
+        """The actuator with which the joint runs in a scenario of its own."""
+        return self.realistic if self.is_realistic else self.actuator
+
+    @property
     def compliant_load(self) -> Compliance:
         """The load that is not rigid; raise CommandError if the file lacks it."""
         if self.compliance is None:

@@ -16,6 +16,7 @@ from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
+from .panel_drawing import MOST_ROWS
 from .stacked import (
     LAYOUTS,
     MOST_LINES,
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...run.result import Result
-
-_MOST_ROWS = 200_000
-"""Of longer tables only every n-th row is read."""
 
 _MOST_RUNS = 2 * MOST_LINES
 """Most runs that colours and dashes can distinguish."""
@@ -225,7 +223,7 @@ def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str
 def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | None) -> dict[str, Vector]:
     """Return the run's signals and `time` between two times."""
     there = set(run.names)
-    data = run.table.read(["time", *(name for name in chosen if name in there)], _MOST_ROWS)
+    data = run.table.read(["time", *(name for name in chosen if name in there)], MOST_ROWS)
     time = data["time"]
     inside = np.ones(len(time), dtype=bool)
     if begin is not None:

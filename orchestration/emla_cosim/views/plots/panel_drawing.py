@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MOST_ROWS = 200_000
+"""Of longer tables plots show only every n-th row."""
+
 _LETTERS = 13
 """Letters per inch in the line below the title."""
 
@@ -21,11 +24,11 @@ _NEAR = 0.3
 """Distance at which a limit is shown, relative to the range of the curves."""
 
 
-def draw_panels(panels: Sequence[Plot], title: str, run: str) -> "Figure":
+def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") -> "Figure":
     """Draw panels row by row, with one panel per column.
 
     Rows without changes have no axes: their values are under the column names. Rows of the same part of the
-    time share an axis.
+    time share an axis. A single column has no name above it if that is `name`, which `run` has.
     """
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
@@ -46,8 +49,7 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str) -> "Figure":
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
-        is_said = len(columns) == 1 and f"{run} ".startswith(f"Run of {column} ")
-        named = [] if is_said else [column]
+        named = [] if columns == [name] else [column]
         grid[0, j].set_title("   ".join([*named, *said[column]]), fontsize=11, parse_math=False)
     width, height = figure.get_size_inches()
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)

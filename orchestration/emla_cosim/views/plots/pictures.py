@@ -11,16 +11,13 @@ import numpy as np
 from ...base.arrays import Vector
 from ..formatting import format_headline
 from ..panels import Limit, Line, Plot
-from .panel_drawing import draw_panels, has_changes
+from .panel_drawing import MOST_ROWS, draw_panels, has_changes
 from .style import BLUE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...run.result import Result
-
-_MOST_ROWS = 200_000
-"""Of longer results only every n-th row is drawn."""
 
 EVALUATED_FROM = "evaluated_from_s"
 """Metric of a column, if it has it: the time in s from which its errors count."""
@@ -132,7 +129,7 @@ class Picture(Drawing):
         shown = self.resolved(result, data)
         if not has_changes(shown):
             return None
-        return draw_panels(shown, self.title, format_headline(result))
+        return draw_panels(shown, self.title, format_headline(result), result.name)
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
@@ -160,7 +157,7 @@ FIGURES: dict[str, Drawing] = {}
 
 def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
     """Draw each plot by name. The figure is None if the result has no signals for it, or no value changes."""
-    data = result.read(_list_signals(result), _MOST_ROWS)
+    data = result.read(_list_signals(result), MOST_ROWS)
     if len(data["time"]) >= 2:
         for name, picture in FIGURES.items():
             yield name, picture.drawn(result, data)
