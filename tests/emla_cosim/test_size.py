@@ -398,6 +398,38 @@ def test_candidates_have_reasons(emla: Emla, tmp_path: Path) -> None:
     assert "does not hold" in page and "data:image/png;base64," in page
 
 
+def test_files_of_the_user_are_noticed_before_the_run(emla: Emla, tmp_path: Path) -> None:
+    short = ("--stop-time", "0.02", "--lead-in", "0", "--no-plots", "--output", "out")
+    assert emla("size", "prototype", *short).exit_code == 0
+    before = (tmp_path / "out/cycles.csv").read_bytes()
+    data = ("--input", "out/cycles.csv:prototype.disturbance.F_L=force")
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).write_text(IMPERIAL.read_text(encoding="utf-8"))
+    for more in ((), ("--actuator", "prototype=a.toml,b.toml")):
+        result = emla("size", "prototype", *data, *more, *short)
+        assert result.exit_code == 2 and "cycles.csv" in result.stderr, result.output
+        assert (tmp_path / "out/cycles.csv").read_bytes() == before
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/prototype.png").write_text("mine")
+    result = emla("size", "prototype", "--stop-time", "0.02", "--lead-in", "0", "--output", "other")
+    assert result.exit_code == 2 and "was not written by emla" in result.stderr
+    assert "simulating" not in result.output
+    assert [path.name for path in (tmp_path / "other").iterdir()] == ["prototype.png"]
+    result = emla("size", "prototype", "--actuator", "prototype=,", *short)
+    assert result.exit_code == 2 and "names no file" in result.stderr
+
+
+def test_figures_come_from_every_step_or_a_note_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = sized(stop_time=0.5, lead_in=0.0)
+    assert sized(stop_time=0.5, lead_in=0.0, output_interval=0.01).figures == fine.figures
+    assert not any("apart" in remark for remark in fine.remarks)
+    monkeypatch.setattr("emla_cosim.sizing.runner._ROWS", 50)
+    coarse = sized(stop_time=0.5, lead_in=0.0)
+    assert any("rows 0.01 s apart" in remark for remark in coarse.remarks)
+    assert len(coarse.cycle.time) == 51
+    assert fine.figures.torque_peak_N_m > coarse.figures.torque_peak_N_m
+
+
 def test_wrong_requests_are_refused() -> None:
     for request, said in (
         ({"cycle": 9.0}, "longer than the run"),

@@ -1,7 +1,7 @@
 """One cycle of a joint: what the run recorded, and what the motion requires of the motor."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,14 +103,14 @@ class Cycle:
         return math.sqrt(max(self.mean(values * values), 0.0))
 
 
-def list_joints(result: Result) -> list[str]:
-    """Return the joints that a run recorded all needed signals of."""
-    names = RoleNames(dict.fromkeys(result.names))
-    joints = dict.fromkeys(name.partition(".")[0] for name in (*result.names, *result.roles))
+def list_joints(signals: Sequence[str], roles: Mapping[str, str]) -> list[str]:
+    """Return the joints that have all needed signals, with roles as in the option of this name."""
+    names = RoleNames(dict.fromkeys(signals))
+    joints = dict.fromkeys(name.partition(".")[0] for name in (*signals, *roles))
     return [
         joint
         for joint in joints
-        if all(find_variable(joint, role, names, result.roles) is not None for role in _NEEDED)
+        if all(find_variable(joint, role, names, roles) is not None for role in _NEEDED)
     ]
 
 

@@ -1,12 +1,13 @@
 """The output folder of a sizing."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..base.files import report_write_errors
 from ..base.ownership import has_format
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
-from .pictures import draw_pictures, list_pictures
+from .pictures import draw_pictures, name_picture
 from .result import SizeResult
 
 RECORD, TABLE, CYCLES, PAGE = "size.json", "limits.csv", "cycles.csv", "size.html"
@@ -33,10 +34,12 @@ class SizeFolder(Folder):
         if report:
             self.check_files([PAGE])
 
-    def keep(self, result: SizeResult) -> list[str]:
-        """Write all files, and return the names of the plots. Raises CommandError and RunError."""
-        pictures = list_pictures(result)
-        self.check_files(pictures if self._plots else ())
+    def check_pictures(self, joints: Iterable[str]) -> None:
+        """Raise CommandError if plots of these joints would replace files that emla did not write."""
+        self.check_files(map(name_picture, joints) if self._plots else ())
+
+    def keep(self, result: SizeResult) -> None:
+        """Write all files. Raises RunError."""
         with report_write_errors(self.path):
             self.write_json(RECORD, to_plain(result.record))
             self.write(TABLE, result.table.write_csv().encode())
@@ -48,4 +51,3 @@ class SizeFolder(Folder):
                 from .page import render_page  # importing it loads jinja2
 
                 self.write(PAGE, render_page(result).encode())
-        return pictures if self._plots else []

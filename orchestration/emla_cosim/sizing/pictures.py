@@ -28,16 +28,17 @@ _SHOWN_CYCLES = 40
 
 def list_pictures(result: SizeResult) -> list[str]:
     """Return the names of the plots' files."""
-    return [_name(joint) for joint in result.joints]
+    return [name_picture(joint) for joint in result.joints]
 
 
 def draw_pictures(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
     """Draw the plots of all joints of the first candidate that ran, by the names of their files."""
     for joint, sizing in result.joints.items():
-        yield _name(joint), draw_joint(sizing)
+        yield name_picture(joint), draw_joint(sizing)
 
 
-def _name(joint: str) -> str:
+def name_picture(joint: str) -> str:
+    """Return the name of the file of a joint's plots."""
     return f"{''.join(c if c.isalnum() or c in '-_' else '_' for c in joint)}.png"
 
 

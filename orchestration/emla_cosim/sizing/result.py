@@ -13,6 +13,9 @@ from .cycle import Cycle
 from .figures import SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
 
+_MOST_ROWS = 20_000
+"""Most rows of a table of a cycle."""
+
 
 @dataclass(frozen=True)
 class JointSizing:
@@ -83,7 +86,10 @@ class JointSizing:
 
     @property
     def table(self) -> polars.DataFrame:
-        """The cycle: time, motion, force, torque, currents, power and temperature rise in SI units."""
+        """The cycle: time, motion, force, torque, currents, power and temperature rise in SI units.
+
+        Of a cycle with more than 20,000 rows, it has every n-th one; `cycle` has them all.
+        """
         cycle = self.cycle
         rise = np.full(len(cycle.time), np.nan) if self.rise is None else self.rise
         return polars.DataFrame(
@@ -99,7 +105,7 @@ class JointSizing:
                 "P_el": cycle.P_el,
                 "temperature_rise": rise,
             }
-        )
+        ).gather_every(-(-len(cycle.time) // _MOST_ROWS))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """Size the actuators of a scenario."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -91,22 +93,19 @@ def size(
     """
     told = progress or Progress()
     _check(cycle, lead_in, ambient, life)
-    needed = Requirements(ambient, life)
     varied, sheets = _read_candidates(candidates or {})
     folder = None
     if output is not None:
         place = convert_value(output, Path, "the output folder")
         folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
+    task = _Task(source, cycle, lead_in, Requirements(ambient, life), folder, told)
     if varied is None:
         scenario = load(source, **options)
-        if folder is not None:
-            folder.check_unread([scenario.options.files_read()])
-        sized = _size_scenario(scenario, source, cycle, lead_in, needed, told)
-        found, name = [Candidate(scenario.name, sized)], scenario.name
+        found, name = [Candidate(scenario.name, _size_scenario(scenario, task))], scenario.name
     else:
         name, found = Path(str(source)).stem if isinstance(source, (str, Path)) else "system", []
         for label, sheet in sheets:
-            found.append(_size_candidate(source, varied, label, sheet, options, cycle, lead_in, needed, told))
+            found.append(_size_candidate(varied, label, sheet, options, task))
     result = SizeResult(name, found, varied, ambient, life)
     if folder is not None:
         with folder.alone():
@@ -139,64 +138,67 @@ def _read_candidates(
     return None, []
 
 
+@dataclass(frozen=True)
+class _Task:
+    """What all candidates have in common; see `size`."""
+
+    source: Any
+    cycle: float | None
+    lead_in: float
+    needed: Requirements
+    folder: SizeFolder | None
+    progress: Progress
+
+
 def _size_candidate(
-    source: Any,
-    joint: str,
-    label: str,
-    sheet: str | Path | Actuator,
-    options: Mapping[str, Any],
-    cycle: float | None,
-    lead_in: float,
-    needed: Requirements,
-    told: Progress,
+    joint: str, label: str, sheet: str | Path | Actuator, options: Mapping[str, Any], task: _Task
 ) -> Candidate:
     """Return a candidate; one that cannot be run has a problem."""
     given: dict[str, Any] = dict(options)
     given["actuator"] = {**given.get("actuator", {}), joint: sheet}
     try:
-        scenario = load(source, **given)
+        scenario = load(task.source, **given)
     except CommandError as error:
         if "problems" not in error.fields:
             raise  # not a fault of the data sheet
         return Candidate(label, {}, str(error))
     try:
-        return Candidate(label, _size_scenario(scenario, source, cycle, lead_in, needed, told))
+        return Candidate(label, _size_scenario(scenario, task))
     except RunError as error:
         return Candidate(label, {}, str(error))
 
 
-def _size_scenario(
-    scenario: Scenario,
-    source: object,
-    cycle: float | None,
-    lead_in: float,
-    needed: Requirements,
-    told: Progress,
-) -> dict[str, JointSizing]:
+def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     """Run a scenario and return its joints."""
-    times = run_times(scenario.options, scenario.name)
-    wanted = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *scenario.options.roles.values()))]
-    length = times.stop - times.start if cycle is None else min(cycle, times.stop - times.start)
-    interval = scenario.options.output_interval or max(times.step, length / _ROWS)
-    interval = times.step * max(round(interval / times.step), 1)
+    if task.folder is not None:
+        task.folder.check_unread([scenario.options.files_read()])
+    times, roles = run_times(scenario.options, scenario.name), scenario.options.roles
+    wanted = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *roles.values()))]
+    whole = times.stop - times.start
+    length = whole if task.cycle is None else task.cycle
+    if length > whole * (1.0 + 1e-9):
+        raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
+    interval = times.step * max(math.ceil(length / times.step / _ROWS), 1)  # peaks need every row
     given: dict[str, Any] = {"output_interval": interval, "set": _directional(scenario)}
-    if lead_in:
-        given["start_time"] = times.start - lead_in
-    with scenario.prepare(told, **given) as simulation:
+    if task.lead_in:
+        given["start_time"] = times.start - task.lead_in
+    with scenario.prepare(task.progress, **given) as simulation:
         known = simulation.select_signals([])
         kept = [name for name in known if any(matches_pattern(name, pattern) for pattern in wanted)]
-        result = simulation.run(recorders=[TimeSeries()], **({"signals": kept} if kept else {}))
-    joints = list_joints(result)
-    if not joints:
-        raise CommandError(
-            f"'{scenario.name}' has no joint with position, speed, torque, currents, power and load; see "
-            "--role."
-        )
+        joints = list_joints(kept, roles)
+        if not joints:
+            raise CommandError(
+                f"'{scenario.name}' has no joint with position, speed, torque, currents, power and load; see "
+                "--role."
+            )
+        if task.folder is not None:
+            task.folder.check_pictures(joints)
+        result = simulation.run(recorders=[TimeSeries()], signals=kept)
     sizings = {}
     for joint in joints:
-        own = _cycle_length(scenario, joint, cycle, times.start, times.stop)
-        sheet = find_data_sheet(scenario, source, joint)
-        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own, times.stop, needed)
+        own = _cycle_length(scenario, joint, whole) if task.cycle is None else length
+        sheet = find_data_sheet(scenario, task.source, joint)
+        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own, times.stop, task.needed)
     return sizings
 
 
@@ -211,13 +213,8 @@ def _directional(scenario: Scenario) -> dict[str, Any]:
     return {name: True for name in names if not any(matches_pattern(name, key) for key in set_)}
 
 
-def _cycle_length(scenario: Scenario, joint: str, cycle: float | None, start: float, stop: float) -> float:
-    """Return the length in s of a joint's cycle."""
-    whole = stop - start
-    if cycle is not None:
-        if cycle > whole * (1.0 + 1e-9):
-            raise CommandError(f"the cycle of {cycle:g} s is longer than the run of {whole:g} s.")
-        return cycle
+def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
+    """Return the length in s of a joint's cycle, from that of the run."""
     period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
     return period if period and period <= whole else whole
 
@@ -246,12 +243,12 @@ def _size_joint(
         winding_rise(cycle, values),
         required,
         reason,
-        tuple(_remarks(cycle, values, figures.cycle_s, reason, required)),
+        tuple(_remarks(cycle, values, result.times.step, reason, required)),
     )
 
 
 def _remarks(
-    cycle: Cycle, values: Mapping[str, float], length: float, reason: str | None, required: bool
+    cycle: Cycle, values: Mapping[str, float], step: float, reason: str | None, required: bool
 ) -> list[str]:
     found = []
     joint = cycle.joint
@@ -263,6 +260,11 @@ def _remarks(
     elif reason is not None:
         found.append(
             f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
+        )
+    if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
+        found.append(
+            f"{joint}: the cycle has more than {_ROWS:,} steps; the figures are those of rows {apart:.3g} s "
+            "apart, and peaks between them are missed."
         )
     ends = abs(float(cycle.x[-1] - cycle.x[0]))
     if ends > _RETURNS * values["screw.stroke"]:
