@@ -186,6 +186,15 @@ def test_plots_zoom_together(opened: Page) -> None:
     assert opened.range("plot-1") == pytest.approx(before)
 
 
+def test_a_limit_outside_of_the_view_is_not_drawn_at_its_border(opened: Page) -> None:
+    opened.draw("plot-1")
+    model, top = f"{drawn('plot-1')}.model", opened.range("plot-1", "y")[1]
+    opened.until(f"return {model}('limit-0-high-edge').visible")
+    at = opened.run(f"return {model}('limit-0-high-edge').location")
+    assert at == pytest.approx(0.522, rel=1e-2) and at > top
+    assert opened.run(f"return {model}('limit-0-high').line_color") is None
+
+
 def test_the_wheel_zooms_with_control_and_scrolls_without(opened: Page) -> None:
     opened.draw("plot-1")
     before = opened.range("plot-1")

@@ -26,10 +26,11 @@ def template(shape: Shape) -> str:
     figure = _figure()
     for k in range(shape.limits):
         for end in ("low", "high"):
-            beyond = BoxAnnotation(
-                name=f"limit-{k}-{end}", visible=False, line_dash="dashed", level="underlay"
-            )
-            figure.add_layout(beyond)
+            name = f"limit-{k}-{end}"
+            # a box that begins outside of the view would draw its edge at the border of the plot
+            figure.add_layout(BoxAnnotation(name=name, visible=False, line_color=None, level="underlay"))
+            edge = Span(name=f"{name}-edge", visible=False, line_dash="dashed", level="underlay")
+            figure.add_layout(edge)
     if shape.band:
         source = _source("band", "x", "lower", "upper")
         figure.varea("x", "lower", "upper", source=source, name="band")

@@ -77,6 +77,8 @@ const plots = (() => {
     for (const [k, { low, high }] of data.limits.entries()) {
       if (low !== null) model(`limit-${k}-low`).setv({ top: low, visible: true });
       if (high !== null) model(`limit-${k}-high`).setv({ bottom: high, visible: true });
+      for (const [end, at] of Object.entries({ low, high }))
+        if (at !== null) model(`limit-${k}-${end}-edge`).setv({ location: at, visible: true });
     }
   }
 
@@ -157,13 +159,10 @@ const plots = (() => {
       for (const edge of ["lower", "upper"]) model(`band-${edge}`).glyph.line_color = color("band-edge");
     }
     for (const k of data.limits.keys())
-      for (const end of ["low", "high"])
-        model(`limit-${k}-${end}`).setv({
-          fill_color: color("red"),
-          fill_alpha: 0.08,
-          line_color: color("red"),
-          line_alpha: 0.6,
-        });
+      for (const end of ["low", "high"]) {
+        model(`limit-${k}-${end}`).setv({ fill_color: color("red"), fill_alpha: 0.08 });
+        model(`limit-${k}-${end}-edge`).setv({ line_color: color("red"), line_alpha: 0.6 });
+      }
     model("mark").glyph.line_color = color("red");
     model("since").line_color = color("red");
     model("crosshair").line_color = ink;
