@@ -13,7 +13,7 @@ import emla_cosim as ec
 from emla_cosim.study.loading import load
 from emla_cosim.views.pages.curve_data import condense_curve
 from emla_cosim.views.panels import Line
-from emla_cosim.views.plots import by_unit
+from emla_cosim.views.plots import by_unit, pictures, rows
 from emla_cosim.views.plots.overlay import overlay_runs, read_traces
 from emla_cosim.views.plots.panel_drawing import draw_line
 from emla_cosim.views.plots.stacked import MOST_PANELS
@@ -70,6 +70,30 @@ def test_one_run_has_panels_by_unit_and_only_the_times_asked_for(tmp_path: Path)
     assert [x.get_ylabel() for x in axes] == ["m", ""]
     assert curves(axes[0])["b.x"] == ([1, 2], [3, 2])
     assert [list(curves(x)) for x in drawn(place, patterns=["b.*"])[0]] == [["b.x"]]
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_a_long_table_says_what_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    monkeypatch.setattr(rows, "MOST_ROWS", 100)
+    long, whole = (kept(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100))
+    axes, notes = drawn(long, whole)
+    assert notes == ["101: 51 of 101 rows drawn."]
+    assert [len(x) for x, _ in curves(axes[0]).values()] == [51, 100]
+
+
+def test_pictures_say_which_rows_they_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    with load("lift", stop_time=0.02).prepare() as simulation:
+        result = simulation.run(output_interval=1e-4)
+
+    def corner() -> set[str]:
+        texts = [text.get_text() for _, figure in pictures.drawn(result) if figure for text in figure.texts]
+        return {text for text in texts if "rows" in text}
+
+    assert corner() == set()
+    monkeypatch.setattr(rows, "MOST_ROWS", 150)
+    assert corner() == {"101 of 201 rows drawn"}
 
 
 def test_joints_show_where_they_are_and_should_be(tmp_path: Path) -> None:

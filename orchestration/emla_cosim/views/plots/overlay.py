@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
-from .panel_drawing import MOST_ROWS
+from .rows import Table, read_rows
 from .stacked import (
     LAYOUTS,
     MOST_LINES,
@@ -38,10 +38,6 @@ _MOST_RUNS = 2 * MOST_LINES
 """Most runs that colours and dashes can distinguish."""
 
 
-class _Table(Protocol):
-    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]: ...
-
-
 @dataclass(frozen=True)
 class Traces:
     """The signals of a run by name, with known units and roles.
@@ -53,7 +49,7 @@ class Traces:
     names: Sequence[str]
     units: Mapping[str, str]
     types: Mapping[str, SignalType]
-    table: _Table
+    table: Table
     roles: Mapping[str, str]
     files: Sequence[Path] = ()
 
@@ -130,7 +126,11 @@ def overlay_runs(
     else:
         chosen, notes = _choose_default_signals(runs, names, units, types)
     notes += _describe_missing(runs, chosen)
-    data = [_cut(run, chosen, begin, end) for run in runs]
+    data = list[Mapping[str, Vector]]()
+    for run in runs:
+        rows, left_out = _cut(run, chosen, begin, end)
+        data.append(rows)
+        notes += [f"{run.label}: {left_out}."] if left_out else []
     if not any(len(columns["time"]) for columns in data):
         raise CommandError("there are no rows to plot between these times.")
     if len(runs) == 1:
@@ -220,17 +220,19 @@ def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str
     return notes
 
 
-def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | None) -> dict[str, Vector]:
-    """Return the run's signals and `time` between two times."""
+def _cut(
+    run: Traces, chosen: Sequence[str], begin: float | None, end: float | None
+) -> tuple[dict[str, Vector], str]:
+    """Return the run's signals and `time` between two times, and a note on rows that are left out."""
     there = set(run.names)
-    data = run.table.read(["time", *(name for name in chosen if name in there)], MOST_ROWS)
+    data, left_out = read_rows(run.table, [name for name in chosen if name in there])
     time = data["time"]
     inside = np.ones(len(time), dtype=bool)
     if begin is not None:
         inside &= time >= begin
     if end is not None:
         inside &= time <= end
-    return {name: values[inside] for name, values in data.items()}
+    return {name: values[inside] for name, values in data.items()}, left_out
 
 
 def _overlay_signal(

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_ROWS = 200_000
-"""Of longer tables plots show only every n-th row."""
-
 _LETTERS = 13
 """Letters per inch in the line below the title."""
 

@@ -11,8 +11,9 @@ import numpy as np
 from ...base.arrays import Vector
 from ..formatting import format_headline
 from ..panels import Limit, Line, Plot
-from .panel_drawing import MOST_ROWS, draw_panels, has_changes
-from .style import BLUE
+from .panel_drawing import draw_panels, has_changes
+from .rows import read_rows
+from .style import BLUE, GREY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,16 +158,19 @@ FIGURES: dict[str, Drawing] = {}
 
 def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
     """Draw each plot by name. The figure is None if the result has no signals for it, or no value changes."""
-    data = result.read(_list_signals(result), MOST_ROWS)
+    data, left_out = read_rows(result, _list_signals(result))
     if len(data["time"]) >= 2:
         for name, picture in FIGURES.items():
-            yield name, picture.drawn(result, data)
+            figure = picture.drawn(result, data)
+            if figure is not None and left_out:
+                figure.text(0.998, 0.004, left_out, ha="right", va="bottom", color=GREY, fontsize=8)
+            yield name, figure
 
 
 def _list_signals(result: "Result") -> list[str]:
-    """Return the recorded signals that plots show, and `time`."""
+    """Return the recorded signals that plots show."""
     wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
-    return ["time", *(name for name in result.names if name in wanted)]
+    return [name for name in result.names if name in wanted]
 
 
 def _resolve_panel(
