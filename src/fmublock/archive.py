@@ -4,12 +4,12 @@ import hashlib
 import os
 import uuid
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import BuildError
-from .files import real_place, write_atomically
+from .files import accept, real_place, write_atomically
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # in the zip's comment, which is not part of the FMU; repacking drops it
@@ -88,7 +88,11 @@ def check_replaceable(path: Path, overwrite: bool = False) -> None:
 
 
 def write_archive(
-    path: Path, files: Mapping[str, bytes], comment: bytes = b"", stored: Collection[str] = ()
+    path: Path,
+    files: Mapping[str, bytes],
+    comment: bytes = b"",
+    stored: Collection[str] = (),
+    check: Callable[[Path], object] = accept,
 ) -> None:
     """Zip files to `path`. A reader never sees an incomplete file there.
 
@@ -97,12 +101,13 @@ def write_archive(
         files: Contents by name.
         comment: The zip's comment.
         stored: Names of the files that are not compressed.
+        check: Checks a file that is replaced; see `write_atomically`.
 
     Raises:
         OSError: The file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+    with write_atomically(path, check) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
             entry.compress_type = zipfile.ZIP_STORED if name in stored else zipfile.ZIP_DEFLATED
