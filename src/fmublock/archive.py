@@ -1,5 +1,6 @@
 """FMU files whose bytes depend on their content alone."""
 
+import errno
 import hashlib
 import os
 import uuid
@@ -50,6 +51,9 @@ def read_built(path: Path) -> BuiltFmu:
     """Read key and platforms of an FMU without unpacking it.
 
     The result is empty if the file is missing, truncated, or not a zip.
+
+    Raises:
+        OSError: Too many files are open.
     """
     if not os.path.isfile(path):  # noqa: PTH113 (never raises); opening a pipe would block
         return BuiltFmu()
@@ -57,7 +61,9 @@ def read_built(path: Path) -> BuiltFmu:
         with zipfile.ZipFile(path) as archive:
             comment = archive.comment.decode(errors="replace")
             names = archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, zipfile.BadZipFile) as error:
+        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+            raise  # a limit of the machine must not make it a file that others built
         return BuiltFmu()
     platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
     return BuiltFmu(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
