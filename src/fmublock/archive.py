@@ -1,15 +1,16 @@
 """FMU files whose bytes depend on their content alone."""
 
+import errno
 import hashlib
 import os
 import uuid
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import BuildError
-from .files import real_place, write_atomically
+from .files import accept, real_place, write_atomically
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # in the zip's comment, which is not part of the FMU; repacking drops it
@@ -50,6 +51,9 @@ def read_built(path: Path) -> BuiltFmu:
     """Read key and platforms of an FMU without unpacking it.
 
     The result is empty if the file is missing, truncated, or not a zip.
+
+    Raises:
+        OSError: Too many files are open.
     """
     if not os.path.isfile(path):  # noqa: PTH113 (never raises); opening a pipe would block
         return BuiltFmu()
@@ -57,7 +61,9 @@ def read_built(path: Path) -> BuiltFmu:
         with zipfile.ZipFile(path) as archive:
             comment = archive.comment.decode(errors="replace")
             names = archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, zipfile.BadZipFile) as error:
+        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+            raise  # a limit of the machine must not make it a file that others built
         return BuiltFmu()
     platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
     return BuiltFmu(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
@@ -88,7 +94,11 @@ def check_replaceable(path: Path, overwrite: bool = False) -> None:
 
 
 def write_archive(
-    path: Path, files: Mapping[str, bytes], comment: bytes = b"", stored: Collection[str] = ()
+    path: Path,
+    files: Mapping[str, bytes],
+    comment: bytes = b"",
+    stored: Collection[str] = (),
+    check: Callable[[Path], object] = accept,
 ) -> None:
     """Zip files to `path`. A reader never sees an incomplete file there.
 
@@ -97,12 +107,13 @@ def write_archive(
         files: Contents by name.
         comment: The zip's comment.
         stored: Names of the files that are not compressed.
+        check: Checks a file that is replaced; see `write_atomically`.
 
     Raises:
         OSError: The file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+    with write_atomically(path, check) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
             entry.compress_type = zipfile.ZIP_STORED if name in stored else zipfile.ZIP_DEFLATED

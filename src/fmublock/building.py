@@ -9,6 +9,7 @@ from .block import Block
 from .disclosure import Disclosure
 from .errors import BuildError
 from .export import Draft
+from .files import accept
 from .native import native_binaries, native_draft
 from .platforms import host_platform
 from .python_flavour import python_binaries, python_draft
@@ -64,7 +65,8 @@ def build(
         raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
     draft = draft_of(recipe)
-    write_fmu(draft, recipe.key() or draft.key, flavour, platforms, Path(path), advance)
+    key = recipe.key() or draft.key
+    write_fmu(draft, key, flavour, platforms, Path(path), advance, lambda p: check_replaceable(p, overwrite))
     return Path(path)
 
 
@@ -87,13 +89,14 @@ def write_fmu(
     platforms: Sequence[str],
     path: Path,
     advance: Callable[[], None] = lambda: None,
+    check: Callable[[Path], object] = accept,
 ) -> None:
-    """Add the binaries to a draft and write the FMU with its key. Raises BuildError."""
+    """Add the binaries to a draft and write the FMU. Raises BuildError, and what `check` raises."""
     if flavour == "native":
         binaries = native_binaries(draft, platforms or (host_platform(),), advance)
     else:
         binaries = python_binaries(draft)
     try:
-        draft.write(path, binaries, key)
+        draft.write(path, binaries, key, check)
     except OSError as error:
         raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error

@@ -1,7 +1,7 @@
 """The parts of an FMU that native and PythonFMU FMUs share."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from .archive import content_guid, key_comment, write_archive
 from .block import Block
 from .description import FmuFeatures, model_description
 from .documentation import docstring_page, html_page, icon, with_variables
+from .files import accept
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock
 from .terminals import terminals_and_icons
@@ -33,11 +34,13 @@ class Draft:
         """The key of this content, for a recipe that has none."""
         return hashlib.sha256(self.guid.encode()).hexdigest()
 
-    def write(self, path: Path, binaries: Mapping[str, bytes], key: str) -> None:
-        """Write the FMU with these further files and its key. Raises OSError."""
+    def write(
+        self, path: Path, binaries: Mapping[str, bytes], key: str, check: Callable[[Path], object] = accept
+    ) -> None:
+        """Write the FMU with these further files and its key. Raises OSError, and what `check` raises."""
         kept = {p: f for p, f in self.files.items() if self.has_sources or not p.startswith("sources/")}
         files = {**kept, **binaries, "modelDescription.xml": self.description}
-        write_archive(path, files, key_comment(key))
+        write_archive(path, files, key_comment(key), check=check)
 
 
 def draft(

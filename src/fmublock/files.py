@@ -4,7 +4,7 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -57,12 +57,21 @@ def real_place(path: Path) -> Path:
     return place
 
 
+def accept(place: Path) -> None:
+    """Let `write_atomically` replace any regular file."""
+
+
 @contextmanager
-def write_atomically(path: Path) -> Iterator[IO[bytes]]:
+def write_atomically(path: Path, check: Callable[[Path], object] = accept) -> Iterator[IO[bytes]]:
     """Open a stream for a file that appears, complete and on disk, at the end of the `with` block.
 
     Until then, and if the block fails, an existing file stays unchanged. A link is neither followed nor
     replaced.
+
+    Args:
+        path: The file.
+        check: Called with the real path at the end if a file has this name. It raises an error if
+            that file must not be replaced.
 
     Raises:
         NotAFileError: Something that is not a regular file has this name.
@@ -78,10 +87,26 @@ def write_atomically(path: Path) -> Iterator[IO[bytes]]:
             stream.flush()
             os.fsync(stream.fileno())
         unfinished.chmod(_mode(place))
-        unfinished.replace(place)
+        _move(unfinished, place, check)
     except BaseException:
         unfinished.unlink(missing_ok=True)
         raise
+
+
+def _move(unfinished: Path, place: Path, check: Callable[[Path], object]) -> None:
+    """Give a complete file its name. One that appears there at the same time is not replaced unchecked."""
+    if check is not accept and not os.path.lexists(place):
+        try:
+            place.hardlink_to(unfinished)
+        except OSError:  # a file appeared, or the file system has no hard links
+            pass
+        else:
+            unfinished.unlink()
+            return
+    if os.path.lexists(place):
+        real_place(place)
+        check(place)
+    unfinished.replace(place)
 
 
 @cache

@@ -390,9 +390,9 @@ def test_a_place_that_cannot_be_written_is_named_before_anything_is_run(
 def test_a_full_disk_leaves_the_earlier_checkpoint(
     size: int, made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def save(path: Path, stepping: Stepping, notes: dict[str, Any]) -> None:
+    def save(path: Path, stepping: Stepping, notes: dict[str, Any], overwrite: bool) -> None:
         with files_of_at_most(size):
-            save_checkpoint(path, stepping, notes)
+            save_checkpoint(path, stepping, notes, overwrite)
 
     shutil.copy(made / "c", tmp_path / "c")
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)

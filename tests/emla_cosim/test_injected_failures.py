@@ -17,8 +17,8 @@ import pytest
 from tests.support.commands import Emla
 
 EVENTS = {
-    "open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.chmod", "os.scandir", "os.listdir",
-    "os.truncate", "tempfile.mkstemp", "tempfile.mkdtemp", "shutil.rmtree",
+    "open", "os.mkdir", "os.rename", "os.link", "os.remove", "os.rmdir", "os.chmod", "os.scandir",
+    "os.listdir", "os.truncate", "tempfile.mkstemp", "tempfile.mkdtemp", "shutil.rmtree",
 }  # fmt: skip
 """What the interpreter tells of before it does it; the first argument is the path."""
 

@@ -146,12 +146,28 @@ def test_the_next_command_removes_what_a_killed_one_left(fmu_folder: Path, tmp_p
     assert not list((tmp_path / "temporary").iterdir())
 
 
-def test_a_few_open_files_are_enough_to_remove_the_temporary_folder(fmu_folder: Path, tmp_path: Path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not use HOME.")
+@pytest.mark.parametrize("home", [None, ""])
+def test_commands_need_no_home(
+    home: str | None, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("HOME") if home is None else monkeypatch.setenv("HOME", home)
+    assert emla("run", "lift", *SHORT, "--output", "out", "--no-plots").exit_code == 0
+    assert emla("export", "lift", "x.ssp").exit_code == 0
+    assert emla("info", "lift", "--json", "i.json").exit_code == 0
+    assert emla("list").exit_code == 0
+    assert names(tmp_path) == {"out", "x.ssp", "i.json"}
+
+
+@pytest.mark.parametrize("most", [5, 8])
+def test_a_few_open_files_are_enough_to_remove_the_temporary_folder(
+    most: int, fmu_folder: Path, tmp_path: Path
+) -> None:
     prlimit = pytest.importorskip("resource", reason="Windows has no such limit.").RLIMIT_NOFILE
     assert prlimit is not None
     (tmp_path / "temporary").mkdir()
     command = [sys.executable, "-m", "emla_cosim", "run", "lift", *SHORT, "--fmus", str(fmu_folder)]
-    limited = ["sh", "-c", 'ulimit -n 8; exec "$@"', "sh", *command, "--output", "out", "--no-plots"]
+    limited = ["sh", "-c", f'ulimit -n {most}; exec "$@"', "sh", *command, "--output", "out", "--no-plots"]
     environment = {**os.environ, "TMPDIR": str(tmp_path / "temporary")}
     done = subprocess.run(limited, cwd=tmp_path, env=environment, capture_output=True, check=False)
     assert done.returncode in (0, 1), done.stderr

@@ -59,7 +59,7 @@ def test_parts_and_the_file_are_on_disk_before_they_have_their_names(
 ) -> None:
     synced: set[int] = set()
     named: list[str] = []
-    sync, replace = os.fsync, Path.replace
+    sync, replace, link = os.fsync, Path.replace, Path.hardlink_to
 
     def fsync(handle: int) -> None:
         sync(handle)
@@ -71,8 +71,14 @@ def test_parts_and_the_file_are_on_disk_before_they_have_their_names(
         named.append(Path(target).name)
         return replace(path, target)
 
+    def linked(target: Path, path: Path) -> None:
+        assert path.stat().st_ino in synced, f"{target} is not on disk"
+        named.append(target.name)
+        link(target, path)
+
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     monkeypatch.setattr(Path, "replace", replaced)
+    monkeypatch.setattr(Path, "hardlink_to", linked)
     monkeypatch.setattr(emla_cosim.recorders.parquet_file, "PART", 30)
     file = begun(tmp_path)
     file.end()

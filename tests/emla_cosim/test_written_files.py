@@ -279,6 +279,11 @@ def test_a_call_that_fails_leaves_whole_files(
     assert failures == places >= {"run": 2 + DRAWN}.get(what, 1)
 
 
+def refuse_links(self: Path, target: Path) -> None:
+    """Fail as on a file system without hard links."""
+    raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+
 def break_call(patch: pytest.MonkeyPatch, call: str, failing: Callable[[], None]) -> None:
     """Let one of the calls of `write_atomically` do something first."""
     if call == "fsync":
@@ -312,6 +317,8 @@ def break_call(patch: pytest.MonkeyPatch, call: str, failing: Callable[[], None]
 
         patch.setattr(fmublock.files.os, "fdopen", fdopen)
         return
+    if call == "replace":  # otherwise new files are linked to their name
+        patch.setattr(Path, "hardlink_to", refuse_links)
     method = getattr(Path, call)
 
     def broken(self: Path, *arguments: Any) -> Any:

@@ -21,7 +21,18 @@ VARIABLE = "EMLA_TEST_FAILURES"
 """Environment variable with the file that all processes share; `injected/sitecustomize.py` looks for it."""
 
 CHANGES = frozenset(
-    ("write", "fsync", "create", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.chmod", "os.truncate")
+    (
+        "write",
+        "fsync",
+        "create",
+        "os.mkdir",
+        "os.rename",
+        "os.link",
+        "os.remove",
+        "os.rmdir",
+        "os.chmod",
+        "os.truncate",
+    )
 )
 """Calls that change what is on the disk."""
 

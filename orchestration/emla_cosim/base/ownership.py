@@ -18,9 +18,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
+from typing import IO
 
 from .errors import CommandError, RunError, find_machine_fault
-from .files import HERE, real_place, resolve_output_path, write_atomically
+from .files import HERE, NotAFileError, real_place, resolve_output_path, write_atomically
 
 MANIFEST = ".emla.json"
 FORMAT = "emla-output"
@@ -37,6 +38,8 @@ _SEALED = re.compile(rb"[^\n]{0,9}" + _SEAL + rb"([0-9a-f]{64})[^\n]{0,9}\n\Z")
 
 IsOurs = Callable[[Path], bool]
 """Return whether emla wrote the regular file at this path."""
+
+_State = tuple[int, int, int, int] | None
 
 
 def check_replaceable(
@@ -67,6 +70,16 @@ def check_replaceable(
             path=str(path),
         )
     return place
+
+
+def refuse_others(is_ours: IsOurs, overwrite: bool = False) -> Callable[[Path], None]:
+    """Return the check of `write_atomically` for a file that `check_replaceable` checked earlier."""
+
+    def check(place: Path) -> None:
+        if not (overwrite or is_new(place) or is_ours(place)):
+            raise NotAFileError(0, f"'{place.name}' appeared while emla ran, and emla did not write it")
+
+    return check
 
 
 def is_new(path: Path) -> bool:
@@ -143,6 +156,8 @@ class OutputFiles:
         self.overwrite = overwrite
         self._place, self._shown = place, shown
         self._identity: tuple[int, int] | None = None
+        self._checked: dict[str, _State] = {}
+        """What was in place of each file when it was last checked, claimed or written."""
         self._marker, self._is_record, self._known = marker, is_record, known
 
     def check(self, names: Iterable[str], what: str) -> None:
@@ -158,6 +173,7 @@ class OutputFiles:
         entries = self._entries()
         for name in (MANIFEST, *names):
             path = self._place / name
+            self._checked[name] = _state(path)
             if not os.path.lexists(path):
                 continue
             try:
@@ -184,12 +200,35 @@ class OutputFiles:
         """
         self._check_unchanged()
         entries = self._entries()
+        for name in names:
+            self._checked.setdefault(name, _state(self._place / name))
         earlier = (
             [n for n in self._known if _is_regular(self._place / n)] if self._is_earlier(entries) else []
         )
         wanted = {**dict.fromkeys(earlier), **entries, **dict.fromkeys(names)}
         if wanted != entries:
             self._write(wanted)
+
+    @contextmanager
+    def write(self, name: str) -> Iterator[IO[bytes]]:
+        """Write a file atomically; see `write_atomically`.
+
+        Raises:
+            NotAFileError: The file was not there, or was another one, when it was claimed.
+            OSError: The file cannot be written.
+        """
+        self.claim([name])
+        with write_atomically(self._place / name, self._check_appeared) as stream:
+            yield stream
+        self._checked[name] = _state(self._place / name)
+
+    def _check_appeared(self, place: Path) -> None:
+        """Raise NotAFileError if a file appeared, or was changed, after it was claimed."""
+        if self.overwrite or is_new(place) or _state(place) == self._checked[place.name]:
+            return
+        known = self._entries().get(place.name)
+        if known is None or known != _fingerprint(place):
+            raise NotAFileError(0, f"'{place.name}' appeared while emla ran, and emla did not write it")
 
     def _check_unchanged(self) -> None:
         """Raise RunError if the folder is another one than at the first file."""
@@ -273,8 +312,18 @@ class OutputFiles:
             "made_by": f"emla-cosim {version('emla-cosim')}",
             "files": dict(sorted(entries.items())),
         }
-        with write_atomically(self._place / MANIFEST) as stream:
+        check = refuse_others(has_format(FORMAT), self.overwrite)
+        with write_atomically(self._place / MANIFEST, check) as stream:
             stream.write((json.dumps(content, indent=1) + "\n").encode())
+
+
+def _state(path: Path) -> _State:
+    """Return what changes if a file is replaced or written; None if there is none."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _is_regular(path: Path) -> bool:

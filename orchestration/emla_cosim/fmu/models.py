@@ -18,11 +18,12 @@ from fmublock.archive import BuiltFmu, read_built
 from fmublock.cache import cache_folder
 from fmublock.disclosure import Disclosure
 from fmublock.errors import BuildError, DisclosureError, LoadError
+from fmublock.files import accept
 from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 
 from ..base.errors import CommandError, RunError, check_choice
-from ..base.ownership import check_replaceable
+from ..base.ownership import check_replaceable, refuse_others
 
 __all__ = [
     "FLAVOURS",
@@ -178,12 +179,14 @@ def _build(
     with _lock_build(path):
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):
-            if os.path.lexists(path) and (folder is not None or not path.is_absolute()):  # not in the cache
+            in_cache = folder is None and path.is_absolute()
+            if os.path.lexists(path) and not in_cache:
                 check_replaceable(path, "the FMU", _is_ours, overwrite)
             from fmublock.building import draft_of, write_fmu
 
+            check = accept if in_cache else refuse_others(_is_ours, overwrite)
             wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
-            write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance)
+            write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance, check)
     return path
 
 

@@ -1,6 +1,7 @@
 """Compute frequency responses of a system at a time of a run."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Unpack
 
@@ -105,21 +106,21 @@ def linearize(
         if plots:
             folder.check_files(folder.pictures)
         folder.check_unread([scenario.options.files_read()])
-    values = ideal_sensors(scenario.system) | dict(scenario.options.set)
-    if matrices:
-        with scenario.prepare(told, set=values) as simulation:
-            names = _texts(perturb), _texts(read), _texts(free)
-            result = _compute_matrices(scenario, simulation, *names, at, steady)
-    else:
-        start, count = _stretch(scenario, at, duration)
-        ends = [
-            Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
-        ]
-        faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
-        with scenario.prepare(told, fault=faults, set=values) as simulation:
-            result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
-    if folder is not None:
-        with folder.alone():
+    with nullcontext() if folder is None else folder.alone():
+        values = ideal_sensors(scenario.system) | dict(scenario.options.set)
+        if matrices:
+            with scenario.prepare(told, set=values) as simulation:
+                names = _texts(perturb), _texts(read), _texts(free)
+                result = _compute_matrices(scenario, simulation, *names, at, steady)
+        else:
+            start, count = _stretch(scenario, at, duration)
+            ends = [
+                Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
+            ]
+            faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
+            with scenario.prepare(told, fault=faults, set=values) as simulation:
+                result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+        if folder is not None:
             folder.keep(result, plots)
             folder.settle()
     return result

@@ -21,10 +21,11 @@ class Checkpoints(Recorder):
         path: The file, as messages name it.
         identity: What must be the same to continue a run, by its names in messages.
         place: Absolute path of the file, which stays valid if an FMU changes the working directory.
+        overwrite: Whether to replace a file that is no checkpoint.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], place: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, identity: Mapping[str, Any], place: Path, overwrite: bool = False) -> None:
+        self.path, self._overwrite = path, overwrite
         self._place = place
         self.identity = identity
         self._last = time.monotonic()
@@ -37,7 +38,7 @@ class Checkpoints(Recorder):
     def _save(self, run: Pause) -> None:
         notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
         try:
-            save_checkpoint(self._place, run.stepping, notes)
+            save_checkpoint(self._place, run.stepping, notes, self._overwrite)
         except OSError as error:
             raise RunError(
                 f"the checkpoint '{self.path}' cannot be written: {error.strerror or error}."

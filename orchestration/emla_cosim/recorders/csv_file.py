@@ -58,7 +58,8 @@ class CsvFile(FileTable):
             self._stream.seek(length)
             self._length, self._line = length, line
         else:
-            self._stream = self.path.open("wb", buffering=0)
+            self.path.unlink(missing_ok=True)
+            self._stream = self.path.open("xb", buffering=0)  # "x": a file that appears now stays
             self._length, self._line = 0, ""
             self._write_lines(header)
 

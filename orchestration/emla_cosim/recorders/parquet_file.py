@@ -84,7 +84,7 @@ class ParquetFile(FileTable):
         parts = sorted(self._parts.glob("*.parquet"))
         empty = polars.LazyFrame(schema=self._schema)
         whole = polars.scan_parquet(parts) if parts else empty
-        with _polars_failures(), write_atomically(self.path) as stream:
+        with _polars_failures(), self._files.write(self.path.name) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
         self.settle()

@@ -339,7 +339,7 @@ class Simulation:
                     place = checkpoint_place(
                         chosen.checkpoint, assembly.network, self._here, chosen.overwrite
                     )
-                    taking.append(Checkpoints(chosen.checkpoint, identity, place))
+                    taking.append(Checkpoints(chosen.checkpoint, identity, place, chosen.overwrite))
             if stored is not None:
                 _check_comparable(stored, recorded, taking)
             parameters = assembly.parameters()

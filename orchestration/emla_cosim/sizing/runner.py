@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
@@ -99,16 +100,16 @@ def size(
         place = convert_value(output, Path, "the output folder")
         folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
     task = _Task(source, cycle, lead_in, Requirements(ambient, life), folder, told)
-    if varied is None:
-        scenario = load(source, **options)
-        found, name = [Candidate(scenario.name, _size_scenario(scenario, task))], scenario.name
-    else:
-        name, found = Path(str(source)).stem if isinstance(source, (str, Path)) else "system", []
-        for label, sheet in sheets:
-            found.append(_size_candidate(varied, label, sheet, options, task))
-    result = SizeResult(name, found, varied, ambient, life)
-    if folder is not None:
-        with folder.alone():
+    with nullcontext() if folder is None else folder.alone():
+        if varied is None:
+            scenario = load(source, **options)
+            found, name = [Candidate(scenario.name, _size_scenario(scenario, task))], scenario.name
+        else:
+            name, found = Path(str(source)).stem if isinstance(source, (str, Path)) else "system", []
+            for label, sheet in sheets:
+                found.append(_size_candidate(varied, label, sheet, options, task))
+        result = SizeResult(name, found, varied, ambient, life)
+        if folder is not None:
             folder.keep(result)
             folder.settle()
     return result

@@ -49,6 +49,10 @@ def read_motion(path: str | Path) -> tuple[Spline, Mapping[str, Any]]:
         raise CommandError(f"{WHAT} '{path}' is not JSON: {error}.") from error
 
 
+is_trajectory = has_format("emla-cosim trajectory")
+"""Return whether a file is a trajectory."""
+
+
 def check_trajectory(path: Path, overwrite: bool = False) -> Path:
     """Return where a trajectory file may be written; CommandError where it may not."""
-    return check_replaceable(path, WHAT, has_format("emla-cosim trajectory"), overwrite)
+    return check_replaceable(path, WHAT, is_trajectory, overwrite)

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..base.errors import RunError
 from ..base.files import write_atomically
-from .file import WHAT, check_trajectory
+from ..base.ownership import refuse_others
+from .file import WHAT, check_trajectory, is_trajectory
 from .motion import OptimisedMotion
 
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
@@ -24,7 +25,7 @@ def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = Fals
     place = check_trajectory(path, overwrite)
     content = json.dumps(build_document(result), indent=1, allow_nan=False) + "\n"
     try:
-        with write_atomically(place) as stream:
+        with write_atomically(place, refuse_others(is_trajectory, overwrite)) as stream:
             stream.write(content.encode())
     except OSError as error:
         raise RunError(f"{WHAT} '{path}' cannot be written: {error.strerror or error}.") from error

@@ -13,7 +13,7 @@ from hdrm_fmu.trajectory import JOINTS
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.files import check_output_files, write_atomically
-from ..base.ownership import check_replaceable
+from ..base.ownership import check_replaceable, refuse_others
 from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
 from .file import check_trajectory
 from .motion import OptimisedMotion
@@ -73,7 +73,7 @@ def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) 
     places = picture_places(path, overwrite=overwrite)
     for place, figure in zip(places, draw_pictures(result).values(), strict=True):
         try:
-            with write_atomically(place) as stream:
+            with write_atomically(place, refuse_others(is_picture, overwrite)) as stream:
                 save(figure, stream)
         except OSError as error:
             raise RunError(f"the picture '{place}' cannot be written: {error.strerror or error}.") from error

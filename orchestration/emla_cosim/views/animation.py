@@ -1,15 +1,14 @@
 """Animations of results as GIF, registered for the signals that a run has."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
-from pathlib import Path
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.errors import CommandError, RunError, join_names
-from ..base.files import write_atomically
 from ..base.progress import Progress
 from ..sandbox.interruption import catch_interrupts
 
@@ -76,8 +75,15 @@ def check_animated(name: str, all_names: Collection[str], kept: Collection[str])
         )
 
 
-def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
-    """Draw all animations that the result has signals for, and return the files.
+def animate(
+    result: "Result", write: Callable[[str], AbstractContextManager[IO[bytes]]], progress: Progress
+) -> list[str]:
+    """Draw all animations that the result has signals for, and return the names of their files.
+
+    Args:
+        result: The result.
+        write: Opens a stream for the file of this name, as a context.
+        progress: Where progress is reported.
 
     Raises:
         OSError: If a file cannot be written.
@@ -88,10 +94,9 @@ def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
         if animation.signals(result.names) is not None:
             film = animation.film(result)
             progress.begin("animating", len(film))
-            path = folder / f"{name}.gif"
-            with write_atomically(path) as stream:
+            with write(file := f"{name}.gif") as stream:
                 write_gif(film, stream, progress)
-            written.append(path)
+            written.append(file)
     return written
 
 

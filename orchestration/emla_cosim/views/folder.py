@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ClassVar
 
 from ..base.errors import CommandError
-from ..base.files import check_output_files, remove_unfinished, report_write_errors, write_atomically
+from ..base.files import check_output_files, remove_unfinished, report_write_errors
 from ..base.ownership import IsOurs, OutputFiles
 from ..sandbox.locking import exclusive_lock
 from .plots.style import save
@@ -78,8 +78,7 @@ class Folder:
 
     @contextlib.contextmanager
     def _written(self, name: str) -> Iterator[IO[bytes]]:
-        self._files.claim([name])
-        with write_atomically(self._place / name) as stream:
+        with self._files.write(name) as stream:
             yield stream
 
     def settle(self) -> None:

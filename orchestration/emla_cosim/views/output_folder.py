@@ -202,7 +202,7 @@ class OutputFolder(Folder):
         if plots:
             written += self._draw_all(result, told, interrupted)
         if animated:
-            written += animate(result, self._place, told)
+            written += [self.path / name for name in animate(result, self._written, told)]
         return written
 
     def _draw_all(self, result: Result, told: Progress, interrupted: Callable[[], bool]) -> list[Path]:

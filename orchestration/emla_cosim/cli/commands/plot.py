@@ -8,7 +8,7 @@ import typer
 from ...base.errors import CommandError
 from ...base.files import check_output_files, report_write_errors, write_atomically
 from ...base.option import PLOT
-from ...base.ownership import check_replaceable
+from ...base.ownership import check_replaceable, refuse_others
 from ...recorders.registry import TABLES
 from ...run.plot_formats import PLOT_FORMATS
 from ...study.registration import register
@@ -70,10 +70,12 @@ def command(
         raise CommandError(f"the plot file '{output}' must end in .png, .pdf or .svg.")
     found = read_traces(runs)
     check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
-    check_replaceable(output, "the plot", is_picture, given.get("overwrite", False))
+    overwrite = given.get("overwrite", False)
+    check_replaceable(output, "the plot", is_picture, overwrite)
     start, stop = read_time(begin, "--from"), read_time(end, "--to")
     overlay = overlay_runs(found, signals or [], start, stop, title, layout)
-    with report_write_errors(output.parent), write_atomically(output) as stream:
+    check = refuse_others(is_picture, overwrite)
+    with report_write_errors(output.parent), write_atomically(output, check) as stream:
         save(overlay.figure, stream, form)
     for note in overlay.notes:
         print_line(f"Note: {note}")

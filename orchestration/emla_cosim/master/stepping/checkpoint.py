@@ -13,7 +13,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import HERE, write_atomically
-from ...base.ownership import check_replaceable
+from ...base.ownership import check_replaceable, refuse_others
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
@@ -73,13 +73,16 @@ def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool
     return place
 
 
-def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) -> None:
+def save_checkpoint(
+    path: Path, stepping: Stepping, notes: Mapping[str, Any], overwrite: bool = False
+) -> None:
     """Write a checkpoint. It replaces an earlier file only when it is complete.
 
     Args:
         path: The file.
         stepping: The simulation.
         notes: Plain data of the caller, returned by `load_checkpoint`.
+        overwrite: Whether it may replace a file that is no checkpoint.
 
     Raises:
         OSError: The file cannot be written.
@@ -93,7 +96,7 @@ def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) ->
     content[_MEMORY + "signals"] = network.signals
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
-    with write_atomically(path) as stream:
+    with write_atomically(path, refuse_others(_is_checkpoint, overwrite)) as stream:
         np.savez(stream, allow_pickle=False, **content)
 
 

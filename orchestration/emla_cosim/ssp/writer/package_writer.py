@@ -8,7 +8,7 @@ from zipfile import BadZipFile, ZipFile
 from fmublock.archive import write_archive
 
 from ...base.errors import CommandError, RunError
-from ...base.ownership import check_replaceable
+from ...base.ownership import check_replaceable, refuse_others
 from ...fmu.interface import KINDS, MODEL_EXCHANGE, read_interfaces
 from ...system.model import System
 from ...system.resolution import resolve_system
@@ -108,7 +108,7 @@ def write_ssp(
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
     try:
-        write_archive(path, contents, _MARK)
+        write_archive(path, contents, _MARK, check=refuse_others(_is_ours, overwrite))
     except OSError as error:
         raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
 

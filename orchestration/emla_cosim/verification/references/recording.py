@@ -12,6 +12,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import resolve_output_path, write_atomically
+from ...base.ownership import refuse_others
 from ...sandbox.confinement import confine
 from ..host.experiment import span
 from ..host.fresh_process import in_fresh_process
@@ -92,7 +93,8 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     else:  # the file of an earlier recording would be used as inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     return [
-        _write_text(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()
+        _write_text(recording.folder / f"{subject.path.stem}_{kind}", text, recording.overwrite)
+        for kind, text in texts.items()
     ]
 
 
@@ -120,8 +122,9 @@ def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
     return start, step, count
 
 
-def _write_text(path: Path, text: str) -> Path:
-    with write_atomically(path) as stream:
+def _write_text(path: Path, text: str, overwrite: bool) -> Path:
+    check = refuse_others(lambda _: False, overwrite)
+    with write_atomically(path, check) as stream:
         stream.write(text.encode())
     return path
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...base.errors import RunError
 from ...base.files import write_atomically
-from ...base.ownership import IsOurs, check_replaceable
+from ...base.ownership import IsOurs, check_replaceable, refuse_others
 
 
 def write_text(text: str, path: Path, what: str, is_ours: IsOurs, overwrite: bool = False) -> None:
@@ -23,7 +23,7 @@ def write_text(text: str, path: Path, what: str, is_ours: IsOurs, overwrite: boo
     """
     place = check_replaceable(path, what, is_ours, overwrite)
     try:
-        with write_atomically(place) as stream:
+        with write_atomically(place, refuse_others(is_ours, overwrite)) as stream:
             stream.write(text.encode("utf-8", "replace"))
     except OSError as error:
         raise RunError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
