@@ -6,7 +6,7 @@ unambiguous names are accepted.
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `SiUnit.exponents`; the radian counts as one, as in FMI and SSP."""
@@ -26,12 +26,14 @@ class SiUnit:
         exponents: exponents of the SI base units in the order of `BASE_UNITS`; None for an undefined unit.
         factor: factor to SI base units.
         offset: offset in SI base units.
+        is_difference: whether values are differences, which convert without offset.
     """
 
     name: str
     exponents: tuple[int, ...] | None = None
     factor: float = 1.0
     offset: float = 0.0
+    is_difference: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return self.name

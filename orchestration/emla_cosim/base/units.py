@@ -65,7 +65,8 @@ class UndefinedUnitError(ValueError):
 def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
     """Return the conversion from one unit to another; the identity if one of them is None.
 
-    The radian is ignored: a torque in N.m is one in N.m/rad.
+    The radian is ignored: a torque in N.m is one in N.m/rad. There is no offset if one of them is that of a
+    difference.
 
     Raises:
         UndefinedUnitError: If one of the units has no definition.
@@ -79,6 +80,5 @@ def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTrans
         raise UndefinedUnitError(f"the units {source} and {target}, one of which is not defined")
     if source.exponents[:-1] != target.exponents[:-1]:
         raise ValueError(f"the units {source} and {target}")
-    return LinearTransformation(
-        source.factor / target.factor, (source.offset - target.offset) / target.factor
-    )
+    offset = 0.0 if source.is_difference or target.is_difference else source.offset - target.offset
+    return LinearTransformation(source.factor / target.factor, offset / target.factor)
