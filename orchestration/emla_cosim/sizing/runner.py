@@ -21,6 +21,7 @@ from ..run.option_types import LoadOptions
 from ..run.result import Result
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
+from ..run.stop_conditions import check_no_condition
 from ..study.actuator.actuator import Actuator
 from ..study.actuator.effective_values import get_number
 from ..study.loading import load
@@ -221,6 +222,7 @@ def _try_run(
 
 def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     """Run a scenario and return its joints."""
+    check_no_condition(scenario.options.stop_when, "size")
     if task.folder is not None:
         task.folder.check_unread([scenario.options.files_read()])
     times, roles = run_times(scenario.options, scenario.name), scenario.options.roles
