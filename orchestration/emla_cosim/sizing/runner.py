@@ -95,7 +95,7 @@ def size(
         >>> joint.holds, joint.limits[0].name
         (True, 'motor speed')
     """
-    told = progress or Progress()
+    told = _NotesOnce(progress or Progress())
     _check(cycle, lead_in, ambient, life)
     varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
     folder = None
@@ -277,6 +277,22 @@ def _remarks_on_others(joint: str, sizings: Mapping[str, JointSizing], system: S
                 f"{joint} is coupled to {other}, which did not follow its motion; the load of {joint} is not "
                 "that of the motion."
             )
+
+
+class _NotesOnce(Progress):
+    """Passes progress on, and each note once: those of all candidates are alike."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._noted: set[str] = set()
+        self.begin, self.advance, self.finish = progress.begin, progress.advance, progress.finish
+        self.report_replacement = progress.report_replacement
+
+    def note(self, sentence: str) -> None:
+        """Report a note or warning, unless it was reported before."""
+        if sentence not in self._noted:
+            self._noted.add(sentence)
+            self._progress.note(sentence)
 
 
 class _LastRows(TimeSeries):

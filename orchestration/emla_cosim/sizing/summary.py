@@ -1,5 +1,6 @@
 """Terminal output of a sizing."""
 
+from rich.box import SIMPLE
 from rich.markup import escape
 from rich.table import Table
 
@@ -110,7 +111,8 @@ def _limits(sizing: JointSizing) -> Table:
 
 def _candidates(result: SizeResult) -> Table:
     joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
-    table = Table(title=escape(f"Actuators of {', '.join(joints)}"), title_justify="left")
+    title = escape(f"Actuators of {', '.join(joints)}")
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     headings = (
         *(["joint"] if len(joints) > 1 else []),
         "",
@@ -125,7 +127,13 @@ def _candidates(result: SizeResult) -> Table:
     )
     for heading in headings:
         text = heading in ("joint", "", "holds", "most used")
-        table.add_column(heading, justify="left" if text else "right", no_wrap=heading == "")
+        table.add_column(
+            heading,
+            justify="left" if text else "right",
+            no_wrap=heading != "most used",
+            min_width=len(heading),
+            overflow="fold",
+        )
     for one in result.candidates:
         place = [escape(str(one.joint))] if len(joints) > 1 else []
         verdict = {True: "yes", False: "no", None: "?"}[one.holds]
