@@ -1,6 +1,7 @@
 """Units, which come from `fmublock.units`, and linear transformations of values."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit, list_meanings
 
@@ -14,10 +15,34 @@ __all__ = [
     "find_conversion",
     "find_unit",
     "list_meanings",
+    "read_turns",
 ]
 
 COLUMN_UNITS = "units"
 """The metadata entry of a Parquet file with the units of its columns, as a JSON object."""
+
+
+_PER_MINUTE = 1.0 / 60.0
+
+
+def read_turns(unit: SiUnit, target: SiUnit | None) -> SiUnit:
+    """Return a unit that a person wrote, as turns per time if it is `1/min` or `Hz` beside one in rad/s.
+
+    The definition of a unit in an FMU says itself whether it is of an angle.
+
+    Args:
+        unit: The unit.
+        target: The unit to which values are to be converted.
+    """
+    if unit.exponents is None or target is None or target.exponents is None:
+        return unit
+    rate = find_unit("1/s")
+    angular = find_unit("rad/s")
+    if rate is None or angular is None or target.exponents != angular.exponents:
+        return unit
+    if unit.exponents != rate.exponents or not (unit.name.endswith("Hz") or unit.factor == _PER_MINUTE):
+        return unit
+    return replace(unit, exponents=angular.exponents, factor=2.0 * math.pi * unit.factor)
 
 
 @dataclass(frozen=True)
