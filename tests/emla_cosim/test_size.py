@@ -477,6 +477,23 @@ def test_a_controller_that_does_not_fit_is_no_fault_of_the_actuator(emla: Emla) 
     assert fine.exit_code == 0 and "prototype with its own actuator holds" in fine.stdout
 
 
+@pytest.mark.parametrize(
+    "more", [(), ("--actuator", f"prototype={IMPERIAL},{IMPERIAL.parent}/actuator.toml")]
+)
+def test_a_load_at_which_the_run_fails_has_a_verdict(emla: Emla, more: tuple[str, ...]) -> None:
+    """100 times what the motor makes: the plant ends in NaN, but its trip says what was wrong."""
+    load = ("--set", "prototype.disturbance.load.level[*]=24 MN")
+    run = ("size", "prototype", *load, "--stop-time", "1", "--no-plots", "--report", "--output", "out")
+    result = emla(*run, *more)
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    assert text.count("The load of 2.4e+04 kN") == (2 if more else 1)
+    assert "No actuator holds." in text if more else "prototype does not hold: " in text
+    assert "nan" not in text
+    assert json.loads(Path("out/size.json").read_text())["candidates"][0]["holds"] is False
+    assert "The load of" in Path("out/size.html").read_text(encoding="utf-8")
+
+
 def test_without_the_speed_of_the_reference_only_the_load_can_condemn(press: ec.JointSizing) -> None:
     lost = replace(press, reason="it tripped.", required=False)
     assert lost.holds is None and "could not be judged: it tripped." in lost.verdict

@@ -108,7 +108,13 @@ def size(
         found = list(_size_candidates(varied, options, task))
     else:
         scenario = load(source, **options)
-        found, name = [Candidate(scenario.name, _size_scenario(scenario, task))], scenario.name
+        name = scenario.name
+        try:
+            found = [Candidate(name, _size_scenario(scenario, task))]
+        except RunError as error:
+            if (overload := _describe_overload(error)) is None:
+                raise
+            found = [Candidate(name, {}, overload)]
     result = SizeResult(name, found, list(varied), ambient, life)
     if folder is not None:
         with folder.alone():
@@ -183,7 +189,7 @@ def _size_candidates(
                 runs[key] = _try_run(actuators, options, task)
             result = runs[key]
             if isinstance(result, RunError):
-                yield Candidate(label, {}, str(result), joint)
+                yield Candidate(label, {}, _describe_overload(result) or str(result), joint)
             elif joint not in result:
                 raise CommandError(f"there is no sizing of a joint '{joint}'.", joint=joint)
             else:
@@ -192,6 +198,14 @@ def _size_candidates(
     for joint, sizing in others.items():
         if joint not in varied:
             yield Candidate(sizing.actuator, {joint: sizing}, None, joint)
+
+
+def _describe_overload(error: RunError) -> str | None:
+    """Return which joints had a load that their motors cannot hold before a run failed; None without one."""
+    result = error.fields.get("result")
+    joints = {} if result is None else result.metrics.get("joints", {})
+    tripped = [str(one["reason"]) for one in joints.values() if (one["trip"] or {}).get("cause")]
+    return " ".join(tripped) or None
 
 
 def _load_with(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task) -> Scenario:

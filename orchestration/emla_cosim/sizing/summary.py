@@ -61,7 +61,8 @@ def format_lines(result: SizeResult) -> list[str]:
     sizings = [sizing for one in result.candidates for sizing in one.joints.values()]
     lines = [f"Note: {remark}" for remark in _remarks(result)]
     if not result.varied:
-        return [*lines, *(sizing.verdict for sizing in sizings)]
+        failed = [f"{result.name} does not hold: {one.problem}" for one in result.candidates if one.problem]
+        return [*lines, *failed, *(sizing.verdict for sizing in sizings)]
     several = len({one.joint for one in result.candidates}) > 1
     for one in result.candidates:
         if not one.holds:
