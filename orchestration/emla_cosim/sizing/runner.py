@@ -12,6 +12,7 @@ import numpy as np
 from emla_fmu import EmlaCompliantPlant, EmlaPlant
 
 from ..base.arrays import Vector
+from ..base.compatibility import CompatibilityReport
 from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
@@ -299,8 +300,22 @@ class _NotesOnce(Progress):
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._noted: set[str] = set()
-        self.begin, self.advance, self.finish = progress.begin, progress.advance, progress.finish
-        self.report_replacement = progress.report_replacement
+
+    def begin(self, task: str, total: int, unit: str = "") -> None:
+        """Begin a task."""
+        self._progress.begin(task, total, unit)
+
+    def advance(self, count: int) -> None:
+        """Count further units as done."""
+        self._progress.advance(count)
+
+    def finish(self) -> None:
+        """End the task."""
+        self._progress.finish()
+
+    def report_replacement(self, fit: CompatibilityReport) -> None:
+        """Report how the FMU of a replacement fits."""
+        self._progress.report_replacement(fit)
 
     def note(self, sentence: str) -> None:
         """Report a note or warning, unless it was reported before."""
