@@ -359,7 +359,7 @@ def _size_joint(
     cycle = read_cycle(result, joint, sheet.emla, start, stop)
     verdict = result.metrics.get("joints", {}).get(joint)
     reason = None if verdict is None or verdict.get("held") else str(verdict.get("reason"))
-    overloaded = reason is not None and bool((verdict.get("trip") or {}).get("cause"))
+    overloaded = reason is not None and bool(((verdict or {}).get("trip") or {}).get("cause"))
     required = reason is not None and cycle.has_required
     if required:
         cycle = follow_reference(cycle, result)
