@@ -161,6 +161,7 @@ class EmlaPlant(Block):
     permitted_rise = Parameter(
         100.0,
         unit="K",
+        is_difference=True,
         minimum=1e-3,
         name="motor.permitted_rise",
         symbol=r"\vartheta_N",
@@ -303,6 +304,7 @@ class EmlaPlant(Block):
     temperature_rise = State(
         0.0,
         unit="K",
+        is_difference=True,
         nominal=10.0,
         limits=permitted_rise,
         name="motor.temperature_rise",

@@ -207,6 +207,8 @@ def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) ->
     for attribute, value in (("min", variable.minimum), ("max", variable.maximum)):
         if value is not None:
             kind.set(attribute, _number(variable.fmi_type, value))
+    if variable.is_difference:
+        kind.set("relativeQuantity", "true")
     if variable.nominal is not None:
         kind.set("nominal", _number("Real", variable.nominal))
     if initial != "calculated":

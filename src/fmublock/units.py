@@ -6,7 +6,7 @@ unambiguous names are accepted.
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `SiUnit.exponents`; the radian counts as one, as in FMI and SSP."""
@@ -26,12 +26,14 @@ class SiUnit:
         exponents: exponents of the SI base units in the order of `BASE_UNITS`; None for an undefined unit.
         factor: factor to SI base units.
         offset: offset in SI base units.
+        is_difference: whether values are differences, which convert without offset.
     """
 
     name: str
     exponents: tuple[int, ...] | None = None
     factor: float = 1.0
     offset: float = 0.0
+    is_difference: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return self.name
@@ -66,6 +68,7 @@ _COHERENT = {
     "cd": _unit(cd=1),
     "rad": _unit(rad=1),
     "N": _unit(kg=1, m=1, s=-2),
+    "Nm": _unit(kg=1, m=2, s=-2),
     "Pa": _unit(kg=1, m=-1, s=-2),
     "J": _unit(kg=1, m=2, s=-2),
     "W": _unit(kg=1, m=2, s=-3),
@@ -92,10 +95,15 @@ _ALONE = {
     "kHz": _unit(1e3, s=-1),
     "MHz": _unit(1e6, s=-1),
     "rpm": _unit(2 * math.pi / 60, s=-1, rad=1),
+    "RPM": _unit(2 * math.pi / 60, s=-1, rad=1),
+    "U/min": _unit(2 * math.pi / 60, s=-1, rad=1),
     "krpm": _unit(2000 * math.pi / 60, s=-1, rad=1),
     "rev": _unit(2 * math.pi, rad=1),
     "deg": _unit(math.pi / 180, rad=1),
     "°": _unit(math.pi / 180, rad=1),
+    "Grad": _unit(math.pi / 180, rad=1),
+    "sec": _unit(s=1),
+    "msec": _unit(1e-3, s=1),
     "min": _unit(60.0, s=1),
     "h": _unit(3600.0, s=1),
     "d": _unit(86400.0, s=1),
@@ -105,15 +113,21 @@ _ALONE = {
     "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
     "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
     "in": _unit(0.0254, m=1),
+    "inch": _unit(0.0254, m=1),
     "ft": _unit(0.3048, m=1),
     "lbm": _unit(_POUND, kg=1),
     "ozm": _unit(_POUND / 16, kg=1),
     "lbf": _unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
     "ozf": _unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
+    "kgf": _unit(_GRAVITY, kg=1, m=1, s=-2),
+    "kp": _unit(_GRAVITY, kg=1, m=1, s=-2),
     "psi": _unit(_POUND * _GRAVITY / 0.0254**2, kg=1, m=-1, s=-2),
     "hp": _unit(550 * 0.3048 * _POUND * _GRAVITY, kg=1, m=2, s=-3),
 }
-"""Units that accept no prefixes. Pound and ounce are exact (1959), hp is 550 ft.lbf/s."""
+"""Units that accept no prefixes; `Grad` is a degree in German, not 10^9 rad.
+
+Pound and ounce are exact (1959), hp is 550 ft.lbf/s.
+"""
 
 MASS_OR_FORCE = {"lb": ("lbm", "lbf"), "lbs": ("lbm", "lbf"), "oz": ("ozm", "ozf")}
 """Names that are a mass or a force, and the unambiguous names of both."""
@@ -130,6 +144,7 @@ _PREFIXES = {
     "m": 1e-3,
     "u": 1e-6,
     "µ": 1e-6,
+    "μ": 1e-6,
     "n": 1e-9,
     "p": 1e-12,
 }

@@ -41,6 +41,7 @@ class Variable:
         minimum: smallest value allowed, in the unit.
         maximum: largest value allowed, in the unit.
         nominal: typical size, in the unit.
+        is_difference: whether it is a difference, such as a rise of temperature; then 180 degF are 100 K.
         terminal: name of the terminal that bundles inputs and outputs, such as "drive". If the partner has
             another name for the variable, it follows after a dot, such as "sensor.x_measured".
         limits: parameters with the lowest and the highest value of a state or an output, or one for both
@@ -62,6 +63,7 @@ class Variable:
         minimum: float | None = None,
         maximum: float | None = None,
         nominal: float | None = None,
+        is_difference: bool = False,
         terminal: str | None = None,
         limits: "Parameter | tuple[Parameter, Parameter] | None" = None,
     ) -> None:
@@ -74,6 +76,7 @@ class Variable:
         self.minimum = minimum
         self.maximum = maximum
         self.nominal = nominal
+        self.is_difference = is_difference
         self.terminal = terminal
         self.limits = limits
         self.attribute = ""

@@ -203,3 +203,61 @@ def test_an_error_that_is_no_number_is_not_held() -> None:
     metrics.write(rows[:-1])
     metrics.write(np.array([[0.4, *[0.0] * 7]]))
     assert metrics.figures()["j"]["held"] is True
+
+
+MOTOR = LIMITS | {
+    "j.plant.motor.N_p": 4,
+    "j.plant.motor.Phi_PM": 0.05,
+    "j.plant.gearbox.rho": 0.5,
+    "j.plant.gearbox.eta_GB": 0.8,
+    "j.plant.screw.lead": 0.01,
+}
+"""A motor of 1.5 * 4 * 0.05 * 3 = 0.9 N m, and 0.5 * 0.01 / 2 pi / 0.8 m of torque per force."""
+
+HOLDS = 0.9 * 2.0 * math.pi * 0.8 / (0.5 * 0.01)
+"""The load in N that it can hold."""
+
+
+def judged(load: float, speed: float, torque: float, **parameters: float) -> JointMetrics:
+    """Metrics of a joint at rest, whose last row has another speed and torque."""
+    rows = np.zeros((5, 9))
+    rows[:, 0] = np.arange(5) * 0.1
+    rows[:, 8] = load
+    rows[-1, 2], rows[-1, 5] = speed, torque
+    values = MOTOR | {f"j.plant.{name.replace('__', '.')}": value for name, value in parameters.items()}
+    metrics = JointMetrics([*NAMES, "j.disturbance.F_L"], values)
+    metrics.write(rows)
+    return metrics
+
+
+@pytest.mark.parametrize(
+    ("factor", "directional", "is_cause"),
+    [(0.99, 0.0, False), (1.01, 0.0, True), (-1.01, 0.0, True), (1.01, 1.0, False), (1.26, 1.0, True)],
+)
+def test_a_trip_names_a_load_that_the_motor_cannot_hold(
+    factor: float, directional: float, is_cause: bool
+) -> None:
+    """With losses that oppose the motion there are none at rest, so the motor holds a quarter more."""
+    metrics = judged(factor * HOLDS, 5.0, 0.0, gearbox__directional=directional)
+    found = metrics.figures()["j"]
+    assert found["trip"]["signal"] == "j.plant.v_L"
+    assert bool(found["trip"]["cause"]) is is_cause
+    assert ("which makes 0.9 N m at the most." in found["reason"]) is is_cause
+    if is_cause:
+        torque = abs(factor) * 0.9 * (0.8 if directional else 1.0)
+        assert f"takes {torque:.4g} N m of the motor at rest" in found["reason"]
+    assert judged(factor * HOLDS, 0.0, 0.0).figures()["j"]["trip"] is None  # a load alone is no trip
+
+
+def test_plants_that_make_the_commanded_torque_trip_on_it() -> None:
+    """Their currents say nothing; with a drive, the torque follows from currents, which trip."""
+    for torque, trips in ((0.98, False), (1.0, True), (-1.0, True)):
+        ideal = judged(0.0, 0.0, torque, use_commanded_current=1.0).figures()["j"]
+        assert (ideal["trip"] is not None) is trips
+        assert judged(0.0, 0.0, torque).figures()["j"]["trip"] is None
+        if trips:
+            assert ideal["trip"]["what"] == "demanded torque"
+            assert ideal["trip"]["limit"] == pytest.approx(math.copysign(0.9, torque))
+            assert ideal["reason"].startswith("j tripped on its demanded torque at t = 0.4 s")
+        else:
+            assert [touch["what"] for touch in ideal["limits_touched"]] == ["demanded torque"]

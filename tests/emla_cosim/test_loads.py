@@ -67,6 +67,15 @@ def test_what_is_before_settling_does_not_count(pieces: int) -> None:
     assert found["load_position_error_m"] == pytest.approx(0.1e-3)
 
 
+@pytest.mark.parametrize("pieces", [1, 5])
+@pytest.mark.parametrize("since", [0.0, 1.25])
+def test_a_load_without_a_finite_position_is_not_judged_by_what_is_left(pieces: int, since: float) -> None:
+    found, metrics = judged(lambda t: np.where(t >= since, np.nan, 1e-5), pieces=pieces)
+    assert found["load_within_window"] is False
+    assert found["load_reason"] == f"The load of j has no finite position error from t = {since:.6g} s on."
+    assert metrics.remarks() == [found["load_reason"]]
+
+
 def test_a_load_on_an_unsettled_screw_is_not_held() -> None:
     found, metrics = judged(3e-3, screw=3e-3)
     assert found["load_within_window"] is False and found["load_reason"] == "j has not settled."

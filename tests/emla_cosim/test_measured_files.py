@@ -74,6 +74,10 @@ def rows(delimiter: str = ";", force: float = 1.0) -> str:
         ("F_N", "F", "N", True),
         ("t/s", "t", "s", True),
         ("x_d", "x", "d", True),
+        ("Kraft: kN", "Kraft", "kN", False),
+        ("Kraft - kN", "Kraft", "kN", False),
+        ("Kraft in lb", "Kraft", "lb", False),
+        ("Kraft in Tonnen", "Kraft", "Tonnen", False),
     ],
 )
 def test_a_header_may_end_with_a_unit(header: str, name: str, unit: str, short: bool) -> None:
@@ -83,7 +87,8 @@ def test_a_header_may_end_with_a_unit(header: str, name: str, unit: str, short: 
 
 
 @pytest.mark.parametrize(
-    "header", ["x", "x_1", "der(s)", "Speed in motor", "a/b", "F [kN]", "x_max", "p_2", "_N"]
+    "header",
+    ["x", "x_1", "der(s)", "Speed in the motor", "Speed motor", "a/b", "F [kN]", "x_max", "p_2", "_N"],
 )
 def test_other_headers_have_no_unit_at_their_end(header: str) -> None:
     assert Header.of(header).suffix is None
@@ -101,6 +106,11 @@ def test_other_headers_have_no_unit_at_their_end(header: str) -> None:
         "Zeit in ms;Force in N\n" + rows(force=1e3),
         "Zeit in ms;Force_N\n" + rows(force=1e3),
         f"Zeit in ms;{LOAD} in kN\n" + rows(),
+        "Zeit in msec;Force {kN}\n" + rows(),
+        "Zeit <ms>;Force <kN>\n" + rows(),
+        "Zeit: ms;Force: kN\n" + rows(),
+        "Zeit - ms;Force - kN\n" + rows(),
+        "Zeit (in ms);Force (in kN)\n" + rows(),
     ],
 )
 def test_units_are_read_in_every_form(content: str, fmu_folder: Path, tmp_path: Path) -> None:
@@ -128,6 +138,7 @@ def test_a_column_without_a_unit_is_noted(fmu_folder: Path, tmp_path: Path) -> N
         ("F_kN", POSITION, r"may have the unit 'kN' at its end, or be called so; .* such as 'F_kN \[m\]'"),
         ("x_min", POSITION, r"may have the unit 'min'"),
         ("Kraft in kN", POSITION, r"may have the unit 'kN'"),
+        ("Weg in Zoll", POSITION, r"'Weg in Zoll' .* has the unknown unit 'Zoll'"),
         ("T_h", "lift.plant.T_h", None),
         ("x_d", POSITION, None),
         ("x_L", POSITION, None),
@@ -152,6 +163,21 @@ def test_what_a_unit_may_be_is_refused_unless_it_is_none(
         forces_of(fmu_folder, source, signal)
     found, _ = forces_of(fmu_folder, Input(file, {signal: f"{header} [mm]"}), signal)
     assert found[0] == 0.24e-3
+
+
+@pytest.mark.parametrize(("header", "pound"), [("Force in lb", 1.0), ("Force_lbs", 1.0), ("Force oz", 16.0)])
+def test_pounds_at_the_end_of_a_header_are_those_of_the_signal(
+    header: str, pound: float, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """In brackets they are refused, because there the unit stands for itself."""
+    file = tmp_path / "data.csv"
+    file.write_text(f"t;{header}\n0;{pound}\n0.01;{2.0 * pound}\n")
+    found, notes = forces_of(fmu_folder, file)
+    np.testing.assert_allclose(found, [4.4482216152605, 8.896443230521], rtol=1e-12)
+    assert "without a unit" not in notes
+    file.write_text("t;Force [lb]\n0;1\n0.01;1\n")
+    with pytest.raises(CommandError, match="write lbm or lbf"):
+        forces_of(fmu_folder, file)
 
 
 PREAMBLE = "Prüfstand 7;\nDatum;03.05.2026\nAbtastrate;1 kHz\n\n"

@@ -15,10 +15,11 @@ from scipy.optimize import brentq
 import emla_cosim as ec
 from emla_cosim.sizing import screw, thermal
 from emla_cosim.sizing.braking import brake_power
-from emla_cosim.sizing.cycle import Cycle
+from emla_cosim.sizing.cycle import Cycle, read_cycle
 from emla_cosim.sizing.figures import compute_figures
 from emla_cosim.sizing.limits import Requirements, examine, link_capacity
 from emla_cosim.sizing.motor_curves import continuous_torque, peak_torque
+from emla_cosim.sizing.summary import format_lines, format_tables
 from emla_cosim.study.actuator.entries import ENDS, TABLES
 from emla_cosim.study.actuator.sheet_values import read_sheet_value
 from tests.support.commands import Emla
@@ -400,7 +401,8 @@ def test_candidates_have_reasons(emla: Emla, tmp_path: Path) -> None:
 
 def test_files_of_the_user_are_noticed_before_the_run(emla: Emla, tmp_path: Path) -> None:
     short = ("--stop-time", "0.02", "--lead-in", "0", "--no-plots", "--output", "out")
-    assert emla("size", "prototype", *short).exit_code == 0
+    result = emla("size", "prototype", *short)
+    assert result.exit_code == 1 and "could not be judged: too short" in result.stdout
     before = (tmp_path / "out/cycles.csv").read_bytes()
     data = ("--input", "out/cycles.csv:prototype.disturbance.F_L=force")
     for name in ("a.toml", "b.toml"):
@@ -417,6 +419,118 @@ def test_files_of_the_user_are_noticed_before_the_run(emla: Emla, tmp_path: Path
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["prototype.png"]
     result = emla("size", "prototype", "--actuator", "prototype=,", *short)
     assert result.exit_code == 2 and "names no file" in result.stderr
+
+
+def test_candidates_of_several_joints_are_judged_joint_by_joint(tmp_path: Path) -> None:
+    """Each joint has rows of its own, as if it had been sized alone."""
+    good = with_entry(IMPERIAL.read_text(encoding="utf-8"), stroke='"40 in"', lead='"0.8 in"')
+    geared = good + '\n[gearbox]\nratio = 5\nefficiency = "90 %"\n'
+    files = {"weak.toml": good, "strong.toml": geared, "wrong.toml": with_entry(good, lead='"0.2"')}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    weak, strong, wrong = (str(tmp_path / name) for name in files)
+    given: dict[str, Any] = {"stop_time": 0.4, "lead_in": 0.2, "controller": "foc", "gains": "rule"}
+    load = {"lift.disturbance.load.level[*]": 3e3}  # 12 N m of the motor, or 2.7 N m through the gearbox
+    both = load | {"telescope.disturbance.load.level[*]": 300.0}
+    joints = {"lift": [weak, strong, wrong], "telescope": [wrong, strong]}
+    result = ec.size("study", candidates=joints, set=both, **given)
+    assert [(one.joint, one.label, one.holds) for one in result.candidates[:-1]] == [
+        ("lift", weak, False),
+        ("lift", strong, True),
+        ("lift", wrong, False),
+        ("telescope", wrong, False),
+        ("telescope", strong, True),
+    ]
+    assert result.candidates[-1].joint == "tilt"  # with its own actuator
+    assert "peak torque" in "; ".join(result.candidates[0].reasons)
+    assert "without a unit" in str(result.candidates[2].problem)
+    assert list(result.joints) == ["lift", "telescope", "tilt"]
+    assert result["lift"] is result.candidates[0].joints["lift"]
+    assert result["telescope"] is result.candidates[4].joints["telescope"]
+    lift = result.candidates[1].joints["lift"]
+    alone = ec.size("lift", actuator={"lift": strong}, set=load, **given)["lift"]
+    assert lift.figures == alone.figures
+    assert not any("coupled" in remark for remark in lift.remarks)
+    lines = format_lines(result)
+    assert f"lift: {strong} holds." in lines and f"telescope: {strong} holds." in lines
+    assert any(line.startswith(f"telescope, {wrong} falls out: ") for line in lines)
+    (table,) = format_tables(result)
+    assert table.row_count == 6
+
+
+def test_a_controller_that_does_not_fit_is_no_fault_of_the_actuator(emla: Emla) -> None:
+    """The printed example is the prototype at 1 ms, whose current loop is unstable; at 0.1 ms it holds."""
+    run = ("size", "prototype", "--stop-time", "2", "--no-plots", "--output", "out")
+    result = emla(*run, "--step-size", "1ms")
+    assert result.exit_code == 1
+    verdict = next(line for line in result.stdout.splitlines() if "could not be judged" in line)
+    assert "tripped on its current" in verdict and "--step-size" in verdict
+    assert "does not hold" not in result.output
+    assert "no verdict on prototype" in result.stderr
+    joint = json.loads(Path("out/size.json").read_text())["candidates"][0]["joints"]["prototype"]
+    assert joint["holds"] is None
+    # the load alone is too much, whatever the controller does
+    heavy = emla(*run, "--step-size", "1ms", "--set", "prototype.disturbance.load.level[*]=300 kN")
+    assert heavy.exit_code == 0, heavy.output
+    assert "does not hold" in heavy.stdout and "peak torque: " in heavy.stdout
+    fine = emla(*run)
+    assert fine.exit_code == 0 and "prototype with its own actuator holds" in fine.stdout
+
+
+@pytest.mark.parametrize(
+    "more", [(), ("--actuator", f"prototype={IMPERIAL},{IMPERIAL.parent}/actuator.toml")]
+)
+def test_a_load_at_which_the_run_fails_has_a_verdict(emla: Emla, more: tuple[str, ...]) -> None:
+    """100 times what the motor makes: the plant ends in NaN, but its trip says what was wrong."""
+    load = ("--set", "prototype.disturbance.load.level[*]=24 MN")
+    run = ("size", "prototype", *load, "--stop-time", "1", "--no-plots", "--report", "--output", "out")
+    result = emla(*run, *more)
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    assert text.count("The load of 2.4e+04 kN") == (2 if more else 1)
+    assert "No actuator holds." in text if more else "prototype does not hold: " in text
+    assert "nan" not in text
+    assert json.loads(Path("out/size.json").read_text())["candidates"][0]["holds"] is False
+    assert "The load of" in Path("out/size.html").read_text(encoding="utf-8")
+
+
+def test_without_the_speed_of_the_reference_only_the_load_can_condemn(press: ec.JointSizing) -> None:
+    lost = replace(press, reason="it tripped.", required=False)
+    assert lost.holds is None and "could not be judged: it tripped." in lost.verdict
+    assert replace(lost, overloaded=True).holds is False
+    kept = replace(press, reason="it tripped.", required=True)
+    assert kept.holds is None and "controller" in kept.verdict
+    (limit,) = (one for one in press.limits if one.name == "peak torque")
+    beyond = replace(kept, limits=[replace(limit, fraction=1.1)])
+    assert beyond.holds is False and "controller" not in beyond.verdict
+    labels = [ec.Candidate("x", {"a": one, "b": press}).holds for one in (press, kept, beyond)]
+    assert labels == [True, None, False]
+    assert ec.Candidate("x", {"a": kept, "b": beyond}).holds is False
+
+
+def test_joints_that_share_a_machine_are_marked_if_one_is_lost() -> None:
+    """The payload is too heavy for the lift; tilt follows, but against forces of another motion."""
+    heavy = {"machine.manipulator.payload.m": 9e3}
+    joints = ec.size("hdrm-coupled", stop_time=0.4, lead_in=0.0, set=heavy).joints
+    lost = [joint for joint, one in joints.items() if one.reason is not None]
+    kept = [joint for joint in joints if joint not in lost]
+    for joint in kept:
+        assert any(f"{joint} is coupled to {lost[0]}" in one for one in joints[joint].remarks)
+    assert lost
+
+
+def test_of_a_long_run_only_the_cycle_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[int] = []
+
+    def read(result: ec.Result, *arguments: Any) -> Cycle:
+        kept.append(len(result.time))
+        return read_cycle(result, *arguments)
+
+    monkeypatch.setattr("emla_cosim.sizing.runner.read_cycle", read)
+    short = sized(stop_time=3.0, cycle=0.05)
+    assert kept == [501]
+    assert short.cycle.duration == pytest.approx(0.05)
+    assert short.figures.cycle_s == pytest.approx(0.05)
 
 
 def test_figures_come_from_every_step_or_a_note_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -439,8 +553,8 @@ def test_wrong_requests_are_refused() -> None:
     ):
         with pytest.raises(ec.CommandError, match=said):
             ec.size("prototype", stop_time=0.5, **request)
-    with pytest.raises(ec.CommandError, match="one joint at a time"):
-        ec.size("study", candidates={"lift": ["a.toml", "b.toml"], "tilt": ["a.toml", "b.toml"]})
+    with pytest.raises(ec.CommandError, match="has no candidates"):
+        ec.size("study", candidates={"lift": []})
     with pytest.raises(ec.CommandError, match="occurs twice"):
         ec.size("prototype", candidates={"prototype": ["a.toml", "a.toml"]})
 

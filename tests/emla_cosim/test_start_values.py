@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from hypothesis import strategies as st
 
 import emla_cosim as ec
 from emla_cosim.base.quantities import has_unit, parse_quantity, parse_unit_name
+from emla_cosim.base.units import find_conversion
+from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.run.options import Options
 from tests.support.commands import Emla, sentence
@@ -161,3 +164,28 @@ def test_times_may_have_units(emla: Emla, tmp_path: Path) -> None:
         assert said in sentence(emla("run", "lift", "--stop-time", text), 2)
     for text in ("nan", "inf", "1e999", "-1", "1e-400 s", ""):
         sentence(emla("run", "lift", f"--stop-time={text}"), 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("180 degF", 100.0), ("180 °F", 100.0), ("100 °C", 100.0), ("100 K", 100.0)]
+)
+def test_a_rise_of_temperature_converts_without_offset(lift: ec.Simulation, text: str, number: float) -> None:
+    name = "lift.plant.motor.permitted_rise"
+    assert parameters(lift.run(set={name: text}))[name] == pytest.approx(number, rel=1e-12)
+
+
+def test_only_differences_convert_without_offset(fmu_folder: Path) -> None:
+    """The block declares a difference; its model description says so, and both kinds are read back."""
+    description = read_interface(fmu_path("EmlaPlant", "native", fmu_folder))
+    unit = description.unit("motor.permitted_rise")
+    assert unit is not None and unit.is_difference
+    speed = description.unit("screw.v_max")
+    assert speed is not None and not speed.is_difference
+    kelvin, fahrenheit = parse_unit_name("K", "x"), parse_unit_name("degF", "x")
+    absolute = find_conversion(fahrenheit, kelvin)
+    assert absolute(212.0) == pytest.approx(373.15)
+    for pair in (
+        (fahrenheit, replace(kelvin, is_difference=True)),
+        (replace(fahrenheit, is_difference=True), kelvin),
+    ):
+        assert find_conversion(*pair)(180.0) == pytest.approx(100.0, rel=1e-12)

@@ -10,6 +10,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.run.stop_conditions import parse_stop_condition
 from tests.support.commands import Emla
+from tests.support.paths import ROOT
 
 SIGNAL, LIMIT = "lift.plant.tau_m", 150.0
 CONDITION = f"{SIGNAL} > {LIMIT}"
@@ -134,3 +135,32 @@ def test_variants_of_a_sweep_end_each_at_its_own_time(
         assert end == alone.end_s
         assert (f"because {condition}" in problem) == (alone.stopped_when is not None)
     assert len(set(swept.variants["end_s"])) == 2
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("linearize", "mine.toml", "--open", "lift.controller.u_q"),
+        (
+            "tune",
+            "mine.toml",
+            "--vary",
+            "lift.controller.beta[1]=9:90",
+            "--objective",
+            "lift.position_error_m",
+        ),
+        ("size", "mine.toml"),
+        ("size", "mine.toml", "--actuator", "lift=a.toml,b.toml"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_that_need_the_whole_run_refuse_a_condition(emla: Emla, command: tuple[str, ...]) -> None:
+    text = f'system = "lift"\nstop_time = 0.5\nstop_when = ["{CONDITION}"]\n'
+    Path("mine.toml").write_text(text, encoding="utf-8")
+    for name in ("a.toml", "b.toml"):
+        sheet = (ROOT / "docs/actuator.toml").read_text(encoding="utf-8")
+        Path(name).write_text(sheet, encoding="utf-8")
+    result = emla(*command, "--output", "out")
+    assert result.exit_code == 2, result.output
+    assert f"emla {command[0]} needs the whole run; remove stop_when" in " ".join(result.stderr.split())
+    assert not Path("out").exists()

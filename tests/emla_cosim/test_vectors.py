@@ -104,6 +104,71 @@ def test_a_package_has_the_connections_of_the_elements(fmus: dict[str, Path], tm
         np.testing.assert_array_equal(exported["plant.x[1]"], simulation.run()["plant.x[1]"])
 
 
+SSD = """<?xml version="1.0" encoding="UTF-8"?>
+<ssd:SystemStructureDescription version="1.0" name="loop"
+    xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+    xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon">
+  <ssd:System name="loop">
+    <ssd:Elements>
+      <ssd:Component name="plant" source="Linear.fmu">
+        <ssd:Connectors>
+          <ssd:Connector name="x" kind="output"><ssc:Real/></ssd:Connector>
+          <ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>
+        </ssd:Connectors>
+      </ssd:Component>
+      <ssd:System name="control">
+        <ssd:Connectors>
+          <ssd:Connector name="state" kind="input"><ssc:Real/></ssd:Connector>
+          <ssd:Connector name="force" kind="output"><ssc:Real/></ssd:Connector>
+        </ssd:Connectors>
+        <ssd:Elements>
+          <ssd:Component name="lqr" source="Lqr.fmu">
+            <ssd:Connectors>
+              <ssd:Connector name="x[1]" kind="input"/><ssd:Connector name="x[2]" kind="input"/>
+              <ssd:Connector name="u" kind="output"/>
+            </ssd:Connectors>
+          </ssd:Component>
+        </ssd:Elements>
+        <ssd:Connections>
+          <ssd:Connection startConnector="state" endElement="lqr" endConnector="x"/>
+          <ssd:Connection startElement="lqr" startConnector="u" endConnector="force"/>
+        </ssd:Connections>
+      </ssd:System>
+    </ssd:Elements>
+    <ssd:Connections>
+      <ssd:Connection startElement="plant" startConnector="x" endElement="control" endConnector="state"/>
+      <ssd:Connection startElement="control" startConnector="force" endElement="plant" endConnector="u"/>
+    </ssd:Connections>
+  </ssd:System>
+</ssd:SystemStructureDescription>
+"""
+
+
+def test_an_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Vectors also pass the connectors of an inner system; the export has the elements."""
+    for fmu in fmus.values():
+        (tmp_path / fmu.name).write_bytes(fmu.read_bytes())
+    (tmp_path / "loop.ssd").write_text(SSD)
+    values = {name.replace("lqr.", "control.lqr."): value for name, value in MATRICES.items()}
+    options: dict[str, Any] = {"set": values, "step_size": STEP, "stop_time": 0.1}
+    expected = run(System.of(fmus, ELEMENTS), set=MATRICES)
+    scenario = ec.load(tmp_path / "loop.ssd", **options)
+    scenario.export(tmp_path / "again.ssp")
+    for one in (scenario, ec.load(tmp_path / "again.ssp")):
+        with one.prepare() as simulation:
+            found = simulation.run()
+        assert len(found.time) == 101
+        for i in (1, 2):
+            np.testing.assert_array_equal(found[f"plant.x[{i}]"], expected[f"plant.x[{i}]"][:101])
+    swapped = SSD.replace('name="x" kind="output"', 'name="u" kind="input"').replace(
+        'startElement="plant" startConnector="x"', 'startElement="plant" startConnector="u"'
+    )
+    swapped = swapped.replace('<ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>', "", 1)
+    (tmp_path / "loop.ssd").write_text(swapped)
+    with pytest.raises(CommandError, match=r"plant\.u -> control\.state joins 1 element and 2 elements"):
+        ec.load(tmp_path / "loop.ssd", step_size=STEP, stop_time=0.1)
+
+
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [

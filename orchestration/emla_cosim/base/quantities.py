@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .units import LinearTransformation, SiUnit, find_conversion, find_unit, list_meanings
+from .units import LinearTransformation, SiUnit, find_conversion, find_unit, list_meanings, read_turns
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
 _PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
@@ -31,7 +31,7 @@ class Quantity:
             CommandError: If the units measure different things.
         """
         try:
-            between = find_conversion(self.unit, unit)
+            between = find_conversion(None if self.unit is None else read_turns(self.unit, unit), unit)
         except ValueError as error:
             raise CommandError(f"{label} has {error}, which cannot be converted into each other.") from error
         return _scale_number(self.number, between)

@@ -1,6 +1,7 @@
 """Units, which come from `fmublock.units`, and linear transformations of values."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit, list_meanings
 
@@ -14,10 +15,34 @@ __all__ = [
     "find_conversion",
     "find_unit",
     "list_meanings",
+    "read_turns",
 ]
 
 COLUMN_UNITS = "units"
 """The metadata entry of a Parquet file with the units of its columns, as a JSON object."""
+
+
+_PER_MINUTE = 1.0 / 60.0
+
+
+def read_turns(unit: SiUnit, target: SiUnit | None) -> SiUnit:
+    """Return a unit that a person wrote, as turns per time if it is `1/min` or `Hz` beside one in rad/s.
+
+    The definition of a unit in an FMU says itself whether it is of an angle.
+
+    Args:
+        unit: The unit.
+        target: The unit to which values are to be converted.
+    """
+    if unit.exponents is None or target is None or target.exponents is None:
+        return unit
+    rate = find_unit("1/s")
+    angular = find_unit("rad/s")
+    if rate is None or angular is None or target.exponents != angular.exponents:
+        return unit
+    if unit.exponents != rate.exponents or not (unit.name.endswith("Hz") or unit.factor == _PER_MINUTE):
+        return unit
+    return replace(unit, exponents=angular.exponents, factor=2.0 * math.pi * unit.factor)
 
 
 @dataclass(frozen=True)
@@ -65,7 +90,8 @@ class UndefinedUnitError(ValueError):
 def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
     """Return the conversion from one unit to another; the identity if one of them is None.
 
-    The radian is ignored: a torque in N.m is one in N.m/rad.
+    The radian is ignored: a torque in N.m is one in N.m/rad. There is no offset if one of them is that of a
+    difference.
 
     Raises:
         UndefinedUnitError: If one of the units has no definition.
@@ -79,6 +105,5 @@ def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTrans
         raise UndefinedUnitError(f"the units {source} and {target}, one of which is not defined")
     if source.exponents[:-1] != target.exponents[:-1]:
         raise ValueError(f"the units {source} and {target}")
-    return LinearTransformation(
-        source.factor / target.factor, (source.offset - target.offset) / target.factor
-    )
+    offset = 0.0 if source.is_difference or target.is_difference else source.offset - target.offset
+    return LinearTransformation(source.factor / target.factor, offset / target.factor)

@@ -4,7 +4,7 @@ import math
 import re
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -92,7 +92,7 @@ class Interface:
     def unit(self, name: str) -> SiUnit | None:
         """Return the unit of a variable, None if it has none.
 
-        The unit of a difference, such as of two temperatures, has no offset.
+        The unit of a difference, such as of two temperatures, is marked as one.
         """
         variable = self.variables[name]
         declared = variable.declaredType
@@ -101,7 +101,7 @@ class Interface:
             return None
         found = self.units.get(unit, SiUnit(unit))
         relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
-        return SiUnit(found.name, found.exponents, found.factor) if relative in (True, "true") else found
+        return replace(found, offset=0.0, is_difference=True) if relative in (True, "true") else found
 
 
 def read_interface(path: Path) -> Interface:

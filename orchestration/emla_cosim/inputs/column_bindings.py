@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
-from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
+from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, read_turns
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..system.model import System
@@ -200,7 +200,7 @@ def _bind_column(
         measured = read_suffix(header.suffix, target, label, header.text)
     given = rate_of(measured, column.derivative)
     try:
-        transformation = find_conversion(given, unit) if given is not None else IDENTITY
+        transformation = IDENTITY if given is None else find_conversion(read_turns(given, unit), unit)
     except ValueError as error:
         raise CommandError(
             f"{label} drives {signal} and has {error}, which cannot be converted into each other.",

@@ -10,18 +10,22 @@ from typing import Any
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.quantities import parse_unit_name
-from ..base.units import COLUMN_UNITS, IDENTITY, SiUnit, find_conversion, find_unit
+from ..base.units import COLUMN_UNITS, IDENTITY, SiUnit, find_conversion, find_unit, list_meanings
 
 _HEADER = re.compile(
     r"(?P<name>.+?)"
     r"(?:\s*\[(?P<bracket>[^\[\]]*[^\d\s,\[\]][^\[\]]*)\]"  # not a[1]
+    r"|\s*\{(?P<brace>[^{}]+)\}|\s*<(?P<angle>[^<>]+)>"
     r"|\s+\((?P<parenthesis>[^()]+(?:\([^()]*\)[^()]*)?)\)|\s+/\s+(?P<slash>\S.*))",
     re.DOTALL,
 )
 _ONE = ("-", "–", "none", "")
 """Units of numbers without a unit, as users write them."""
 
-_SEPARATOR = re.compile(r"\s+in\s+|\s*,\s*|/|_|\s+|\((?=[^()]+(?:\([^()]*\)[^()]*)?\)$)")
+_INCHES = re.compile(r"in\s+(?!lb|oz)(\S.*)")
+"""A unit in brackets after `in`, as in `(in kN)`, which is no inch; `in lbf` is a torque."""
+
+_SEPARATOR = re.compile(r"\s+in\s+|\s*,\s*|\s*:\s*|\s+[-–]\s+|/|_|\s+|\((?=[^()]+(?:\([^()]*\)[^()]*)?\)$)")
 """What may stand between a name and its unit, beside the forms of `_HEADER`."""
 
 _SECONDS = SiUnit("s", (0, 0, 1, 0, 0, 0, 0, 0))
@@ -60,8 +64,10 @@ class Header:
             name, unit = self.name[: found.start()].strip(), self.name[found.end() :].strip()
             bare = unit.removesuffix(")") if found[0] == "(" else unit
             letters = [c for c in bare if c.isalpha() or c in "°%"]
-            if not name or name == "der" or not letters or not is_unit(bare):
+            if not name or name == "der" or not letters:
                 continue
+            if not is_unit(bare) and not (found[0].strip() == "in" and len(bare.split()) == 1):
+                continue  # after `in`, a word that is no unit is an error
             return Suffix(name, bare, len(letters) == 1 and found[0].strip() in ("", "/", "_"))
         return None
 
@@ -71,7 +77,10 @@ class Header:
         found = _HEADER.fullmatch(text.strip()) if unit is None else None
         if found is None:
             return cls(text, text.strip(), unit)
-        return cls(text, found["name"].strip(), str(found[found.lastgroup or "name"]).strip())
+        inside = str(found[found.lastgroup or "name"]).strip()
+        if (after := _INCHES.fullmatch(inside)) is not None and is_unit(after[1]):
+            inside = after[1]
+        return cls(text, found["name"].strip(), inside)
 
     def in_seconds(self, numbers: Vector, asked: str | None, label: str) -> Vector:
         """Convert the column to times in s.
@@ -118,7 +127,9 @@ def is_dimensionless(name: str) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is the name of a unit."""
+    """Return whether a text is the name of a unit, also of one that is a mass or a force."""
+    if list_meanings(text) and all(find_unit(one) for one in list_meanings(text)):
+        return True
     try:
         parse_unit_name(text, "")
     except CommandError:
@@ -138,7 +149,7 @@ def read_suffix(suffix: Suffix, target: SiUnit | None, label: str, header: str) 
     Raises:
         CommandError: If it can be both a unit and a part of the name, and the values would differ.
     """
-    unit = parse_unit_name(suffix.unit, label)
+    unit = parse_unit_name(suffix.unit, label, target)
     try:
         between = find_conversion(unit, target)
     except ValueError:

@@ -14,6 +14,7 @@ from ..run.option_types import LoadOptions
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..run.simulation import Simulation
+from ..run.stop_conditions import check_no_condition
 from ..study.joint import ideal_sensors
 from ..study.loading import load
 from ..system.fault import Fault
@@ -93,6 +94,7 @@ def linearize(
         True
     """
     scenario, told = load(source, **options), progress or Progress()
+    check_no_condition(scenario.options.stop_when, "linearize")
     if matrices:
         _check_no_responses(_texts(open), duration, amplitude)
         places = []

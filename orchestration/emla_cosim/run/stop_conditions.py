@@ -28,6 +28,16 @@ def parse_stop_condition(text: str) -> Requirement:
     return found
 
 
+def check_no_condition(conditions: Sequence[str], command: str) -> None:
+    """Raise CommandError if a scenario ends on a condition, for a command that needs the whole run."""
+    if conditions:
+        raise CommandError(
+            f"the scenario ends on a condition, stop_when = {list(conditions)}, but emla {command} needs the "
+            "whole run; remove stop_when, or set a stop_time.",
+            condition=conditions[0],
+        )
+
+
 @dataclass(frozen=True)
 class StopCondition:
     """A condition, the position of its signal in rows, and the transformation to the unit of results."""

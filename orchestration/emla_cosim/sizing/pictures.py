@@ -32,7 +32,7 @@ def list_pictures(result: SizeResult) -> list[str]:
 
 
 def draw_pictures(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
-    """Draw the plots of all joints of the first candidate that ran, by the names of their files."""
+    """Draw the plots of each joint with its first candidate that ran, by the names of their files."""
     for joint, sizing in result.joints.items():
         yield name_picture(joint), draw_joint(sizing)
 

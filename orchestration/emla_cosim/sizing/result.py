@@ -33,6 +33,7 @@ class JointSizing:
         required: Whether figures are what the motion requires, because the joint did not follow it in the
             run.
         reason: Why the joint did not follow the motion in the run; None if it did.
+        overloaded: Whether the load was more than the motor can make.
         remarks: What limits the validity of the figures.
     """
 
@@ -46,16 +47,24 @@ class JointSizing:
     rise: Vector | None = field(repr=False)
     required: bool = False
     reason: str | None = None
+    overloaded: bool = False
     remarks: Sequence[str] = ()
 
     @property
-    def holds(self) -> bool:
-        """Whether the joint followed its motion and no examined limit is exceeded."""
-        return self.reason is None and all(one.holds for one in self.limits)
+    def holds(self) -> bool | None:
+        """Whether no examined limit is exceeded; None if the actuator could not be judged.
+
+        If a joint does not follow its motion although motion and load keep all limits, its controller or the
+        step size is the cause, not the actuator.
+        """
+        kept = all(one.holds for one in self.limits)
+        if self.reason is None:
+            return kept
+        return False if self.overloaded or (self.required and not kept) else None
 
     @property
     def reasons(self) -> list[str]:
-        """Why the actuator does not do the job; without full stops."""
+        """Why the actuator does not do the job, or why it could not be judged; without full stops."""
         own = [] if self.reason is None else [self.reason.removesuffix(".")]
         return [*own, *(one.sentence for one in self.limits if not one.holds)]
 
@@ -65,10 +74,17 @@ class JointSizing:
         label = f"{self.joint} with {self.actuator}"
         count = len(self.unexamined)
         left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
+        worst = f"{self.limits[0].name}, {format_percent(self.limits[0].fraction)} %"
         if self.holds:
-            worst = self.limits[0]
-            return f"{label} holds; most used is {worst.name}, {format_percent(worst.fraction)} %.{left}"
-        return f"{label} does not hold: {'; '.join(self.reasons)}.{left}"
+            return f"{label} holds; most used is {worst}.{left}"
+        reasons = f"{'; '.join(self.reasons)}."
+        if self.holds is None:
+            advice = (
+                f" Motion and load alone keep all examined limits ({worst}), so that the controller does not "
+                "fit: try a smaller --step-size, other --gains or another --controller."
+            )
+            return f"{label} could not be judged: {reasons}{advice if self.required else ''}"
+        return f"{label} does not hold: {reasons}{left}"
 
     @property
     def record(self) -> dict[str, Any]:
@@ -110,28 +126,35 @@ class JointSizing:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One set of actuators.
+    """One actuator of a joint, or the actuators of all joints if none has several candidates.
 
     Attributes:
         label: Name of the candidate: the file of its actuator.
         joints: Results by joint; empty if the candidate cannot be run.
         problem: Why it cannot be run; None if it can.
+        joint: Joint of the actuator; None for those of all joints.
     """
 
     label: str
     joints: Mapping[str, JointSizing]
     problem: str | None = None
+    joint: str | None = None
 
     @property
-    def holds(self) -> bool:
-        """Whether all joints hold."""
-        return self.problem is None and all(one.holds for one in self.joints.values())
+    def holds(self) -> bool | None:
+        """Whether all joints hold; None if none fails, but one could not be judged."""
+        verdicts = [one.holds for one in self.joints.values()]
+        if self.problem is not None or False in verdicts:
+            return False
+        return None if None in verdicts else True
 
     @property
     def reasons(self) -> list[str]:
-        """Why the candidate falls out; without full stops."""
+        """Why the candidate falls out, or why it could not be judged; without full stops."""
         if self.problem is not None:
             return [self.problem.removesuffix(".")]
+        if self.joint is not None:
+            return list(self.joints[self.joint].reasons)
         return [f"{joint}: {text}" for joint, one in self.joints.items() for text in one.reasons]
 
 
@@ -139,19 +162,19 @@ class Candidate:
 class SizeResult:
     """Whether actuators do the job of a scenario.
 
-    `result["lift"]` is the joint of the first candidate that can be run.
+    `result["lift"]` is the joint of its first candidate that can be run.
 
     Attributes:
         name: Name of the scenario.
-        candidates: Results by candidate; one if the scenario ran with one set of actuators.
-        varied: Joint of the candidates; None if there is one set of actuators.
+        candidates: Results by candidate, joint by joint; one for all joints if no joint has several.
+        varied: Joints with several candidates.
         ambient: Temperature around the motors in K.
         life: Required life in s; None if it was not stated.
     """
 
     name: str
     candidates: Sequence[Candidate]
-    varied: str | None
+    varied: Sequence[str]
     ambient: float
     life: float | None
 
@@ -167,13 +190,25 @@ class SizeResult:
 
     @property
     def joints(self) -> Mapping[str, JointSizing]:
-        """Joints of the first candidate that can be run."""
-        return next((one.joints for one in self.candidates if one.problem is None), {})
+        """Each joint with its first candidate that can be run."""
+        found: dict[str, JointSizing] = {}
+        for one in self.candidates:
+            for joint, sizing in one.joints.items():
+                found.setdefault(joint, sizing)
+        return found
 
     @property
     def holds(self) -> bool:
-        """Whether a candidate holds."""
-        return any(one.holds for one in self.candidates)
+        """Whether each joint has a candidate that holds."""
+        by_joint: dict[str | None, list[Candidate]] = {}
+        for one in self.candidates:
+            by_joint.setdefault(one.joint, []).append(one)
+        return all(any(one.holds for one in found) for found in by_joint.values())
+
+    @property
+    def unjudged(self) -> list[JointSizing]:
+        """Joints that could not be judged, with each of their candidates."""
+        return [one for found in self.candidates for one in found.joints.values() if one.holds is None]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -183,10 +218,11 @@ class SizeResult:
             "scenario": self.name,
             "ambient_K": self.ambient,
             "required_life_s": self.life,
-            "varied": self.varied,
+            "varied": list(self.varied),
             "candidates": [
                 {
                     "label": one.label,
+                    "joint": one.joint,
                     "holds": one.holds,
                     "reasons": one.reasons,
                     "joints": {joint: found.record for joint, found in one.joints.items()},

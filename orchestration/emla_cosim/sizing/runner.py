@@ -1,17 +1,20 @@
 """Size the actuators of a scenario."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
+import networkx
 import numpy as np
 
 from emla_fmu import EmlaCompliantPlant, EmlaPlant
 
-from ..base.errors import CommandError, RunError, join_names
+from ..base.arrays import Vector
+from ..base.compatibility import CompatibilityReport
+from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.values import convert_value
@@ -20,6 +23,7 @@ from ..run.option_types import LoadOptions
 from ..run.result import Result
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
+from ..run.stop_conditions import check_no_condition
 from ..study.actuator.actuator import Actuator
 from ..study.actuator.effective_values import get_number
 from ..study.loading import load
@@ -61,13 +65,14 @@ def size(
 ) -> SizeResult:
     """Examine whether actuators do the job of a scenario: continuously, at peak, and for how long.
 
-    The scenario runs once with each candidate. The end of the run is one cycle, which repeats for ever. The
+    The scenario runs once with each candidate; meanwhile, the other joints have their first candidate that
+    can be run. The end of the run is one cycle, which repeats for ever. The
     winding temperature is that of the repeated cycle. Each limit of the data sheet is compared with what the
     cycle uses of it.
 
     Args:
         source: scenario, as for `load`.
-        candidates: several data sheets for one joint, as files or actuators, by the joint.
+        candidates: several data sheets, as files or actuators, by joint.
         cycle: length of the cycle in s. Default: the period of the reference, otherwise the whole run.
         lead_in: time in s before the start time, in which the joints settle. It does not count.
         ambient: temperature around the motors in K.
@@ -92,23 +97,28 @@ def size(
         >>> joint.holds, joint.limits[0].name
         (True, 'motor speed')
     """
-    told = progress or Progress()
+    told = _NotesOnce(progress or Progress())
     _check(cycle, lead_in, ambient, life)
-    varied, sheets = _read_candidates(candidates or {})
+    varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
     folder = None
     if output is not None:
         place = convert_value(output, Path, "the output folder")
         folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
     task = _Task(source, cycle, lead_in, Requirements(ambient, life), folder, told)
     with nullcontext() if folder is None else folder.alone():
-        if varied is None:
-            scenario = load(source, **options)
-            found, name = [Candidate(scenario.name, _size_scenario(scenario, task))], scenario.name
+        if varied:
+            name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
+            found = list(_size_candidates(varied, options, task))
         else:
-            name, found = Path(str(source)).stem if isinstance(source, (str, Path)) else "system", []
-            for label, sheet in sheets:
-                found.append(_size_candidate(varied, label, sheet, options, task))
-        result = SizeResult(name, found, varied, ambient, life)
+            scenario = load(source, **options)
+            name = scenario.name
+            try:
+                found = [Candidate(name, _size_scenario(scenario, task))]
+            except RunError as error:
+                if (overload := _describe_overload(error)) is None:
+                    raise
+                found = [Candidate(name, {}, overload)]
+        result = SizeResult(name, found, list(varied), ambient, life)
         if folder is not None:
             folder.keep(result)
             folder.settle()
@@ -123,20 +133,20 @@ def _check(cycle: float | None, lead_in: float, ambient: float, life: float | No
         raise CommandError(f"lead_in is {lead_in!r}; it must be 0 or a positive number.")
 
 
-def _read_candidates(
-    given: Mapping[str, Sequence[str | Path | Actuator]],
-) -> tuple[str | None, list[tuple[str, str | Path | Actuator]]]:
-    """Return the joint with candidates, and label and data sheet of each."""
-    if len(given) > 1:
-        raise CommandError(
-            f"{join_names(given)} have several actuators each; vary those of one joint at a time."
-        )
-    for joint, sheets in given.items():
-        labels = [one.title if isinstance(one, Actuator) else str(one) for one in sheets]
-        if doubled := [label for i, label in enumerate(labels) if label in labels[:i]]:
-            raise CommandError(f"'{doubled[0]}' occurs twice among the actuators of {joint}.")
-        return joint, list(zip(labels, sheets, strict=True))
-    return None, []
+_Sheet = str | Path | Actuator
+
+
+def _label_sheets(joint: str, sheets: Sequence[_Sheet]) -> dict[str, _Sheet]:
+    """Return the data sheets of a joint's candidates by label."""
+    found: dict[str, _Sheet] = {}
+    for sheet in sheets:
+        label = sheet.title if isinstance(sheet, Actuator) else str(sheet)
+        if label in found:
+            raise CommandError(f"'{label}' occurs twice among the actuators of {joint}.")
+        found[label] = sheet
+    if not found:
+        raise CommandError(f"{joint} has no candidates.", joint=joint)
+    return found
 
 
 @dataclass(frozen=True)
@@ -151,26 +161,84 @@ class _Task:
     progress: Progress
 
 
-def _size_candidate(
-    joint: str, label: str, sheet: str | Path | Actuator, options: Mapping[str, Any], task: _Task
-) -> Candidate:
-    """Return a candidate; one that cannot be run has a problem."""
-    given: dict[str, Any] = dict(options)
-    given["actuator"] = {**given.get("actuator", {}), joint: sheet}
+def _size_candidates(
+    varied: Mapping[str, Mapping[str, _Sheet]], options: Mapping[str, Any], task: _Task
+) -> Iterator[Candidate]:
+    """Yield the candidates of each joint; one that cannot be run has a problem.
+
+    In the run of a candidate, other joints have their first candidate that can be loaded.
+    """
+    problems = {
+        joint: {label: _find_problem({joint: sheet}, options, task) for label, sheet in sheets.items()}
+        for joint, sheets in varied.items()
+    }
+    usable = {
+        joint: [label for label, problem in found.items() if problem is None]
+        for joint, found in problems.items()
+    }
+    first = {joint: labels[0] for joint, labels in usable.items() if labels}
+    runs: dict[tuple[tuple[str, str], ...], dict[str, JointSizing] | RunError] = {}
+    others: dict[str, JointSizing] = {}
+    for joint, sheets in varied.items():
+        for label in sheets:
+            if (problem := problems[joint][label]) is not None:
+                yield Candidate(label, {}, problem, joint)
+                continue
+            chosen = {**first, joint: label}
+            key = tuple(chosen.items())
+            if key not in runs:
+                actuators = {name: varied[name][one] for name, one in chosen.items()}
+                runs[key] = _try_run(actuators, options, task)
+            result = runs[key]
+            if isinstance(result, RunError):
+                yield Candidate(label, {}, _describe_overload(result) or str(result), joint)
+            elif joint not in result:
+                raise CommandError(f"there is no sizing of a joint '{joint}'.", joint=joint)
+            else:
+                yield Candidate(label, {joint: result[joint]}, None, joint)
+                others = {**result, **others}
+    for joint, sizing in others.items():
+        if joint not in varied:
+            yield Candidate(sizing.actuator, {joint: sizing}, None, joint)
+
+
+def _describe_overload(error: RunError) -> str | None:
+    """Return which joints had a load that their motors cannot hold before a run failed; None without one."""
+    result = error.fields.get("result")
+    joints = {} if result is None else result.metrics.get("joints", {})
+    tripped = [str(one["reason"]) for one in joints.values() if (one["trip"] or {}).get("cause")]
+    return " ".join(tripped) or None
+
+
+def _load_with(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task) -> Scenario:
+    given: dict[str, Any] = {**options, "actuator": {**options.get("actuator", {}), **actuators}}
+    return load(task.source, **given)
+
+
+def _find_problem(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task) -> str | None:
+    """Return what is wrong with a data sheet, or what its actuator cannot do at all."""
     try:
-        scenario = load(task.source, **given)
+        _load_with(actuators, options, task)
     except CommandError as error:
         if "problems" not in error.fields:
             raise  # not a fault of the data sheet
-        return Candidate(label, {}, str(error))
+        return str(error)
+    return None
+
+
+def _try_run(
+    actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task
+) -> dict[str, JointSizing] | RunError:
+    """Return the joints of a run, or why the run failed."""
     try:
-        return Candidate(label, _size_scenario(scenario, task))
+        return _size_scenario(_load_with(actuators, options, task), task)
     except RunError as error:
-        return Candidate(label, {}, str(error))
+        return error
 
 
 def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     """Run a scenario and return its joints."""
+    check_no_condition(scenario.options.stop_when, "size")
     if task.folder is not None:
         task.folder.check_unread([scenario.options.files_read()])
     times, roles = run_times(scenario.options, scenario.name), scenario.options.roles
@@ -194,13 +262,78 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
             )
         if task.folder is not None:
             task.folder.check_pictures(joints)
-        result = simulation.run(recorders=[TimeSeries()], signals=kept)
+        own = {
+            joint: _cycle_length(scenario, joint, whole) if task.cycle is None else length for joint in joints
+        }
+        table = _LastRows(times.stop - max(own.values()))
+        result = simulation.run(recorders=[table], signals=kept)
     sizings = {}
     for joint in joints:
-        own = _cycle_length(scenario, joint, whole) if task.cycle is None else length
         sheet = find_data_sheet(scenario, task.source, joint)
-        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own, times.stop, task.needed)
-    return sizings
+        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own[joint], times.stop, task.needed)
+    return {
+        joint: replace(one, remarks=(*one.remarks, *_remarks_on_others(joint, sizings, scenario.system)))
+        for joint, one in sizings.items()
+    }
+
+
+def _remarks_on_others(joint: str, sizings: Mapping[str, JointSizing], system: System) -> Iterator[str]:
+    """Yield a remark for each coupled joint that did not follow its motion."""
+    graph = networkx.Graph((x.source, x.target) for x in system.connections)
+    branch = {name: name.partition(".")[0] for name in graph}
+    coupled = {
+        branch[name]
+        for part in networkx.connected_components(graph)
+        if any(branch[name] == joint for name in part)
+        for name in part
+    }
+    for other, one in sizings.items():
+        if other != joint and other in coupled and one.reason is not None:
+            yield (
+                f"{joint} is coupled to {other}, which did not follow its motion; the load of {joint} is not "
+                "that of the motion."
+            )
+
+
+class _NotesOnce(Progress):
+    """Passes progress on, and each note once: those of all candidates are alike."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._noted: set[str] = set()
+
+    def begin(self, task: str, total: int, unit: str = "") -> None:
+        """Begin a task."""
+        self._progress.begin(task, total, unit)
+
+    def advance(self, count: int) -> None:
+        """Count further units as done."""
+        self._progress.advance(count)
+
+    def finish(self) -> None:
+        """End the task."""
+        self._progress.finish()
+
+    def report_replacement(self, fit: CompatibilityReport) -> None:
+        """Report how the FMU of a replacement fits."""
+        self._progress.report_replacement(fit)
+
+    def note(self, sentence: str) -> None:
+        """Report a note or warning, unless it was reported before."""
+        if sentence not in self._noted:
+            self._noted.add(sentence)
+            self._progress.note(sentence)
+
+
+class _LastRows(TimeSeries):
+    """Keeps the rows from a time in s on."""
+
+    def __init__(self, start: float) -> None:
+        self._start = start - 1e-9
+
+    def append(self, rows: Vector) -> None:
+        """Keep a copy of the rows that are late enough."""
+        super().append(rows[rows[:, 0] >= self._start])
 
 
 def _directional(scenario: Scenario) -> dict[str, Any]:
@@ -227,6 +360,7 @@ def _size_joint(
     cycle = read_cycle(result, joint, sheet.emla, start, stop)
     verdict = result.metrics.get("joints", {}).get(joint)
     reason = None if verdict is None or verdict.get("held") else str(verdict.get("reason"))
+    overloaded = reason is not None and bool(((verdict or {}).get("trip") or {}).get("cause"))
     required = reason is not None and cycle.has_required
     if required:
         cycle = follow_reference(cycle, result)
@@ -244,6 +378,7 @@ def _size_joint(
         winding_rise(cycle, values),
         required,
         reason,
+        overloaded,
         tuple(_remarks(cycle, values, result.times.step, reason, required)),
     )
 

@@ -1,5 +1,6 @@
 """Terminal output of a sizing."""
 
+from rich.box import SIMPLE
 from rich.markup import escape
 from rich.table import Table
 
@@ -49,7 +50,7 @@ def list_figures(sizing: JointSizing) -> list[tuple[str, str, str]]:
 
 def format_tables(result: SizeResult) -> list[Table]:
     """Return the tables of a result: one of the candidates, or figures and limits of each joint."""
-    if result.varied is not None:
+    if result.varied:
         return [_candidates(result)]
     (one,) = result.candidates
     return [table for sizing in one.joints.values() for table in (_figures(sizing), _limits(sizing))]
@@ -57,28 +58,34 @@ def format_tables(result: SizeResult) -> list[Table]:
 
 def format_lines(result: SizeResult) -> list[str]:
     """Return the verdicts and remarks."""
-    if result.varied is None:
-        return [line for one in result.joints.values() for line in _lines(one)]
-    lines = [
-        f"{one.label} falls out: {'; '.join(one.reasons)}." for one in result.candidates if not one.holds
-    ]
-    left = [one.label for one in result.candidates if one.holds]
-    unexamined = {
-        f"{limit.name} ({limit.missing})": None
-        for one in result.candidates
-        for sizing in one.joints.values()
-        for limit in sizing.unexamined
-    }
+    sizings = [sizing for one in result.candidates for sizing in one.joints.values()]
+    lines = [f"Note: {remark}" for remark in _remarks(result)]
+    if not result.varied:
+        failed = [f"{result.name} does not hold: {one.problem}" for one in result.candidates if one.problem]
+        return [*lines, *failed, *(sizing.verdict for sizing in sizings)]
+    several = len({one.joint for one in result.candidates}) > 1
+    for one in result.candidates:
+        if not one.holds:
+            place = f"{one.joint}, {one.label}" if several else one.label
+            verb = "could not be judged" if one.holds is None else "falls out"
+            lines.append(f"{place} {verb}: {'; '.join(one.reasons)}.")
+    unexamined = {f"{limit.name} ({limit.missing})": None for one in sizings for limit in one.unexamined}
     lines += [f"Not examined for at least one actuator: {', '.join(unexamined)}."] if unexamined else []
-    return [
-        *lines,
-        f"{', '.join(left)} hold{'s' if len(left) == 1 else ''}." if left else "No actuator holds.",
-    ]
+    for joint in dict.fromkeys(one.joint for one in result.candidates):
+        left = [one.label for one in result.candidates if one.joint == joint and one.holds]
+        said = f"{', '.join(left)} hold{'s' if len(left) == 1 else ''}." if left else "No actuator holds."
+        lines.append(f"{joint}: {said}" if several else said)
+    return lines
 
 
-def _lines(sizing: JointSizing) -> list[str]:
-    found = [f"Note: {remark}" for remark in sizing.remarks]
-    return [*found, sizing.verdict]
+def _remarks(result: SizeResult) -> list[str]:
+    """Return the remarks, each once, with the candidates that they are about."""
+    found: dict[str, list[str]] = {}
+    for one in result.candidates:
+        for sizing in one.joints.values():
+            for remark in sizing.remarks:
+                found.setdefault(remark, []).append(one.label)
+    return [f"{', '.join(labels)}: {remark}" if result.varied else remark for remark, labels in found.items()]
 
 
 def _figures(sizing: JointSizing) -> Table:
@@ -104,8 +111,11 @@ def _limits(sizing: JointSizing) -> Table:
 
 
 def _candidates(result: SizeResult) -> Table:
-    table = Table(title=escape(f"Actuators of {result.varied}"), title_justify="left")
+    joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
+    title = escape(f"Actuators of {', '.join(joints)}")
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     headings = (
+        *(["joint"] if len(joints) > 1 else []),
         "",
         "holds",
         "most used",
@@ -117,10 +127,18 @@ def _candidates(result: SizeResult) -> Table:
         "life/h",
     )
     for heading in headings:
-        text = heading in ("", "holds", "most used")
-        table.add_column(heading, justify="left" if text else "right", no_wrap=heading == "")
+        text = heading in ("joint", "", "holds", "most used")
+        table.add_column(
+            heading,
+            justify="left" if text else "right",
+            no_wrap=heading != "most used",
+            min_width=len(heading),
+            overflow="fold",
+        )
     for one in result.candidates:
-        table.add_row(escape(one.label), "yes" if one.holds else "no", *_cells(one, str(result.varied)))
+        place = [escape(str(one.joint))] if len(joints) > 1 else []
+        verdict = {True: "yes", False: "no", None: "?"}[one.holds]
+        table.add_row(*place, escape(one.label), verdict, *_cells(one, str(one.joint)))
     return table
 
 

@@ -20,7 +20,7 @@ class Criteria:
 
     Position window and window time are those of CiA 402 (IEC 61800-7-201, objects 6067h and 6068h). The
     threshold of a trip says how far a value may exceed a limit of the plant: by a fraction of the limit for
-    speed, current and temperature, by a distance for the stroke.
+    speed, current, torque and temperature, by a distance for the stroke.
     """
 
     position_window: float = _criterion(
@@ -29,6 +29,9 @@ class Criteria:
     window_time: float = _criterion(0.2, "s", "How long it has to be within it to have settled")
     over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
     over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
+    over_torque: float = _criterion(
+        0.1, "1", "Fraction beyond the motor's torque that is a trip, if the torque is that of the command"
+    )
     over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
     over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
     torque_ripple: float = _criterion(

@@ -1,5 +1,6 @@
 """The limits of a joint's plant: which ones it touches, and which trip it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple
@@ -14,8 +15,8 @@ from .roles import RoleNames, find_variable
 class Range(NamedTuple):
     """The roles of a signal and of its limits; without a lower limit, the range is symmetric.
 
-    `threshold` is the criterion of a trip: a fraction of the limit, or a distance in the signal's unit if
-    `is_distance`.
+    For `TORQUE_LIMIT`, see `find_torque_limit`. `threshold` is the criterion of a trip: a fraction of the
+    limit, or a distance in the signal's unit if `is_distance`.
     """
 
     role: str
@@ -27,11 +28,15 @@ class Range(NamedTuple):
     is_distance: bool = False
 
 
+TORQUE_LIMIT = "torque limit"
+"""In place of a role: the largest torque of a motor, for plants that make the commanded torque."""
+
 RANGES = (
     Range("x_L", "stroke", "m", "q_LB", "q_UB", "over_travel", is_distance=True),
     Range("v_L", "speed", "m/s", None, "v_max", "over_speed"),
     Range("i_q", "current", "A", None, "i_max", "over_current"),
     Range("i_d", "current", "A", None, "i_max", "over_current"),
+    Range("tau_m", "demanded torque", "N m", None, TORQUE_LIMIT, "over_torque"),
     Range("temperature_rise", "winding temperature", "K", None, "permitted_rise", "over_temperature"),
 )
 """Ranges of a joint; a plant without these parameters has none."""
@@ -50,8 +55,14 @@ class LimitViolation:
     what: str
 
 
+@dataclass(frozen=True)
 class Trip(LimitViolation):
-    """The first value beyond the threshold of a limit."""
+    """The first value beyond the threshold of a limit.
+
+    `cause` says that the load is more than the motor can hold, without full stop; empty if it is not.
+    """
+
+    cause: str = ""
 
     def sentence(self, joint: str) -> str:
         """Return a message that says when the joint tripped, and why."""
@@ -59,6 +70,7 @@ class Trip(LimitViolation):
         return (
             f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
             f"{value} {self.unit}, beyond {threshold} {self.unit} (limit {self.limit:.6g} {self.unit})."
+            f"{f' {self.cause}.' if self.cause else ''}"
         )
 
 
@@ -85,6 +97,25 @@ class _WatchedSignal(NamedTuple):
     highest: float
 
 
+class _WatchedLoad(NamedTuple):
+    """The load force of a joint: its signal, and the torque per force in m and the limit in N m for it."""
+
+    signal: str
+    column: int
+    ratio: float
+    limit: float
+
+    def cause(self, load: float) -> str:
+        """Return the `cause` of a trip at this load in N."""
+        torque = abs(load) * self.ratio
+        if not torque > self.limit > 0.0:
+            return ""
+        return (
+            f"The load of {1e-3 * load:.4g} kN ({self.signal}) takes {torque:.4g} N m of the motor at rest, "
+            f"which makes {self.limit:.4g} N m at the most"
+        )
+
+
 class LimitWatch:
     """Finds values beyond limits, for each joint until it trips."""
 
@@ -103,6 +134,11 @@ class LimitWatch:
             if (watched := _watch_signal(joint, range_, criteria_of_it, columns, parameters, roles))
             is not None
         ]
+        self._loads = {
+            joint: load
+            for joint in criteria
+            if (load := _watch_load(joint, columns, parameters, roles)) is not None
+        }
         self._trips: dict[str, Trip] = {}
         self._touches: dict[str, dict[str, Touch]] = {joint: {} for joint in criteria}
         self._minima = np.array([w.minimum for w in self._watched])
@@ -110,8 +146,8 @@ class LimitWatch:
 
     @property
     def columns(self) -> list[int]:
-        """The columns of the watched signals."""
-        return [watched.column for watched in self._watched]
+        """The columns of the watched signals, then those of the loads."""
+        return [one.column for one in (*self._watched, *self._loads.values())]
 
     def trip(self, joint: str) -> Trip | None:
         """Return the first trip of a joint; None if it did not trip."""
@@ -123,6 +159,9 @@ class LimitWatch:
 
     def write(self, time: Vector, values: Vector) -> None:
         """Take the next rows: times in s, and the signals of `columns`, shape (signals, rows)."""
+        values, loads = values[: len(self._watched)], values[len(self._watched) :]
+        if not len(values):
+            return
         highest, lowest = values.max(axis=1), values.min(axis=1)
         places = np.flatnonzero(
             ~((self._minima <= lowest) & (highest <= self._maxima))
@@ -136,10 +175,12 @@ class LimitWatch:
             if watched.joint in self._trips or not len(tripping):
                 continue
             if (row := int(tripping[0])) < trips.get(watched.joint, (len(time),))[0]:
-                trips[watched.joint] = (
-                    row,
-                    Trip(*_violation_fields(watched, float(time[row]), float(of[row]))),
-                )
+                cause = ""
+                if (load := self._loads.get(watched.joint)) is not None:
+                    at = list(self._loads).index(watched.joint)
+                    cause = load.cause(float(loads[at, row]))
+                trip = Trip(*_violation_fields(watched, float(time[row]), float(of[row])), cause)
+                trips[watched.joint] = row, trip
         for place in places.tolist():
             watched = self._watched[place]
             if watched.joint not in self._trips:
@@ -189,14 +230,45 @@ def _watch_signal(
     roles: Mapping[str, str],
 ) -> _WatchedSignal | None:
     signal = find_variable(joint, range_.role, columns, roles)
-    highest = find_variable(joint, range_.high, parameters, roles)
-    if signal is None or highest is None:
+    if signal is None:
         return None
-    high = parameters[highest]
+    if range_.high == TORQUE_LIMIT:
+        ideal = find_variable(joint, "ideal_torque", parameters, roles)
+        high = find_torque_limit(joint, parameters, roles) if ideal and parameters[ideal] else math.nan
+        if math.isnan(high):
+            return None
+    elif (highest := find_variable(joint, range_.high, parameters, roles)) is None:
+        return None
+    else:
+        high = parameters[highest]
     lowest = None if range_.low is None else find_variable(joint, range_.low, parameters, roles)
     low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
     margin = getattr(criteria, range_.threshold) * (1.0 if range_.is_distance else abs(high))
     return _WatchedSignal(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
+
+
+def find_torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+    """Return the torque in N m of the motor at its largest current; NaN if it is unknown."""
+    names = [find_variable(joint, role, parameters, roles) for role in ("N_p", "Phi_PM", "i_max")]
+    if None in names:
+        return math.nan
+    poles, flux, current = (parameters[str(name)] for name in names)
+    return 1.5 * poles * flux * current
+
+
+def _watch_load(
+    joint: str, columns: Mapping[str, int], parameters: Mapping[str, float], roles: Mapping[str, str]
+) -> _WatchedLoad | None:
+    signal = find_variable(joint, "F_L", columns, roles)
+    names = [find_variable(joint, role, parameters, roles) for role in ("rho", "lead", "eta_GB")]
+    directional = find_variable(joint, "directional", parameters, roles)
+    limit = find_torque_limit(joint, parameters, roles)
+    if signal is None or None in names or math.isnan(limit):
+        return None
+    rho, lead, efficiency = (parameters[str(name)] for name in names)
+    if directional is not None and parameters[directional]:
+        efficiency = 1.0  # its losses are zero at rest
+    return _WatchedLoad(signal, columns[signal], rho * lead / (2.0 * math.pi * efficiency), limit)
 
 
 def _violation_fields(

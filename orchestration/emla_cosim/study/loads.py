@@ -86,6 +86,8 @@ class LoadMetrics(Metrics):
         self._start = self._last = np.nan
         self._farthest_at = np.full(len(self._joints), np.nan)
         """When the position error was largest, in s."""
+        self._not_finite = np.full(len(self._joints), np.nan)
+        """When the position error was first not finite, in s."""
         self._ended: str | None = None
         self._evaluated_from = np.full(len(self._joints), np.nan)
         self._highest, self._lowest, self._deflection = np.full((3, len(self._joints)), np.nan)
@@ -100,6 +102,8 @@ class LoadMetrics(Metrics):
         with np.errstate(invalid="ignore", over="ignore"):
             error, deflection = x_load - x_d, np.abs(x_L - x_load)
             self._settling.write(time, np.abs(x_L - x_d))
+        for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
+            self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
         self._last = float(time[-1])
         self.shown = _SHOWN if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
@@ -143,9 +147,11 @@ class LoadMetrics(Metrics):
 
     def _reason(self, joint: int) -> str | None:
         """Return why a load is not within its window, except that the run is too short."""
+        name, window = self._joints[joint], self._windows[joint]
+        if not math.isnan(at := self._not_finite[joint]):
+            return f"The load of {name} has no finite position error from t = {at:.6g} s on."
         if self._is_short:
             return None
-        name, window = self._joints[joint], self._windows[joint]
         if not self._settling.is_settled(joint):
             return f"{name} has not settled."
         farthest = self._farthest(joint)
@@ -163,7 +169,11 @@ class LoadMetrics(Metrics):
 
     def remarks(self) -> Sequence[str]:
         """Return why loads are not within their windows, for joints that have settled."""
-        settled = [i for i in range(len(self._joints)) if self._settling.is_settled(i)]
+        settled = [
+            i
+            for i in range(len(self._joints))
+            if self._settling.is_settled(i) or not math.isnan(self._not_finite[i])
+        ]
         return [reason for i in settled if (reason := self._reason(i)) is not None]
 
     def ended_early(self, problem: str) -> None:
@@ -183,4 +193,13 @@ class LoadMetrics(Metrics):
         self._settling.remember(memory["settling"])
 
 
-_STATE = ("_start", "_last", "_evaluated_from", "_highest", "_lowest", "_deflection", "_farthest_at")
+_STATE = (
+    "_start",
+    "_last",
+    "_evaluated_from",
+    "_highest",
+    "_lowest",
+    "_deflection",
+    "_farthest_at",
+    "_not_finite",
+)

@@ -46,6 +46,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
             "temperature_rise": "motor.temperature_rise",
             "i_max": "motor.i_max",
             "permitted_rise": "motor.permitted_rise",
+            "ideal_torque": "use_commanded_current",
+            "directional": "gearbox.directional",
         }.items()
     },
     **{
@@ -57,6 +59,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
             "M_BS": "screw.M_BS",
             "rho": "gearbox.rho",
             "lead": "screw.lead",
+            "eta_GB": "gearbox.eta_GB",
         }.items()
     },
     "q_LB": ("{joint}.plant.screw.q_LB", "machine.plant.screw.q_LB[{element}]"),
@@ -71,7 +74,10 @@ INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
 _PARAMETERS = (
     "N_p",
     "Phi_PM",
+    "directional",
+    "eta_GB",
     "i_limit",
+    "ideal_torque",
     "i_max",
     "permitted_rise",
     "q_LB",

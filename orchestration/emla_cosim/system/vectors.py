@@ -26,7 +26,7 @@ def connect_elements(system: System, names: Callable[[str], Collection[str]]) ->
 
 def _elements(connection: Connection, names: Callable[[str], Collection[str]]) -> Iterator[Connection]:
     """Yield the connections of the elements, or the connection itself if it is not of vectors."""
-    found = [_indices(name, names(component)) for component, name in connection.ends]
+    found = [find_indices(name, names(component)) for component, name in connection.ends]
     if not (found[0] and found[1]):
         yield connection  # not of vectors, or an error that is raised when the connection is resolved
         return
@@ -49,8 +49,13 @@ def _elements(connection: Connection, names: Callable[[str], Collection[str]]) -
         )
 
 
-def _indices(name: str, known: Collection[str]) -> list[str]:
-    """Return the indices of a vector, such as `[1]` or `[1,2]`; empty for a scalar."""
+def find_indices(name: str, known: Collection[str]) -> list[str]:
+    """Return the indices of a vector, such as `[1]` or `[1,2]`; empty for a scalar.
+
+    Args:
+        name: The name of the vector.
+        known: The names of all variables.
+    """
     if name in known:
         return []
     return [

@@ -16,6 +16,7 @@ from ..base.values import convert_value
 from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
 from ..run.scenarios.scenario import Scenario
+from ..run.stop_conditions import check_no_condition
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
@@ -125,6 +126,7 @@ def tune(
     reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         scenario = plan.load_scenario()
+        check_no_condition(scenario.options.stop_when, "tune")
         for note in scenario.notes:
             reporter.note(f"Note: {note}.")
         preparation = Preparation.of(scenario, reporter)

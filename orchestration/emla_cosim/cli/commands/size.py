@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, RunError, join_names
 from ...base.option import SIZE
 from ...base.quantities import parse_quantity
 from ...base.units import find_unit
@@ -27,6 +27,7 @@ _WHAT, _OUT = "What is required", "What comes out"
 EXAMPLES = (
     "emla size prototype --actuator prototype=docs/actuator.toml",
     "emla size prototype --actuator prototype=a.toml,b.toml,c.toml --life 20000h --report",
+    "emla size study --actuator lift=a.toml,b.toml --actuator tilt=c.toml,d.toml",
     "emla size mine.toml --cycle 4s --ambient 95degF",
 )
 """Examples in the help."""
@@ -103,6 +104,9 @@ def command(
     files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if plots else []), *([PAGE] if report else [])]
     for line in (*format_lines(result), f"Wrote {place}/: {', '.join(files)}"):
         print_line(line)
+    if unjudged := result.unjudged:
+        names = join_names(dict.fromkeys(one.joint for one in unjudged))
+        raise RunError(f"no verdict on {names}: see above why.")
 
 
 def _split_candidates(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[str]]]:

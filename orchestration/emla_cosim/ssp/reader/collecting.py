@@ -1,11 +1,11 @@
 """Collection and checks of all connectors and connections of a structure."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...base.errors import CommandError, join_names
-from ...fmu.interface import Interface, read_interface
+from ...fmu.interface import Interface
 from ..documents.ssd_data import (
     ComponentElement,
     Connector,
@@ -22,18 +22,19 @@ _TYPES = {"Float64": "Real", "Int32": "Integer"}
 """Types of SSP 2.0 with another name in FMI 2.0."""
 
 
-def collect_wiring(root: SystemElement, where: str) -> Wiring:
+def collect_wiring(root: SystemElement, where: str, interface: Callable[[str], Interface]) -> Wiring:
     """Return the wiring of a loaded structure.
 
     Args:
         root: The root system.
         where: The name of the structure in error messages.
+        interface: Returns the interface of an FMU file.
 
     Raises:
         CommandError: If connectors or connections do not match.
     """
     wiring = Wiring(where)
-    _Elements(wiring).add(root, ())
+    _Elements(wiring, interface).add(root, ())
     _Level(wiring, root, (), {}).connect()
     return wiring
 
@@ -41,9 +42,8 @@ def collect_wiring(root: SystemElement, where: str) -> Wiring:
 class _Elements:
     """Adds elements and their connectors to a wiring."""
 
-    def __init__(self, wiring: Wiring) -> None:
-        self._wiring = wiring
-        self._interfaces: dict[str, Interface] = {}
+    def __init__(self, wiring: Wiring, interface: Callable[[str], Interface]) -> None:
+        self._wiring, self._interface = wiring, interface
 
     def add(self, element: Element, path: Path_) -> None:
         """Add an element and its content."""
@@ -60,11 +60,6 @@ class _Elements:
         if isinstance(element, SystemElement):
             for inside in element.elements:
                 self.add(inside, (*path, inside.name))
-
-    def _interface(self, source: str) -> Interface:
-        if source not in self._interfaces:
-            self._interfaces[source] = read_interface(Path(source))
-        return self._interfaces[source]
 
     def _check(self, connector: Connector, fmu: Fmu) -> None:
         """Raise CommandError if a connector and the FMU's variable differ."""

@@ -3,12 +3,13 @@
 import contextlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from ...base.errors import CommandError
 from ...base.faults import is_lenient
 from ...base.units import IDENTITY, find_conversion
-from ...fmu.interface import KINDS
+from ...fmu.interface import KINDS, Interface, read_interface
 from ...system.model import Alias, Component, Connection, System
 from ..documents.identifiers import parse_id
 from ..documents.ssd_data import ParameterBinding, ParameterSet, SsvParameter, Structure, TableTransformation
@@ -16,6 +17,7 @@ from .binding import BoundValue, build_transformation, resolve_bindings
 from .collecting import collect_wiring
 from .package import Package, open_package
 from .structure_loader import load_structure
+from .whole_vectors import expand_vectors
 from .wiring import Fmu, Node, Path_, Wiring
 
 
@@ -67,8 +69,10 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 
 def _document(structure: Structure, package: Package) -> SspDocument:
-    wired = collect_wiring(structure.system, package.name)
-    values, without_effect = resolve_bindings(structure.system, wired)
+    interface = cache(_read_interface)
+    root = expand_vectors(structure.system, interface, package.name)
+    wired = collect_wiring(root, package.name, interface)
+    values, without_effect = resolve_bindings(root, wired)
     names, samples = _names(wired), set(structure.samples)
     components = (
         replace(_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
@@ -89,6 +93,10 @@ def _document(structure: Structure, package: Package) -> SspDocument:
         ],
         unpacked=package.unpacked,
     )
+
+
+def _read_interface(source: str) -> Interface:
+    return read_interface(Path(source))
 
 
 def _unknown_in_annotation(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:
