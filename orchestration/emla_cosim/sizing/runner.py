@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-import networkx
 import numpy as np
 
 from emla_fmu import EmlaCompliantPlant, EmlaPlant
@@ -279,6 +278,8 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
 
 def _remarks_on_others(joint: str, sizings: Mapping[str, JointSizing], system: System) -> Iterator[str]:
     """Yield a remark for each coupled joint that did not follow its motion."""
+    import networkx  # slow to import
+
     graph = networkx.Graph((x.source, x.target) for x in system.connections)
     branch = {name: name.partition(".")[0] for name in graph}
     coupled = {
