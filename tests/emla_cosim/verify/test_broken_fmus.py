@@ -49,7 +49,6 @@ SHOWS_ELSEWHERE = {
     "SharedTag": {"values.state"},
     "InputIgnored": {"values.kept"},  # inputs are not kept, either
     "Stale": {"steps.split", "model_exchange.agrees"},  # with other steps, they are late by less
-    "OneBuffer": {"values.start", "values.kept", "values.state", "dependencies.observed"},
 }
 """Other checks that the same fault fails, by the name of the FMU."""
 

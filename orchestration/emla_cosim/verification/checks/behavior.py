@@ -14,7 +14,7 @@ from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
-from ..messages import join_few_names, judge_problems
+from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
@@ -51,12 +51,13 @@ def integrate(subject: Subject) -> CheckOutcome:
     if not pairs and not times:
         said = "No variable is declared as time or a derivative: only a reference shows what steps do."
         return skipped(said, gaps=(said,))
-    inputs = [v for v in settable(subject, "input") if v.type == "Real"][:_MOST_INPUTS]
-    runs = [{}, *({v.name: value} for v in inputs if (value := other_of(v)) is not None)]
+    inputs = others(v for v in settable(subject, "input", most=None) if v.type == "Real")
+    runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
     step = span(subject)[1]
     names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
-    still, late, wrong = set(), {}, {}
+    still, late, wrong, moved = set(), {}, {}, 0
     for changes in _in_time(subject, runs):
+        moved += len(changes)
         points, rows = in_separate_process(_held, subject, changes, names)
         if len(rows) < 3:
             continue
@@ -77,7 +78,8 @@ def integrate(subject: Subject) -> CheckOutcome:
         return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
     # internal steps may be longer
     doubts = [*late.values(), *wrong.values()]
-    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts)
+    gaps = list_left_out(moved, len(inputs), "inputs were moved.")
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts, gaps)
 
 
 def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
@@ -128,7 +130,8 @@ def _apart(x: Vector, slopes: Vector, step: float) -> float:
 )
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
-    found = [v for v in settable(subject, "input") if other_of(v) is not None][:_MOST_INPUTS]
+    every = [v for v in settable(subject, "input", most=None) if other_of(v) is not None]
+    found = every[:_MOST_INPUTS]
     names = _results(subject)
     if not found or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
@@ -143,21 +146,20 @@ def inputs(subject: Subject) -> CheckOutcome:
             for value in _tried(variable, base)
         ):
             without.append(variable.name)
+    gaps = list_left_out(tried, len(every), "inputs were moved.")
     if len(without) == tried:
         if wrong := [name for name in without if name in listed]:
-            return warned(
-                f"No input changed anything in {_STEPS} steps, although {wrong[0]} is a dependency."
-            )
+            said = f"No input changed anything in {_STEPS} steps, although {wrong[0]} is a dependency."
+            return warned(said, gaps=gaps)
         said = f"No input changed anything in {_STEPS} steps: only a reference shows if one should."
-        return skipped(said, gaps=(said,))
+        return skipped(said, gaps=(said, *gaps))
     said = f"{tried - len(without)} of {tried} inputs changed a result."
     if unused := [name for name in without if name in listed]:
         # parameters may switch them off
-        return warned(
-            f"{join_few_names(unused)} changed nothing in {_STEPS} steps, but is a dependency. {said}"
-        )
-    gaps = (f"{join_few_names(without)} changed nothing in {_STEPS} steps.",) if without else ()
-    return passed(said, gaps=gaps)
+        said = f"{join_few_names(unused)} changed nothing in {_STEPS} steps, but is a dependency. {said}"
+        return warned(said, gaps=gaps)
+    still = (f"{join_few_names(without)} changed nothing in {_STEPS} steps.",) if without else ()
+    return passed(said, gaps=(*still, *gaps))
 
 
 def _bases(

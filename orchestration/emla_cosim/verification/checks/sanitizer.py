@@ -1,7 +1,6 @@
 """Check the memory accesses, leaks and arithmetic of FMUs with C sources, in a build with sanitizers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from ..check import check
 from ..messages import Breach, Problem, judge_problems
@@ -129,7 +128,7 @@ def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOu
     if not problems and not run.ran:
         reason = next(iter(run.gaps), "The build of its sources makes no step.")
         return skipped(f"The build of its sources does not run. {reason}", gaps=run.gaps)
-    return replace(judge_problems(problems, fine), gaps=run.gaps)
+    return judge_problems(problems, fine, gaps=run.gaps)
 
 
 def _missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:

@@ -123,6 +123,16 @@ class HostedInstance(FmiInstance):
             self.set_typed([(self.subject.variables[name], value) for name, value in values.items()])
 
     def get(self, names: Iterable[str]) -> list[Any]:
+        """Return the values of variables by name, with one call for each type, and for each String.
+
+        If all Strings of a call are in one buffer, only the check of Strings fails.
+        """
+        variables = [self.subject.variables[name] for name in names]
+        with self.calling():
+            others = iter(self.get_typed([v for v in variables if v.type != "String"]))
+            return [self.get_typed([v])[0] if v.type == "String" else next(others) for v in variables]
+
+    def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
         with self.calling():
             return self.get_typed([self.subject.variables[name] for name in names])
