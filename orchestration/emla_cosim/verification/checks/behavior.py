@@ -16,7 +16,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, noted, passed, skipped, warned
 
 _STEPS = 20
 _MOST_PAIRS = 100
@@ -131,11 +131,20 @@ def _apart(x: Vector, slopes: Vector, step: float) -> float:
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
     every = [v for v in settable(subject, "input", most=None) if other_of(v) is not None]
-    found = every[:_MOST_INPUTS]
     names = _results(subject)
-    if not found or not names:
+    if not every or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
-    listed = _listed(subject)
+    effect = _has_effect(subject, every, names)
+    if effect is None:
+        said = "There was no time to move its inputs."
+        return skipped(said, gaps=(said,))
+    if not effect:
+        said, listed = f"No input changed anything in {_STEPS} steps", _listed(subject)
+        if wrong := [v.name for v in every if v.name in listed]:
+            return warned(f"{said}, although {wrong[0]} is a dependency.")
+        said = f"{said}: only a reference shows if one should."
+        return skipped(said, gaps=(said,))
+    found = every[:_MOST_INPUTS]
     bases = _Cached(_bases(subject, found, names))
     without, tried = [], 0
     for variable in _in_time(subject, found):
@@ -146,29 +155,35 @@ def inputs(subject: Subject) -> CheckOutcome:
             for value in _tried(variable, base)
         ):
             without.append(variable.name)
-    gaps = list_left_out(tried, len(every), "inputs were moved.")
-    if len(without) == tried:
-        if wrong := [name for name in without if name in listed]:
-            said = f"No input changed anything in {_STEPS} steps, although {wrong[0]} is a dependency."
-            return warned(said, gaps=gaps)
-        said = f"No input changed anything in {_STEPS} steps: only a reference shows if one should."
-        return skipped(said, gaps=(said, *gaps))
+    gaps = list_left_out(tried, len(every), "inputs were moved alone.")
     said = f"{tried - len(without)} of {tried} inputs changed a result."
-    if unused := [name for name in without if name in listed]:
-        # parameters may switch them off
-        said = f"{join_few_names(unused)} changed nothing in {_STEPS} steps, but is a dependency. {said}"
-        return warned(said, gaps=gaps)
-    still = (f"{join_few_names(without)} changed nothing in {_STEPS} steps.",) if without else ()
-    return passed(said, gaps=(*still, *gaps))
+    if without:  # parameters or states, such as the direction of a flow, may switch them off
+        return noted(f"{join_few_names(without)} changed nothing in {_STEPS} steps. {said}", gaps=gaps)
+    return passed(said, gaps=gaps)
 
 
-def _bases(
-    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
-) -> Iterator[tuple[Values, Any]]:
-    """Yield values of all inputs, with the run that they give: start values, others, and far ones.
+def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
+    """Return whether a run changes if all inputs are moved; None if there was no time for two runs."""
+    compared = False
+    for parameters, moves in _in_time(subject, _combinations(subject, variables)):
+        try:
+            still = in_separate_process(_observe, subject, parameters, names)
+        except CallError:  # the model does not bear these values together
+            continue
+        for values in _in_time(subject, moves):
+            compared = True
+            if _differs(subject, {**parameters, **values}, names, still):
+                return True
+    return False if compared else None
 
-    Later runs also have other values of parameters, which may switch inputs on: choices together and one
-    by one, then gains.
+
+def _combinations(
+    subject: Subject, variables: Sequence[ModelVariable]
+) -> Iterator[tuple[Values, list[Values]]]:
+    """Yield values of parameters, and values of all inputs for runs with them: others, then far ones.
+
+    Later ones have other values of parameters, which may switch inputs on: choices together and one by one,
+    then gains.
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
@@ -181,9 +196,19 @@ def _bases(
     gains = others(v for v in parameters if v.type in ("Real", "Integer"))
     one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
     switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
-    for base in ({}, moved, *far, *({**values, **moved} for values in switches if values)):
-        with suppress(CallError):  # the model does not bear these values together
-            yield base, in_separate_process(_observe, subject, base, names)
+    yield {}, [moved, *far]
+    yield from ((values, [moved]) for values in switches if values)
+
+
+def _bases(
+    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
+) -> Iterator[tuple[Values, Any]]:
+    """Yield values of parameters and all inputs, with the run that they give: start values, then others."""
+    for parameters, moves in _combinations(subject, variables):
+        for values in moves if parameters else ({}, *moves):
+            base = {**parameters, **values}
+            with suppress(CallError):  # the model does not bear these values together
+                yield base, in_separate_process(_observe, subject, base, names)
 
 
 class _Cached:

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from typing import Any
 
-from ...fmu.instance import OK, STATUS
+from ...fmu.instance import OK
 from ...fmu.log import LogLine
 from ..check import check
 from ..host.experiment import make_experiment
@@ -60,7 +60,7 @@ def categories(subject: Subject) -> CheckOutcome:
     try:
         (quiet, everything, *apart), printed = in_fresh_process(_said, subject, asked)
     except CallError as error:
-        if error.call == "fmi2SetDebugLogging" and 0 <= error.status < len(STATUS) and not declared:
+        if error.call == "fmi2SetDebugLogging" and error.has_status and not declared:
             said = f"{error} No category is declared, but the call is part of the interface."
             return warned(said, clause=RETURNS)
         raise

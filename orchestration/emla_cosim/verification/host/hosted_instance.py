@@ -24,9 +24,14 @@ class CallError(Exception):
 
     def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
-        name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is not a valid status"
-        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
         self.call, self.status = call, status
+        name = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
+        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
+
+    @property
+    def has_status(self) -> bool:
+        """Whether the answer is one of the statuses of the standard."""
+        return 0 <= self.status < len(STATUS)
 
     def __reduce__(self) -> Any:
         """Pickle the message instead of the log lines."""
