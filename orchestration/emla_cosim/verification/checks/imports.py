@@ -19,10 +19,13 @@ _EVERYWHERE = re.compile(
     | libSystem\.B\.dylib | libc\+\+(abi)?\.\d\.dylib | libobjc\.A\.dylib
     | (api|ext)-ms-win-[-\w]+\.dll | (kernel|user|gdi|advapi|shell|ole|oleaut|ws2_|comdlg)32\.dll
     | (ntdll|msvcrt|ucrtbase|bcrypt|crypt32|secur32|shlwapi|version|winmm|imagehlp|rpcrt4|psapi|dbghelp)\.dll
+    | (comctl32|netapi32|wsock32|mswsock|wintrust|dhcpcsvc|iphlpapi|dnsapi|userenv|setupapi|cfgmgr32)\.dll
+    | (wtsapi32|mpr|ncrypt|powrprof|normaliz|uxtheme|msimg32|opengl32|glu32)\.dll | winspool\.drv
     """,
     re.VERBOSE | re.IGNORECASE,
 )
-"""Libraries of a minimal GNU/Linux, macOS or Windows."""
+"""Libraries that come with every GNU/Linux, macOS or Windows."""
+
 _UNDEFINED = 0
 """Section index of symbols that other libraries define."""
 
