@@ -104,3 +104,24 @@ def test_an_answer_that_is_no_status_breaks_the_section_on_statuses(
     monkeypatch.setattr(check_runner, "use_scratch", lambda _: None)
     outcome = check_runner._do(answers, None)
     assert (outcome.verdict, outcome.clause) == (Verdict.FAILED, clause)
+
+
+def _numbers(changes: Mapping[str, Any]) -> list[float]:
+    return [float(changes.get(name, 0.0)) for name in ("u", "w")]
+
+
+@pytest.mark.parametrize(
+    ("output", "verdict"),
+    [
+        (lambda u, w: u - w, Verdict.PASSED),
+        (lambda u, w: u != 0.0 and w == 0.0, Verdict.PASSED),
+        (lambda u, w: 3.0, Verdict.WARNING),
+    ],
+    ids=["difference", "one alone", "none"],
+)
+def test_inputs_that_cancel_out_have_an_effect(
+    tmp_path: Path, monkeypatch: Monkey, output: Callable[[float, float], float], verdict: Verdict
+) -> None:
+    """If all are moved at once, nothing need change."""
+    monkeypatch.setattr(behavior, "_observe", lambda _, changes, __: [[str(output(*_numbers(changes)))]])
+    assert behavior.inputs.examine(_subject(tmp_path, build_good_fmu)).verdict == verdict

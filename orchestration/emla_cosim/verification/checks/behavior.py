@@ -163,14 +163,14 @@ def inputs(subject: Subject) -> CheckOutcome:
 
 
 def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
-    """Return whether a run changes if all inputs are moved; None if there was no time for two runs."""
-    compared = False
+    """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
+    compared, alone = False, [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
     for parameters, moves in _in_time(subject, _combinations(subject, variables)):
         try:
             still = in_separate_process(_observe, subject, parameters, names)
         except CallError:  # the model does not bear these values together
             continue
-        for values in _in_time(subject, moves):
+        for values in _in_time(subject, moves if parameters else [*moves, *alone]):
             compared = True
             if _differs(subject, {**parameters, **values}, names, still):
                 return True
@@ -190,7 +190,7 @@ def _combinations(
         ends = _far(variable) or [other_of(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    moved = {v.name: other_of(v) for v in variables}
+    moved = {v.name: _move(v, k) for k, v in enumerate(variables)}
     parameters = settable(subject, "parameter")
     choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
     gains = others(v for v in parameters if v.type in ("Real", "Integer"))
@@ -222,6 +222,12 @@ class _Cached:
         for item in self._source:
             self._items.append(item)
             yield item
+
+
+def _move(variable: ModelVariable, k: int) -> Any:
+    """Return another value. Those of Reals differ from input to input, so that a difference of two changes."""
+    start, other = start_of(variable), other_of(variable)
+    return start + (other - start) * (k + 1) ** -0.37 if variable.type == "Real" else other
 
 
 def _far(variable: ModelVariable) -> list[float]:
