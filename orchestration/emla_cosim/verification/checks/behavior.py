@@ -190,7 +190,7 @@ def _combinations(
         ends = _far(variable) or [other_of(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    moved = {v.name: _move(v, k) for k, v in enumerate(variables)}
+    moved = {v.name: other_of(v) for v in variables}
     parameters = settable(subject, "parameter")
     choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
     gains = others(v for v in parameters if v.type in ("Real", "Integer"))
@@ -222,12 +222,6 @@ class _Cached:
         for item in self._source:
             self._items.append(item)
             yield item
-
-
-def _move(variable: ModelVariable, k: int) -> Any:
-    """Return another value. Those of Reals differ from input to input, so that a difference of two changes."""
-    start, other = start_of(variable), other_of(variable)
-    return start + (other - start) * (k + 1) ** -0.37 if variable.type == "Real" else other
 
 
 def _far(variable: ModelVariable) -> list[float]:
