@@ -8,10 +8,16 @@ from typing import Any
 import fmpy
 
 from ..check import check
-from ..libraries import Library, list_libraries, list_needed_libraries, parse_library
+from ..libraries import (
+    Library,
+    find_dependencies_file,
+    list_libraries,
+    list_needed_libraries,
+    parse_library,
+)
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
+from ..verdict import CheckOutcome, Clause, noted, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -49,6 +55,8 @@ def imports(subject: Subject) -> CheckOutcome:
     if not found:
         return skipped("There are no readable binaries.")
     doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
+    if doubts and (documented := find_dependencies_file(subject)):
+        return noted(f"{doubts[0]} {documented} is there to document what it needs.", details=tuple(doubts))
     return judge_problems(
         (), f"{join_few_names([str(one) for one, _ in found])} need only standard libraries.", doubts
     )
