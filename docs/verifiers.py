@@ -35,7 +35,7 @@ from tests.support.broken.editing import good_bytes
 from tests.support.broken.memory import MEMORY, build_memory_fmu
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN
-from tests.support.broken.typed import TYPED, build_typed_fmu
+from tests.support.broken.wide import WIDE, build_wide_fmu
 
 OURS = "emla verify"
 SETS = {
@@ -82,7 +82,7 @@ def examine(sets: dict[str, list[Broken]], tools: dict[str, Tool], folder: Path)
     asked = [(b, replace(b.settings, only=(b.check,))) for members in sets.values() for b in members]
     ours = examined_all(asked, folder)
     (folder / "Toy.fmu").write_bytes(good_bytes())
-    good = [folder / "Toy.fmu", build_good_fmu(folder), build_typed_fmu(folder), build_memory_fmu(folder)]
+    good = [folder / "Toy.fmu", build_good_fmu(folder), build_wide_fmu(folder), build_memory_fmu(folder)]
     noisy = {path.stem: {name for name, tool in tools.items() if tool(path)} for path in good}
     print("Tools that do not accept the FMU without a fault:", noisy)
 
@@ -107,7 +107,7 @@ def origin(one: Broken) -> str:
     """Return the name of the FMU without the fault."""
     if one in MEMORY:
         return "Memory"
-    return "Typed" if one in TYPED else "Toy" if one in STATIC else "Good"
+    return "Wide" if one in WIDE else "Toy" if one in STATIC else "Good"
 
 
 def with_fmpy(path: Path) -> str:

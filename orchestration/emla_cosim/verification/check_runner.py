@@ -78,6 +78,6 @@ def _do(check: Check, subject: Any) -> CheckOutcome:
         if _LICENSE.search(str(error)):
             said = f"It needs a license that this machine lacks. {error}"
             return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
-        return failed(str(error))
+        return failed(str(error), clause=None if error.has_status else RETURNS)
     except EndedError as error:
         return failed(str(error), clause=RETURNS)

@@ -57,6 +57,12 @@ def list_platforms(subject: Subject) -> list[Path]:
     return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
 
 
+def find_dependencies_file(subject: Subject) -> str:
+    """Return the file that lists the FMU's external dependencies, or an empty string."""
+    names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
+    return next((name for name in names if (subject.folder / name).is_file()), "")
+
+
 def parse_library(path: Path) -> Any:
     """Parse a library with LIEF. Return None if it is not a library, or truncated."""
     import lief  # slow to load, and only three checks need it

@@ -21,13 +21,16 @@ class Breach(NamedTuple):
 Problem = str | Breach
 
 
-def judge_problems(problems: Sequence[Problem], fine: str, doubts: Sequence[Problem] = ()) -> CheckOutcome:
+def judge_problems(
+    problems: Sequence[Problem], fine: str, doubts: Sequence[Problem] = (), gaps: tuple[str, ...] = ()
+) -> CheckOutcome:
     """Judge lists of problems: the message is the first one, the details are all of them.
 
     Args:
         problems: Messages that make the check fail.
         fine: Message if the check passes.
         doubts: Messages that only warn.
+        gaps: What the check could not judge.
     """
     for make, found in ((failed, problems), (warned, doubts)):
         if found:
@@ -35,8 +38,8 @@ def judge_problems(problems: Sequence[Problem], fine: str, doubts: Sequence[Prob
             clause = found[0].clause if isinstance(found[0], Breach) else None
             details = _lines([_line(one, clause) for one in every]) if len(every) > 1 else ()
             first = f"{shorten_sentence(_message(found[0]))}{_and_more(len(every) - 1)}"
-            return make(first, details=details, clause=clause)
-    return passed(fine)
+            return make(first, details=details, clause=clause, gaps=gaps)
+    return passed(fine, gaps=gaps)
 
 
 def _message(problem: Problem) -> str:
@@ -66,6 +69,11 @@ def shorten_sentence(text: str) -> str:
     """Return a message as one line. Leave out its middle if it is longer than `LONGEST`."""
     line = " ".join(text.split())
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+
+
+def list_left_out(done: int, total: int, what: str) -> tuple[str, ...]:
+    """Return a gap for *Not examined* if not all were done: `Only 3 of 9 Strings were read.`"""
+    return (f"Only {done} of {total} {what}",) if done < total else ()
 
 
 def join_few_names(names: Sequence[str], most: int = 5) -> str:

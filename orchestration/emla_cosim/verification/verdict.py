@@ -98,9 +98,12 @@ def warned(sentence: str, **more: Any) -> CheckOutcome:
     return CheckOutcome(Verdict.WARNING, sentence, **more)
 
 
-def noted(sentence: str, **more: Any) -> CheckOutcome:
-    """Return an outcome: no sentence of the standard judges what was found, so that it passes with a note."""
-    return CheckOutcome(Verdict.PASSED, sentence, gaps=(sentence,), **more)
+def noted(sentence: str, *, gaps: tuple[str, ...] = (), **more: Any) -> CheckOutcome:
+    """Return an outcome: no sentence of the standard judges what was found, so that it passes with a note.
+
+    `gaps` are further notes.
+    """
+    return CheckOutcome(Verdict.PASSED, sentence, gaps=(sentence, *gaps), **more)
 
 
 def skipped(sentence: str, **more: Any) -> CheckOutcome:

@@ -19,7 +19,6 @@ from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
-from tests.support.broken.typed import TYPED, build_typed_fmu
 from tests.support.broken.wide import WIDE, build_wide_fmu
 from tests.support.long import mostly_long
 from tests.support.paths import ROOT
@@ -36,20 +35,18 @@ MAY_BE_SKIPPED = {
     "AsksToEnd": {"state.serialized"},
     "Shared": {"values.shared"},  # they refuse the values that would show it
     "StateEmpty": {"values.state"},
-    "StringUnmapped": {"values.state"},
-    "StepDoesNothing": {"exchange.interpolation"},  # they do not claim it
-    "InputIgnored": {"exchange.interpolation"},
+    "UnmappedText": {"values.state"},
+    "UnusedAll": {"exchange.interpolation"},  # no input has an effect
 }
 """Checks that say themselves why they cannot be done on an FMU, by its name."""
 
 SHOWS_ELSEWHERE = {
-    "StringUnmapped": {"exchange.inputs", "exchange.interpolation"},  # they read Strings, too
-    "SharedParameter": {"values.state"},  # its second instance changes the first one
+    "UnmappedText": {"exchange.inputs", "exchange.interpolation"},  # they read Strings, too
+    "SharedK": {"values.state"},  # its second instance changes the first one
     "SharedEnabled": {"values.state"},
     "SharedTag": {"values.state"},
-    "InputIgnored": {"values.kept"},  # inputs are not kept, either
+    "StepNothing": {"exchange.interpolation"},  # derivatives of inputs do nothing, either
     "Stale": {"steps.split", "model_exchange.agrees"},  # with other steps, they are late by less
-    "OneBuffer": {"values.start", "values.kept", "values.state", "dependencies.observed"},
 }
 """Other checks that the same fault fails, by the name of the FMU."""
 
@@ -62,9 +59,7 @@ def good(tmp_path_factory: Folders) -> dict[str, Examined]:
     """What is found about the FMUs that were broken, before they were: by the name of the file."""
     folder = tmp_path_factory.mktemp("good")
     (folder / "Toy.fmu").write_bytes(good_bytes())
-    report = ec.verify(
-        [folder / "Toy.fmu", build_good_fmu(folder), build_typed_fmu(folder), build_wide_fmu(folder)]
-    )
+    report = ec.verify([folder / "Toy.fmu", build_good_fmu(folder), build_wide_fmu(folder)])
     return {one.path.stem: one for one in report.examined}
 
 
@@ -110,7 +105,7 @@ def _is_told(finding: Finding) -> bool:
 def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
     """The toy draws its noise once per step, so that half steps and Model Exchange differ; that is said."""
     told = {name: [f.check for f in one.findings if _is_told(f)] for name, one in good.items()}
-    assert told == {"Toy": ["steps.split", "model_exchange.agrees"], "Good": [], "Typed": [], "Wide": []}
+    assert told == {"Toy": ["steps.split", "model_exchange.agrees"], "Good": [], "Wide": []}
     assert not any(one.of(Verdict.FAILED) for one in good.values())
 
 
@@ -139,9 +134,7 @@ def test_one_fault_is_told_by_no_other_check(
     broken: Broken, asked_all: dict[str, Examined], good: dict[str, Examined]
 ) -> None:
     found = asked_all[broken.name]
-    before = good[
-        "Toy" if broken in STATIC else "Typed" if broken in TYPED else "Wide" if broken in WIDE else "Good"
-    ]
+    before = good["Toy" if broken in STATIC else "Wide" if broken in WIDE else "Good"]
     told = {
         f.check: f.sentence
         for f in found.findings

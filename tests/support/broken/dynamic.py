@@ -179,7 +179,7 @@ DYNAMIC: list[Broken] = [
     _warns(Fault.THREADS, "instance.threads", "steps of all instances use one static buffer"),
     _notes(Fault.PHASE_CRASH, "calls.phases", "`fmi2DoStep` before initialization crashes"),
     _notes(Fault.PHASE_ACCEPTED, "calls.phases", "a step after `fmi2Terminate` is answered with `fmi2OK`"),
-    _notes(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
+    _warns(Fault.NAN_CRASH, "calls.nonfinite", "NaN in an input crashes"),
     _notes(Fault.NAN_ACCEPTED, "calls.nonfinite", "NaN is accepted without a message, and comes out"),
     _notes(Fault.DAMAGED_CRASH, "state.serialized", "damaged bytes of a state crash"),
     _warns(Fault.OUTPUT_DERIVATIVE, "derivatives.outputs", "the derivative of an output is not its slope"),

@@ -11,11 +11,10 @@ from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
-from tests.support.broken.typed import TYPED
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *TYPED, *WIDE, *NUMERIC, *MEMORY]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

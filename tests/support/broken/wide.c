@@ -103,6 +103,10 @@ static void calculate(Instance *i) {
         copy(&starts, n, "unused");
         v = starts;
     }
+    if (is("unused_all")) {
+        v = STARTS;
+        v.r[X] = n->r[X];
+    }
     n->r[DER_X] = v.r[K] * v.r[U] - v.r[D] * v.r[X];
     n->r[Y] = v.r[X] + (v.b[ON] ? 0.5 * v.r[U] : 0.0) + v.r[W];
     n->i[SUM] = v.i[N] + v.i[M] + v.i[P];
@@ -118,7 +122,8 @@ static void calculate(Instance *i) {
 static void integrate(Instance *i, double length) {
     Values *n = &i->now;
     const int count = (int)ceil(length / SUBSTEP - 1e-6);
-    const double h = length / count, used = is("unused") && !strcmp(target, "r0") ? 0.0 : is("sign") ? -1.0 : 1.0;
+    const int unused = is("unused_all") || (is("unused") && !strcmp(target, "r0"));
+    const double h = length / count, used = unused ? 0.0 : is("sign") ? -1.0 : 1.0;
     for (int k = 0; k < count; k++) {
         const double u = used * (n->r[U] + (is("slope_unused") ? 0.0 : n->slope[0] * (k + 0.5) * h));
         const double half = n->r[X] + 0.5 * h * (n->r[K] * u - n->r[D] * n->r[X]);

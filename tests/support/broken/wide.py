@@ -183,7 +183,7 @@ def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken
         }
         for declared in (OUTPUTS, INITIAL)
     )
-    name = f"Lack{output.capitalize()}{known.capitalize()}".replace("_", "")
+    name = f"Lack{output.capitalize()}{known.capitalize()}{'Later' * later}".replace("_", "")
     if later:
         initial = dict(INITIAL)
     return Broken(
@@ -195,6 +195,59 @@ def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken
 
 
 WIDE: list[Broken] = [
+    _fails("version", "1.0", "binaries.version", "`fmi2GetVersion` returns 1.0"),
+    _fails("start", "k", "values.start", "a Real parameter starts with another value than declared"),
+    _fails("start", "m", "values.start", "an Integer parameter starts with another value than declared"),
+    _fails("start", "latch", "values.start", "a Boolean parameter starts with another value than declared"),
+    _fails("start", "name", "values.start", "a String parameter starts with another value than declared"),
+    _fails("number_42", "flag", "values.booleans", "a Boolean is 42"),
+    _fails("number_7_later", "mode", "values.enumerations", "an Enumeration has a value that is no item"),
+    _fails("null", "text", "values.strings", "a String is NULL"),
+    _fails("latin", "text", "values.strings", "a String is not UTF-8"),
+    _fails("freed", "text", "values.strings", "a String is in memory that is freed"),
+    _fails("unmapped", "text", "values.strings", "a String is in memory that does not exist"),
+    _fails("on_the_stack", "text", "values.strings", "a String is on the stack of a function that returned"),
+    _fails("reset", "k", "values.reset", "`fmi2Reset` keeps a Real parameter"),
+    _fails("reset", "name", "values.reset", "`fmi2Reset` keeps a String parameter"),
+    _fails("reset", "n", "values.reset", "`fmi2Reset` keeps an Integer input"),
+    _fails("shared", "k", "values.shared", "all instances share a parameter"),
+    _fails("state_kept", "", "state.freed", "`fmi2FreeFMUstate` keeps the pointer"),
+    _fails("state", "d", "values.state", "a state lacks a tunable parameter"),
+    _fails("state", "latch", "values.state", "a state lacks a Boolean"),
+    _fails("state", "name", "values.state", "a state lacks a String"),
+    _fails("state", "n", "values.state", "a state lacks an Integer input"),
+    _fails("bytes", "d", "values.state", "the bytes of a state lack a tunable parameter"),
+    _lacks("y", "on", "a dependency on a Boolean input is not declared"),
+    _lacks("sum", "n", "a dependency on an Integer input is not declared"),
+    _lacks("sum", "m", "a dependency on a parameter is not declared"),
+    _fails("slope_unused", "", "exchange.interpolation", "derivatives of inputs are not used"),
+    _fails("step_nothing", "", "steps.integrate", "`fmi2DoStep` does nothing"),
+    _fails("instantiate:file", "", "process.resources", "each instance leaves a file open"),
+    _fails("instantiate:thread", "", "process.resources", "each instance leaves a thread behind"),
+    _fails("instantiate:child", "", "process.resources", "each instance leaves a child process behind"),
+    _fails(
+        "instantiate:orphan",
+        "",
+        "process.resources",
+        "each instance leaves a process in another session behind",
+    ),
+    _fails("step:term_itself", "", "run.completes", "`fmi2DoStep` sends SIGTERM to its process"),
+    _fails("step:kill_group", "", "run.completes", "`fmi2DoStep` sends SIGKILL to its process group"),
+    _fails("step:kill_parent", "", "run.completes", "`fmi2DoStep` sends SIGKILL to the parent process"),
+    _warns("start", "x", "values.start", "a state starts with another value than declared"),
+    _warns("unused_all", "", "exchange.inputs", "inputs are not used"),
+    _warns("sign", "", "steps.integrate", "steps use an input with the wrong sign"),
+    _warns("step:chdir", "", "process.settings", "it changes the working folder"),
+    _warns("step:locale", "", "process.settings", "it changes the locale"),
+    _warns("step:round", "", "process.settings", "it changes the rounding of floating-point numbers"),
+    _warns("step:flush", "", "process.settings", "it lets the processor replace tiny numbers by 0"),
+    _warns("step:traps", "", "process.settings", "it lets a division by 0 end the process"),
+    _warns("step:handler", "", "process.settings", "it handles a signal"),
+    _warns("step:write_own", "", "process.files", "it writes into its own folder"),
+    _warns("step:write_working", "", "process.files", "it writes into the working folder"),
+    _warns("step:write_home", "", "process.files", "it writes into the user's home folder"),
+    _warns("step:flood_errors", "", "process.output", "it writes much to standard error"),
+    _warns("unload:abort", "", "process.unload", "it aborts when its library is unloaded"),
     _fails("version", "3.0", "binaries.version", "`fmi2GetVersion` returns 3.0"),
     _fails("version_null", "", "binaries.version", "`fmi2GetVersion` returns NULL"),
     _fails("start", "mode_p", "values.start", "an Enumeration starts with another value than declared"),
@@ -225,7 +278,7 @@ WIDE: list[Broken] = [
     _fails(
         "text_of_on", "", "dependencies.observed", "a String depends on a Boolean, and does not declare it"
     ),
-    _warns("unused", "n", "exchange.inputs", "one of several inputs is not used"),
+    _fails("unused", "n", "exchange.inputs", "one of several inputs is not used", Verdict.PASSED),
     _warns("step_double", "", "steps.integrate", "steps are twice as long as they should be"),
 ]
 """Some of the faults, of each class."""

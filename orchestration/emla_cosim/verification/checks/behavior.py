@@ -14,9 +14,9 @@ from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
-from ..messages import join_few_names, judge_problems
+from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, noted, passed, skipped, warned
 
 _STEPS = 20
 _MOST_PAIRS = 100
@@ -51,12 +51,13 @@ def integrate(subject: Subject) -> CheckOutcome:
     if not pairs and not times:
         said = "No variable is declared as time or a derivative: only a reference shows what steps do."
         return skipped(said, gaps=(said,))
-    inputs = [v for v in settable(subject, "input") if v.type == "Real"][:_MOST_INPUTS]
-    runs = [{}, *({v.name: value} for v in inputs if (value := other_of(v)) is not None)]
+    inputs = others(v for v in settable(subject, "input", most=None) if v.type == "Real")
+    runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
     step = span(subject)[1]
     names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
-    still, late, wrong = set(), {}, {}
+    still, late, wrong, moved = set(), {}, {}, 0
     for changes in _in_time(subject, runs):
+        moved += len(changes)
         points, rows = in_separate_process(_held, subject, changes, names)
         if len(rows) < 3:
             continue
@@ -77,7 +78,8 @@ def integrate(subject: Subject) -> CheckOutcome:
         return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
     # internal steps may be longer
     doubts = [*late.values(), *wrong.values()]
-    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts)
+    gaps = list_left_out(moved, len(inputs), "inputs were moved.")
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts, gaps)
 
 
 def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
@@ -128,11 +130,21 @@ def _apart(x: Vector, slopes: Vector, step: float) -> float:
 )
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
-    found = [v for v in settable(subject, "input") if other_of(v) is not None][:_MOST_INPUTS]
+    every = [v for v in settable(subject, "input", most=None) if other_of(v) is not None]
     names = _results(subject)
-    if not found or not names:
+    if not every or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
-    listed = _listed(subject)
+    effect = _has_effect(subject, every, names)
+    if effect is None:
+        said = "There was no time to move its inputs."
+        return skipped(said, gaps=(said,))
+    if not effect:
+        said, listed = f"No input changed anything in {_STEPS} steps", _listed(subject)
+        if wrong := [v.name for v in every if v.name in listed]:
+            return warned(f"{said}, although {wrong[0]} is a dependency.")
+        said = f"{said}: only a reference shows if one should."
+        return skipped(said, gaps=(said,))
+    found = every[:_MOST_INPUTS]
     bases = _Cached(_bases(subject, found, names))
     without, tried = [], 0
     for variable in _in_time(subject, found):
@@ -143,30 +155,35 @@ def inputs(subject: Subject) -> CheckOutcome:
             for value in _tried(variable, base)
         ):
             without.append(variable.name)
-    if len(without) == tried:
-        if wrong := [name for name in without if name in listed]:
-            return warned(
-                f"No input changed anything in {_STEPS} steps, although {wrong[0]} is a dependency."
-            )
-        said = f"No input changed anything in {_STEPS} steps: only a reference shows if one should."
-        return skipped(said, gaps=(said,))
+    gaps = list_left_out(tried, len(every), "inputs were moved alone.")
     said = f"{tried - len(without)} of {tried} inputs changed a result."
-    if unused := [name for name in without if name in listed]:
-        # parameters may switch them off
-        return warned(
-            f"{join_few_names(unused)} changed nothing in {_STEPS} steps, but is a dependency. {said}"
-        )
-    gaps = (f"{join_few_names(without)} changed nothing in {_STEPS} steps.",) if without else ()
+    if without:  # parameters or states, such as the direction of a flow, may switch them off
+        return noted(f"{join_few_names(without)} changed nothing in {_STEPS} steps. {said}", gaps=gaps)
     return passed(said, gaps=gaps)
 
 
-def _bases(
-    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
-) -> Iterator[tuple[Values, Any]]:
-    """Yield values of all inputs, with the run that they give: start values, others, and far ones.
+def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
+    """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
+    compared, alone = False, [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
+    for parameters, moves in _in_time(subject, _combinations(subject, variables)):
+        try:
+            still = in_separate_process(_observe, subject, parameters, names)
+        except CallError:  # the model does not bear these values together
+            continue
+        for values in _in_time(subject, moves if parameters else [*moves, *alone]):
+            compared = True
+            if _differs(subject, {**parameters, **values}, names, still):
+                return True
+    return False if compared else None
 
-    Later runs also have other values of parameters, which may switch inputs on: choices together and one
-    by one, then gains.
+
+def _combinations(
+    subject: Subject, variables: Sequence[ModelVariable]
+) -> Iterator[tuple[Values, list[Values]]]:
+    """Yield values of parameters, and values of all inputs for runs with them: others, then far ones.
+
+    Later ones have other values of parameters, which may switch inputs on: choices together and one by one,
+    then gains.
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
@@ -179,9 +196,19 @@ def _bases(
     gains = others(v for v in parameters if v.type in ("Real", "Integer"))
     one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
     switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
-    for base in ({}, moved, *far, *({**values, **moved} for values in switches if values)):
-        with suppress(CallError):  # the model does not bear these values together
-            yield base, in_separate_process(_observe, subject, base, names)
+    yield {}, [moved, *far]
+    yield from ((values, [moved]) for values in switches if values)
+
+
+def _bases(
+    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
+) -> Iterator[tuple[Values, Any]]:
+    """Yield values of parameters and all inputs, with the run that they give: start values, then others."""
+    for parameters, moves in _combinations(subject, variables):
+        for values in moves if parameters else ({}, *moves):
+            base = {**parameters, **values}
+            with suppress(CallError):  # the model does not bear these values together
+                yield base, in_separate_process(_observe, subject, base, names)
 
 
 class _Cached:

@@ -10,7 +10,14 @@ import fmpy
 from ...fmu.shared_library import missing_bytes
 from ..check import check
 from ..fmi_functions import list_required_functions
-from ..libraries import Library, list_exports, list_libraries, list_platforms, parse_library
+from ..libraries import (
+    Library,
+    find_dependencies_file,
+    list_exports,
+    list_libraries,
+    list_platforms,
+    parse_library,
+)
 from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
@@ -115,7 +122,7 @@ def loads(subject: Subject) -> CheckOutcome:
         except OSError as error:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
             sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
-            others = _dependencies(subject)
+            others = find_dependencies_file(subject)
             return blocked(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
     try:
         _ = subject.description
@@ -124,9 +131,3 @@ def loads(subject: Subject) -> CheckOutcome:
     except Exception as error:
         return blocked(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
     return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")
-
-
-def _dependencies(subject: Subject) -> str:
-    """Return the file that lists the FMU's external dependencies, or an empty string."""
-    names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
-    return next((name for name in names if (subject.folder / name).is_file()), "")

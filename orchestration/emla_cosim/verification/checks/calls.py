@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +15,9 @@ from ..host.experiment import make_experiment, parse_number, span
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import outputs
+from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, noted, own_rule, passed
+from ..verdict import RETURNS, CheckOutcome, noted, own_rule, passed, warned
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 
@@ -147,33 +148,45 @@ _STEPS = 3
 def nonfinite(subject: Subject) -> CheckOutcome:
     """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash.
 
-    The standard does not say what happens then, so that is only noted.
+    The standard does not say which values come out then, so that is only noted. But a function returns a
+    status for any value of its type.
     """
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None]
-    until = time.monotonic() + 0.5 * subject.settings.seconds
-    silent, tried = [], 0
-    for variable in variables[:_MOST_VARIABLES]:
-        if time.monotonic() > until:
-            break  # instantiation is slow
-        tried += 1
-        silent += [
-            f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
-            for value in (math.nan, math.inf)
-            for name, got in in_separate_process(_spoiled, subject, variable, value)
-        ]
+    try:
+        silent, tried = in_fresh_process(_find_silent, subject, variables[:_MOST_VARIABLES])
+    except EndedError as error:
+        return warned(str(error), clause=RETURNS)
+    gaps = list_left_out(tried, len(variables), "inputs and parameters were set to NaN.")
     if silent:
-        return noted(
-            f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}",
-            details=tuple(silent),
-        )
-    left = len(variables) - tried
-    gaps = (f"Only {tried} of {len(variables)} inputs and parameters were set to NaN.",) if left else ()
+        said = f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}"
+        return noted(said, details=tuple(silent), gaps=gaps)
     return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps)
 
 
-def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:
-    """Return the first output that is not finite after this value was set, unless a call refused it."""
+def _find_silent(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
+    """Return values that were accepted without a message although NaN comes out, and how many were tried."""
+    until = time.monotonic() + 0.5 * subject.settings.seconds
+    silent: list[str] = []
+    for tried, variable in enumerate(variables):
+        for value in (math.nan, math.inf):
+            if time.monotonic() > until:
+                return silent, tried  # instantiation is slow
+            found = in_separate_process(_spoiled, subject, variable, value)
+            if found is None:
+                return silent, tried
+            silent += [
+                f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
+                for name, got in found
+            ]
+    return silent, len(variables)
+
+
+def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]] | None:
+    """Return the first output that is not finite after this value was set, unless a call refused it.
+
+    After fmi2Fatal no function of the FMU can be called, so that the result is None.
+    """
     course = make_experiment(subject, _STEPS)
     instance = HostedInstance(subject)
     instance.circumstance = f" with {variable.name} = {value}"
@@ -189,11 +202,14 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
         for k in range(len(course.times) - 1):
             instance.set({**course.at(k), **values})
             instance.step(float(course.times[k]), course.step)
-        found = instance.get(names)
-    except CallError:
-        return []
-    finally:
-        instance.free()
+            if instance.terminated:
+                break
+        found = [] if instance.terminated else instance.get(names)
+    except CallError as error:
+        if error.status == FATAL:
+            return None
+        found = []
+    instance.free()
     wrong = ~np.isfinite(np.array(found, dtype=float))
     return (
         [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []

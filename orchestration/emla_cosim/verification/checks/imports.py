@@ -8,10 +8,16 @@ from typing import Any
 import fmpy
 
 from ..check import check
-from ..libraries import Library, list_libraries, list_needed_libraries, parse_library
+from ..libraries import (
+    Library,
+    find_dependencies_file,
+    list_libraries,
+    list_needed_libraries,
+    parse_library,
+)
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
+from ..verdict import CheckOutcome, Clause, noted, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -19,10 +25,13 @@ _EVERYWHERE = re.compile(
     | libSystem\.B\.dylib | libc\+\+(abi)?\.\d\.dylib | libobjc\.A\.dylib
     | (api|ext)-ms-win-[-\w]+\.dll | (kernel|user|gdi|advapi|shell|ole|oleaut|ws2_|comdlg)32\.dll
     | (ntdll|msvcrt|ucrtbase|bcrypt|crypt32|secur32|shlwapi|version|winmm|imagehlp|rpcrt4|psapi|dbghelp)\.dll
+    | (comctl32|netapi32|wsock32|mswsock|wintrust|dhcpcsvc|iphlpapi|dnsapi|userenv|setupapi|cfgmgr32)\.dll
+    | (wtsapi32|mpr|ncrypt|powrprof|normaliz|uxtheme|msimg32|opengl32|glu32)\.dll | winspool\.drv
     """,
     re.VERBOSE | re.IGNORECASE,
 )
-"""Libraries of a minimal GNU/Linux, macOS or Windows."""
+"""Libraries that come with every GNU/Linux, macOS or Windows."""
+
 _UNDEFINED = 0
 """Section index of symbols that other libraries define."""
 
@@ -46,6 +55,8 @@ def imports(subject: Subject) -> CheckOutcome:
     if not found:
         return skipped("There are no readable binaries.")
     doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
+    if doubts and (documented := find_dependencies_file(subject)):
+        return noted(f"{doubts[0]} {documented} is there to document what it needs.", details=tuple(doubts))
     return judge_problems(
         (), f"{join_few_names([str(one) for one, _ in found])} need only standard libraries.", doubts
     )

@@ -67,6 +67,9 @@ _WARM_UP = 0.02
 _FEWEST = 10
 """Fewest cycles of a batch, unless they are slow."""
 
+_MOST = 41
+"""Most cycles of a batch: enough for the smallest leak that counts. More may take all addresses."""
+
 _LEAK = 200.0
 """Bytes per cycle below which growth is ignored."""
 
@@ -95,7 +98,9 @@ def cycles(subject: Subject) -> CheckOutcome:
     instance, course = HostedInstance(subject), make_experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
-    while (spent := time.monotonic() - began) < _WARM_UP or (count < _FEWEST and spent < 1.0):
+    while count < _MOST:
+        if (spent := time.monotonic() - began) > 1.0 or (spent > _WARM_UP and count >= _FEWEST):
+            break
         _cycle(instance, course)
         count += 1
     grown = _growth(instance, course, count)

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from typing import Any
 
-from ...fmu.instance import OK, STATUS
+from ...fmu.instance import OK
 from ...fmu.log import LogLine
 from ..check import check
 from ..host.experiment import make_experiment
@@ -15,6 +15,7 @@ from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
+from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, failed, noted, passed, warned
 
@@ -53,12 +54,13 @@ def categories(subject: Subject) -> CheckOutcome:
     count only once categories have been chosen with fmi2SetDebugLogging.
     """
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
-    alone = [c for c in declared if c != _ALL][:_MOST_CATEGORIES]
+    every = [c for c in declared if c != _ALL]
+    alone = every[:_MOST_CATEGORIES]
     asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
     try:
         (quiet, everything, *apart), printed = in_fresh_process(_said, subject, asked)
     except CallError as error:
-        if error.call == "fmi2SetDebugLogging" and 0 <= error.status < len(STATUS) and not declared:
+        if error.call == "fmi2SetDebugLogging" and error.has_status and not declared:
             said = f"{error} No category is declared, but the call is part of the interface."
             return warned(said, clause=RETURNS)
         raise
@@ -76,7 +78,9 @@ def categories(subject: Subject) -> CheckOutcome:
         return warned(said, clause=_ALLOWED)
     if printed:
         return noted(f"It writes to standard output: {format_message(printed)}")
-    return passed(f"{len(everything)} messages in {len(declared)} categories follow the logging settings.")
+    gaps = list_left_out(len(alone), len(every), "categories were enabled alone.")
+    said = f"{len(everything)} messages in {len(declared)} categories follow the logging settings."
+    return passed(said, gaps=gaps)
 
 
 def _category(line: LogLine) -> str:

@@ -1,7 +1,7 @@
 """Check the memory accesses, leaks and arithmetic of FMUs with C sources, in a build with sanitizers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 
 from ..check import check
 from ..messages import Breach, Problem, judge_problems
@@ -10,9 +10,12 @@ from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 
-_NEEDS = ("description.schema",)
-_MEMORY_FACTOR = 2.0**24
-"""AddressSanitizer reserves 2^44 addresses; the memory that it uses has a limit of its own."""
+_check = partial(
+    check,
+    needs=("description.schema",),
+    time_factor=TIME_FACTOR,
+    memory_factor=2.0**24,  # AddressSanitizer reserves 2^44 addresses; what it uses has a limit of its own
+)
 
 _C = "ISO/IEC 9899:2011"
 _OUTSIDE = Clause(
@@ -52,14 +55,11 @@ _CLAUSES = {
 _ENDED = skipped("It needs sanitizer.address, which failed: the run ended there.")
 
 
-@check(
+@_check(
     "sanitizer.address",
     "Memory accesses are valid",
     _OUTSIDE,
     "Compile the sources with -fsanitize=address and look at the line. Its effect differs from run to run.",
-    needs=_NEEDS,
-    time_factor=TIME_FACTOR,
-    memory_factor=_MEMORY_FACTOR,
 )
 def address(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with AddressSanitizer through all phases of two instances."""
@@ -70,7 +70,7 @@ def address(subject: Subject) -> CheckOutcome:
     return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
 
 
-@check(
+@_check(
     "sanitizer.leaks",
     "All memory is freed",
     Clause(
@@ -79,9 +79,6 @@ def address(subject: Subject) -> CheckOutcome:
         "other resources that have been allocated by the functions of the FMU interface.",
     ),
     "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
-    needs=_NEEDS,
-    time_factor=TIME_FACTOR,
-    memory_factor=_MEMORY_FACTOR,
 )
 def leaks(subject: Subject) -> CheckOutcome:
     """Check which memory nothing points to after the instances were freed."""
@@ -99,7 +96,7 @@ def leaks(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, "After the instances were freed, no memory is left.")
 
 
-@check(
+@_check(
     "sanitizer.undefined",
     "Arithmetic and pointers are defined",
     Clause(
@@ -109,9 +106,6 @@ def leaks(subject: Subject) -> CheckOutcome:
         document=_C,
     ),
     "Compile the sources with -fsanitize=undefined. Other compilers may compute another result.",
-    needs=_NEEDS,
-    time_factor=TIME_FACTOR,
-    memory_factor=_MEMORY_FACTOR,
     advisory=True,
 )
 def undefined(subject: Subject) -> CheckOutcome:
@@ -129,7 +123,7 @@ def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOu
     if not problems and not run.ran:
         reason = next(iter(run.gaps), "The build of its sources makes no step.")
         return skipped(f"The build of its sources does not run. {reason}", gaps=run.gaps)
-    return replace(judge_problems(problems, fine), gaps=run.gaps)
+    return judge_problems(problems, fine, gaps=run.gaps)
 
 
 def _missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:

@@ -18,7 +18,7 @@ from ..host.other_values import (
     start_of,
     where_accepted,
 )
-from ..messages import Breach, judge_problems
+from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 
@@ -42,22 +42,25 @@ _NOTHING = "It has no parameter and no input with another valid value."
 )
 def starts(subject: Subject) -> CheckOutcome:
     """Compare values after an initialization in which nothing is set with modelDescription.xml."""
-    firm = settable(subject, "parameter", "input")
-    loose = [v for v in subject.description.modelVariables if v not in firm and _is_exact(v)]
-    variables = [*firm, *loose][:MOST]
+    firm = settable(subject, "parameter", "input", most=None)
+    names = {v.name for v in firm}
+    loose = [v for v in subject.description.modelVariables if v.name not in names and _is_exact(v)]
+    every = [*firm, *loose]
+    variables = every[:MOST]
     found = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
     wrong = {
         v.name: f"{v.name} is {show(found[v.name])} after initialization; its start value is {show(start)}."
         for v in variables
         if (start := start_of(v)) is not None and not same(found[v.name], start)
     }
-    certain = {v.name for v in firm} | {v.name for v in loose if v.variability == "constant"}
+    certain = names | {v.name for v in loose if v.variability == "constant"}
     certain -= {name for name in found if _is_bound(start_of(subject.variables[name]), found[name])}
     # events of the initialization may change the others
     return judge_problems(
         [text for name, text in wrong.items() if name in certain],
         f"{len(variables)} variables have their start values.",
         [Breach(text, _EXACT) for name, text in wrong.items() if name not in certain],
+        list_left_out(len(variables), len(every), "variables were compared with their start values."),
     )
 
 
@@ -106,12 +109,20 @@ def kept(subject: Subject) -> CheckOutcome:
         for name in differences(found, changes, found)
     }
     inputs = {name for name in lost if subject.variables[name].causality == "input"}
+    count = sum(map(len, answers))
     return judge_problems(
         [text for name, text in lost.items() if name not in inputs],
-        f"{sum(map(len, answers))} parameters and inputs have the values that were set.",
+        f"{count} parameters and inputs have the values that were set.",
         # an FMU may take them over when a step begins
         [text for name, text in lost.items() if name in inputs],
+        _not_judged(subject, count),
     )
+
+
+def _not_judged(subject: Subject, count: int, tunable: bool = False) -> tuple[str, ...]:
+    """Return a gap if not all parameters and inputs were judged: the FMU refuses values, or has many."""
+    every = others(settable(subject, "parameter", "input", tunable=tunable, most=None))
+    return list_left_out(count, len(every), "parameters and inputs were judged with other values.")
 
 
 def _after_setting(subject: Subject, changes: Values) -> Values:
@@ -191,9 +202,8 @@ def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
             f"{name} is {show(found[name])} {when}; in a new instance it is {show(fresh[name])}."
             for name in differences(found, fresh, judged)
         ]
-    return judge_problems(
-        problems, f"{count} parameters and inputs have the values of a new instance {when}."
-    )
+    fine = f"{count} parameters and inputs have the values of a new instance {when}."
+    return judge_problems(problems, fine, gaps=_not_judged(subject, count))
 
 
 @check(
@@ -219,10 +229,10 @@ def state(subject: Subject) -> CheckOutcome:
     answers = where_accepted(_after_restoring, subject, changes)
     if not answers:
         return skipped(_REFUSED)
-    problems, count = [], 0
+    problems, count, moved = [], 0, 0
     for before, changed, restored, data in answers:
         judged = differences(changed, before, before)
-        count += len(judged)
+        count, moved = count + len(judged), moved + len([n for n in judged if n in changes])
         problems += [
             f"{name} is {show(restored[name])} after fmi2SetFMUstate; it was {show(before[name])} when the "
             "state was saved."
@@ -236,7 +246,10 @@ def state(subject: Subject) -> CheckOutcome:
                 "the state was saved."
                 for name in differences(other, changed, settled)
             ]
-    return judge_problems(problems, f"{count} values that were changed were restored with a state.")
+    gaps = _not_judged(subject, moved, tunable=True)
+    return judge_problems(
+        problems, f"{count} values that were changed were restored with a state.", gaps=gaps
+    )
 
 
 def _lost_parameters(subject: Subject) -> list[str]:

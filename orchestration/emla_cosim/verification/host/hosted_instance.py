@@ -24,9 +24,14 @@ class CallError(Exception):
 
     def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
-        name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is not a valid status"
-        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
         self.call, self.status = call, status
+        name = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
+        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
+
+    @property
+    def has_status(self) -> bool:
+        """Whether the answer is one of the statuses of the standard."""
+        return 0 <= self.status < len(STATUS)
 
     def __reduce__(self) -> Any:
         """Pickle the message instead of the log lines."""
@@ -123,6 +128,16 @@ class HostedInstance(FmiInstance):
             self.set_typed([(self.subject.variables[name], value) for name, value in values.items()])
 
     def get(self, names: Iterable[str]) -> list[Any]:
+        """Return the values of variables by name, with one call for each type, and for each String.
+
+        If all Strings of a call are in one buffer, only the check of Strings fails.
+        """
+        variables = [self.subject.variables[name] for name in names]
+        with self.calling():
+            others = iter(self.get_typed([v for v in variables if v.type != "String"]))
+            return [self.get_typed([v])[0] if v.type == "String" else next(others) for v in variables]
+
+    def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
         with self.calling():
             return self.get_typed([self.subject.variables[name] for name in names])

@@ -74,10 +74,12 @@ def limits_of(variable: ModelVariable) -> tuple[float, float]:
     return parse_number(ends[0], -math.inf), parse_number(ends[1], math.inf)
 
 
-def settable(subject: Subject, *causalities: str, tunable: bool = False) -> list[ModelVariable]:
+def settable(
+    subject: Subject, *causalities: str, tunable: bool = False, most: int | None = MOST
+) -> list[ModelVariable]:
     """Return variables of these causalities that can be set and have a start value, without aliases.
 
-    With `tunable`, parameters must be tunable.
+    With `tunable`, parameters must be tunable. `most` limits the number; None: no limit.
     """
     found: dict[tuple[str, int], ModelVariable] = {}
     for variable in subject.description.modelVariables:
@@ -86,7 +88,7 @@ def settable(subject: Subject, *causalities: str, tunable: bool = False) -> list
             right = right and variable.variability == "tunable"
         if right and variable.start is not None:
             found.setdefault((kind_of(variable), int(variable.valueReference)), variable)
-    return list(found.values())[:MOST]
+    return list(found.values())[:most]
 
 
 def others(variables: Iterable[ModelVariable]) -> Values:

@@ -1,0 +1,127 @@
+"""What checks leave out is said under *Not examined*, and what the standard forbids a host is not done."""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from emla_cosim.fmu.instance import FATAL
+from emla_cosim.fmu.unpack import unpack
+from emla_cosim.verification import check_runner
+from emla_cosim.verification.check import check
+from emla_cosim.verification.checks import behavior, calls, logs, typed_values, values
+from emla_cosim.verification.host.fresh_process import in_fresh_process
+from emla_cosim.verification.host.hosted_instance import CallError, HostedInstance
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.subject import Subject
+from emla_cosim.verification.verdict import RETURNS, CheckOutcome, Clause, Verdict
+from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.wide import build_wide_fmu
+
+Monkey = pytest.MonkeyPatch
+
+
+def _subject(folder: Path, build: Callable[[Path], Path] = build_wide_fmu) -> Subject:
+    path = build(folder)
+    unpack(path, folder / "fmu")
+    return Subject(path, (folder / "fmu").resolve(), Settings())
+
+
+def test_strings_of_a_slow_run_are_not_all_read(tmp_path: Path, monkeypatch: Monkey) -> None:
+    """It says how many steps were made when the time was over, for Booleans, too."""
+    subject = _subject(tmp_path)
+    whole = typed_values.strings.examine(subject)
+    assert (whole.verdict, whole.gaps) == (Verdict.PASSED, ())
+    monkeypatch.setattr(typed_values, "_PART", 0.0)
+    for one in (typed_values.strings, typed_values.booleans):
+        outcome = one.examine(subject)
+        assert outcome.verdict == Verdict.PASSED
+        assert outcome.gaps == ("Values were read for 0 of 50 steps: more take longer than 0 s.",)
+
+
+def test_strings_beyond_the_most_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
+    monkeypatch.setattr(typed_values, "MOST", 2)
+    outcome = typed_values.strings.examine(_subject(tmp_path))
+    assert outcome.gaps == ("Only 2 of 6 variables of type String were read.",)
+
+
+def test_values_that_the_fmu_refuses_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
+    """Here all but the first two."""
+
+    def accept_two(do: Any, subject: Subject, changes: Mapping[str, Any]) -> list[Any]:
+        return [in_fresh_process(do, subject, dict(list(changes.items())[:2]))]
+
+    monkeypatch.setattr(values, "where_accepted", accept_two)
+    subject = _subject(tmp_path)
+    for one in (values.kept, values.reset, values.shared):
+        outcome = one.examine(subject)
+        assert outcome.verdict == Verdict.PASSED
+        assert outcome.gaps == ("Only 2 of 15 parameters and inputs were judged with other values.",)
+
+
+def test_inputs_and_categories_beyond_the_most_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
+    monkeypatch.setattr(behavior, "_MOST_INPUTS", 1)
+    monkeypatch.setattr(logs, "_MOST_CATEGORIES", 1)
+    subject = _subject(tmp_path, build_good_fmu)
+    assert behavior.inputs.examine(subject).gaps == ("Only 1 of 2 inputs were moved alone.",)
+    assert behavior.integrate.examine(subject).gaps == ("Only 1 of 2 inputs were moved.",)
+    assert logs.categories.examine(subject).gaps == ("Only 1 of 3 categories were enabled alone.",)
+
+
+class _Fatal(HostedInstance):
+    """Answers NaN with fmi2Fatal. No function may be called then."""
+
+    def set(self, values: Mapping[str, Any]) -> None:
+        if any(math.isnan(value) for value in values.values()):
+            raise CallError("fmi2SetReal", FATAL)
+        super().set(values)
+
+    def free(self) -> None:
+        raise AssertionError("fmi2FreeInstance was called after fmi2Fatal")
+
+
+def test_nothing_is_called_after_a_fatal_error(tmp_path: Path, monkeypatch: Monkey) -> None:
+    monkeypatch.setattr(calls, "HostedInstance", _Fatal)
+    outcome = calls.nonfinite.examine(_subject(tmp_path, build_good_fmu))
+    assert (outcome.verdict, outcome.gaps) == (
+        Verdict.PASSED,
+        ("Only 0 of 3 inputs and parameters were set to NaN.",),
+    )
+
+
+@pytest.mark.parametrize(("status", "clause"), [(-1, RETURNS), (1151195056, RETURNS), (3, None)])
+def test_an_answer_that_is_no_status_breaks_the_section_on_statuses(
+    monkeypatch: Monkey, status: int, clause: Clause | None
+) -> None:
+    """Another clause that the check names has nothing to do with it."""
+
+    @check("x.y", "X", Clause("2.1.5", "x"), "")
+    def answers(_: Any) -> CheckOutcome:
+        raise CallError("fmi2SetDebugLogging", status)
+
+    monkeypatch.setattr(check_runner, "use_scratch", lambda _: None)
+    outcome = check_runner._do(answers, None)
+    assert (outcome.verdict, outcome.clause) == (Verdict.FAILED, clause)
+
+
+def _numbers(changes: Mapping[str, Any]) -> list[float]:
+    return [float(changes.get(name, 0.0)) for name in ("u", "w")]
+
+
+@pytest.mark.parametrize(
+    ("output", "verdict"),
+    [
+        (lambda u, w: u - w, Verdict.PASSED),
+        (lambda u, w: u != 0.0 and w == 0.0, Verdict.PASSED),
+        (lambda u, w: 3.0, Verdict.WARNING),
+    ],
+    ids=["difference", "one alone", "none"],
+)
+def test_inputs_that_cancel_out_have_an_effect(
+    tmp_path: Path, monkeypatch: Monkey, output: Callable[[float, float], float], verdict: Verdict
+) -> None:
+    """If all are moved at once, nothing need change."""
+    monkeypatch.setattr(behavior, "_observe", lambda _, changes, __: [[str(output(*_numbers(changes)))]])
+    assert behavior.inputs.examine(_subject(tmp_path, build_good_fmu)).verdict == verdict
