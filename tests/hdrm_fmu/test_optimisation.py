@@ -168,7 +168,7 @@ def test_subdivision_keeps_the_curve_and_comes_closer(degree: int) -> None:
     [
         (5, 1, {"a_LB": (-0.1,) * 3, "a_UB": (0.1, 0.1, 0.15)}),
         (5, 4, {"j_LB": (-0.3,) * 3, "j_UB": (0.3, 0.3, 0.4)}),
-        (3, 2, {"a_UB": (0.1,) * 3, "j_LB": (-0.3,) * 3, "j_UB": (0.3,) * 3}),
+        (3, 2, {"a_UB": (0.06,) * 3, "j_LB": (-0.1,) * 3, "j_UB": (0.1,) * 3}),
     ],
 )
 def test_accelerations_and_jerks_keep_their_bounds(

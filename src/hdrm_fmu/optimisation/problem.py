@@ -175,7 +175,7 @@ class MotionProblem:
 
 
 def _way(first: float, last: float, gain: float, duration: float) -> float:
-    """Return the way in m from rest with two accelerations in turn, which together change the speed by gain."""
+    """Return the way in m from rest with two accelerations in turn, which change the speed by gain."""
     until = (gain - last * duration) / (first - last) if first != last else duration
     rest = duration - until
     return 0.5 * first * until**2 + first * until * rest + 0.5 * last * rest**2
