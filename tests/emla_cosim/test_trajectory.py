@@ -117,6 +117,20 @@ def test_pictures_show_what_the_papers_figures_show(coarse: ec.TrajectoryResult)
     assert np.asarray(positions[1].lines[0].get_ydata())[[0, -1]] == pytest.approx([0.389, 0.442])
 
 
+def test_bounds_of_accelerations_are_drawn_recorded_and_can_be_off(emla: Emla) -> None:
+    limits = ("--set", "a_LB=-0.1,-0.1,-0.1", "--set", "a_UB=0.1,0.1,0.1")
+    shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", *limits, "--set", "a_UB[2]=0.2")
+    assert shown.exit_code == 0, shown.output
+    assert "of 200" in shown.stdout and "of -100" in shown.stdout and "mm/s³" in shown.stdout
+    document = json.loads(Path("m.json").read_text(encoding="utf-8"))
+    assert document["problem"]["a_UB"] == [0.1, 0.2, 0.1] and document["problem"]["j_UB"] is None
+    assert max(abs(peak["acceleration"]) for peak in document["figures"]["peaks"]) <= 0.2 * (1.0 + 1e-6)
+    result = ec.trajectory({"a_LB": [-0.1] * 3, "a_UB": [0.1, 0.2, 0.1], "j_UB": "off"}, **FAST)
+    assert result.spline == ec.read_trajectory("m.json")
+    tilt = result.plot()["positions-and-accelerations"].axes[4]
+    assert [np.asarray(line.get_ydata())[0] for line in tilt.lines[1:]] == pytest.approx([-100.0, 200.0])
+
+
 # ---- another problem ---------------------------------------------------------------------------
 
 
@@ -174,6 +188,8 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--set", "machine.x.y=3"), "a problem has no 'machine.x.y'"),
         (("--set", "q_E[4]=3"), "a problem has no 'q_E[4]'"),
         (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of three numbers"),
+        (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write three, a_UB=1,1,1"),
+        (("--set", "t_M=off"), "t_M is 'off'; it must be a finite number"),
         (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
         (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or three"),
         (("--set", "t_M=inf"), "t_M is inf; it must be a finite number"),

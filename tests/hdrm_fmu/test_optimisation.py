@@ -163,6 +163,60 @@ def test_subdivision_keeps_the_curve_and_comes_closer(degree: int) -> None:
     np.testing.assert_allclose(derived, curve(places, nu=1), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("degree", "subdivisions", "limits"),
+    [
+        (5, 1, {"a_LB": (-0.1,) * 3, "a_UB": (0.1, 0.1, 0.15)}),
+        (5, 4, {"j_LB": (-0.3,) * 3, "j_UB": (0.3, 0.3, 0.4)}),
+        (3, 2, {"a_UB": (0.06,) * 3, "j_LB": (-0.1,) * 3, "j_UB": (0.1,) * 3}),
+    ],
+)
+def test_accelerations_and_jerks_keep_their_bounds(
+    degree: int, subdivisions: int, limits: dict[str, Any]
+) -> None:
+    how = replace(COARSE, degree=degree, subdivisions=subdivisions)
+    problem = replace(CLIPPED, **limits)
+    motion, figures = narrowed(solved(problem, how), problem, how, lambda: None)
+    free = solved(CLIPPED, how)
+    spline = motion.spline(how)
+    assert figures.within_bounds and motion.cost > 1.05 * free.cost
+    times = np.linspace(spline.start, spline.end, 200_001)
+    curves = [BSpline(spline.knots, spline.coefficients[n], degree) for n in ("lift", "tilt", "telescope")]
+    reached = False
+    for name, order in (("a", 2), ("j", 3)):
+        values = np.array([curve(times, nu=order) for curve in curves])
+        for side, sign in (("LB", -1.0), ("UB", 1.0)):
+            bound = limits.get(f"{name}_{side}")
+            if bound is not None:
+                share = (sign * values).max(axis=1) / (sign * np.array(bound))
+                assert np.all(share <= 1.0 + 1e-6)
+                reached = reached or bool(np.any(share > 0.9))
+        for i, peak in enumerate(figures.peaks):
+            told = peak.acceleration if name == "a" else peak.jerk
+            assert abs(told) == pytest.approx(np.abs(values[i]).max(), rel=1e-3)
+    assert reached
+    loose = assessed(free.spline(how), problem, how.tie_break)
+    assert not loose.within_bounds
+
+
+def test_the_least_time_with_bounded_acceleration_is_that_of_the_closed_form() -> None:
+    """From rest to rest over d, half of the time with a and half with -b: t^2 = 2 d (1/a + 1/b)."""
+    a, b, way = 0.02, 0.05, 0.2
+    least = np.sqrt(2.0 * way * (1.0 / a + 1.0 / b))
+    rest = replace(
+        PRINTED.read_as(EndSpeed.REST),
+        v_S=(0.0, 0.0, 0.0),
+        q_S=(0.244, 0.389, 0.3),
+        q_E=(0.244, 0.389, 0.3 + way),
+        a_LB=(-1.0, -1.0, -b),
+        a_UB=(1.0, 1.0, a),
+    )
+    assert replace(rest, t_M=1.001 * least).contradictions() == []
+    (message,) = replace(rest, t_M=0.999 * least).contradictions()
+    assert message.startswith("the telescope's way of 0.2 m is not possible in t_M = ")
+    assert "a_LB[3] = -0.05 and a_UB[3] = 0.02 m/s2" in message
+
+
 # ---- the problem as printed, and how it is read ------------------------------------------------
 
 
@@ -206,6 +260,12 @@ def test_every_reading_ends_as_it_says(reading: EndSpeed, v_E: tuple[float, ...]
         ),
         ({"v_UB": (-0.01, 0.1, 0.21)}, "the lift's 0.026 m take inf s"),
         ({"v_LB": (0.2, -0.1, -0.21)}, "v_LB[1] = 0.2 is above v_UB[1] = 0.136"),
+        ({"a_LB": (-1.0,) * 3, "a_UB": (1.0, -2.0, 1.0)}, "a_LB[2] = -1 is above a_UB[2] = -2"),
+        (
+            {"a_LB": (-1.0, -1.0, -1e-3), "a_UB": (1.0, 1.0, 1e-3)},
+            "the telescope's change from v_S[3] = -0.0024 to v_E[3] = -0.21 m/s is not possible in "
+            "t_M = 37.7 s with a_LB[3] = -0.001 and a_UB[3] = 0.001 m/s2",
+        ),
         ({"payload": 900.0}, "holding q_S takes 91.03 kN of the lift, beyond its bounds, -89.8 to 89.8 kN"),
     ],
 )
@@ -219,6 +279,8 @@ def test_other_contradictions_are_found(changes: dict[str, Any], words: str) -> 
         ({"q_S": (0.1, 0.2)}, r"q_S is \(0.1, 0.2\); it must be three finite numbers"),
         ({"v_E": (0.1, 0.2, float("nan"))}, "v_E is .*; it must be three finite numbers"),
         ({"f_UB": 7.0}, "f_UB is 7.0; it must be three finite numbers"),
+        ({"j_UB": 7.0}, "j_UB is 7.0; it must be three finite numbers"),
+        ({"t_M": None}, "t_M is None; it must be a finite number"),
         ({"t_M": 0.0}, "t_M is 0; it must be more than 0 s"),
         ({"payload": -1.0}, "payload is -1; it must be 0 kg or more"),
         ({"t_M": "1"}, "t_M is '1'; it must be a finite number"),

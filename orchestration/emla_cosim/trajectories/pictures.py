@@ -33,7 +33,7 @@ class _PanelRow(NamedTuple):
 
     label: str
     values: np.ndarray
-    bounds: tuple[Sequence[float], Sequence[float]] | None = None
+    bounds: Sequence[Sequence[float]] = ()
 
 
 def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
@@ -91,9 +91,10 @@ def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow,
 
 def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
     machine = problem.machine
+    limits = [[x * 1e3 for x in bounds] for bounds in (problem.a_LB, problem.a_UB) if bounds is not None]
     return (
         _PanelRow("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
-        _PanelRow("acceleration / mm/s²", seen.a * 1e3),
+        _PanelRow("acceleration / mm/s²", seen.a * 1e3, limits),
     )
 
 
@@ -112,6 +113,6 @@ def _picture(times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
 
 def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
     axes.plot(times, row.values[:, joint], color=BLUE, linewidth=1.4)
-    for bounds in row.bounds or ():
+    for bounds in row.bounds:
         axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
     tidy_axes(axes)

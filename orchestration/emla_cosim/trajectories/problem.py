@@ -16,6 +16,10 @@ from ..base.errors import CommandError
 from ..base.files import read_text
 
 _MACHINE = "machine"
+_OFF = "off"
+"""Value of what does not limit the motion."""
+
+_CAN_BE_OFF = ("a_LB", "a_UB", "j_LB", "j_UB")
 _ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
 
 
@@ -56,6 +60,8 @@ def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionP
             inside[field] = value
             continue
         before = inside[field]
+        if before is None:
+            raise CommandError(f"'{name}' = {text}; {field} has no values yet: write three, {field}=1,1,1.")
         if not isinstance(before, (list, tuple)) or isinstance(value, list):
             raise CommandError(f"'{name}' = {text}; an element must be one of three numbers.")
         i = int(found["element"]) - 1
@@ -74,6 +80,8 @@ def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
 
 
 def _numbers(name: str, text: str) -> Any:
+    if text == _OFF:
+        return text
     try:
         values = [float(x) for x in text.split(",")]
     except ValueError as error:
@@ -85,6 +93,7 @@ def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
     """Return a problem with the values of a table; others are those of the paper."""
     _check_names(table, MotionProblem, where)
     values = {name: _value(value) for name, value in table.items() if name != _MACHINE}
+    values |= {name: None for name in _CAN_BE_OFF if values.get(name) == _OFF}
     try:
         if _MACHINE in table:
             values[_MACHINE] = _machine(table[_MACHINE], where)

@@ -36,6 +36,8 @@ def format_peaks(result: OptimisedMotion) -> Table:
     for label, unit, cell in (
         ("force", "kN", lambda p: _part(p.force / 1e3, p.force_bound / 1e3)),
         ("speed", "mm/s", lambda p: _part(1e3 * p.speed, 1e3 * p.speed_bound)),
+        ("acceleration", "mm/s²", lambda p: _part(1e3 * p.acceleration, _in_mm(p.acceleration_bound))),
+        ("jerk", "mm/s³", lambda p: _part(1e3 * p.jerk, _in_mm(p.jerk_bound))),
         ("stroke", "m", lambda p: f"{p.lowest:.3f} to {p.highest:.3f}"),
     ):
         table.add_row(label, *map(cell, result.assessment.peaks), unit)
@@ -78,5 +80,9 @@ def _excess(peak: Peak) -> str:
     return f"The {peak.joint} exceeds a bound between points by {100.0 * peak.excess:.2g} % of its width"
 
 
-def _part(value: float, bound: float) -> str:
-    return f"{value:.4g} of {bound:.4g}"
+def _in_mm(bound: float | None) -> float | None:
+    return None if bound is None else 1e3 * bound
+
+
+def _part(value: float, bound: float | None) -> str:
+    return f"{value:.4g}" if bound is None else f"{value:.4g} of {bound:.4g}"

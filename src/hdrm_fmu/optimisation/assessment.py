@@ -1,14 +1,18 @@
 """Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from ..parameters import Three
 from ..spline import Spline
 from ..trajectory import JOINTS
 from .grid import lobatto
 from .problem import MotionProblem
-from .transcription import least_cost, stage
+from .transcription import bound_width, least_cost, stage
+
+Bound = TypeVar("Bound", bound=float | None)
 
 _POINTS = 101
 """Number of grid points in each span between knots."""
@@ -19,21 +23,26 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Course:
-    """A motion over time (s): strokes, speeds, accelerations and forces (m, N), one column for each joint."""
+    """A motion over time (s): strokes, their derivatives and forces (m, N), one column for each joint.
+
+    `v`, `a` and `j` are speeds, accelerations and jerks.
+    """
 
     times: np.ndarray
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
     force: np.ndarray
+    j: np.ndarray
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The peak force and speed of a joint over the motion, each with the bound on its side.
+    """The peak values of a joint over the motion, each with the bound on its side, if there is one.
 
-    `force` in N and `speed` in m/s have their sign. `excess` is the largest distance of the motion beyond a
-    bound, as a fraction of the width between both bounds; 0 if the motion keeps them.
+    `force` in N, `speed` in m/s, `acceleration` in m/s2 and `jerk` in m/s3 have their sign. `excess` is the
+    largest distance of the motion beyond a bound, as a fraction of the width between both bounds; 0 if the
+    motion keeps them.
     """
 
     joint: str
@@ -41,6 +50,10 @@ class Peak:
     force_bound: float
     speed: float
     speed_bound: float
+    acceleration: float
+    acceleration_bound: float | None
+    jerk: float
+    jerk_bound: float | None
     lowest: float
     highest: float
     excess: float
@@ -71,9 +84,9 @@ class Assessment:
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
     """Return the motion along a spline at times in s."""
-    q, v, a = (spline.evaluated(times, d) for d in range(3))
+    q, v, a, j = (spline.evaluated(times, d) for d in range(4))
     forces, _ = stage(problem, 0.0).map(len(times))(q.T, v.T, a.T)
-    return Course(times, q, v, a, forces.full().T)
+    return Course(times, q, v, a, forces.full().T, j)
 
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
@@ -100,22 +113,32 @@ def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:
         speeds = speeds[seen.times <= last]
     force, force_bound = _largest(seen.force[:, i], problem.f_LB[i], problem.f_UB[i])
     speed, speed_bound = _largest(seen.v[:, i], problem.v_LB[i], problem.v_UB[i])
+    a_LB, a_UB = (_of(bounds, i) for bounds in (problem.a_LB, problem.a_UB))
+    j_LB, j_UB = (_of(bounds, i) for bounds in (problem.j_LB, problem.j_UB))
     q_LB, q_UB = problem.machine.q_LB[i], problem.machine.q_UB[i]
     excess = max(
         _excess(seen.force[:, i], problem.f_LB[i], problem.f_UB[i]),
         _excess(speeds, problem.v_LB[i], problem.v_UB[i]),
+        _excess(seen.a[:, i], a_LB, a_UB),
+        _excess(seen.j[:, i], j_LB, j_UB),
         _excess(seen.q[:, i], q_LB, q_UB),
     )
     lowest, highest = float(seen.q[:, i].min()), float(seen.q[:, i].max())
-    return Peak(JOINTS[i], force, force_bound, speed, speed_bound, lowest, highest, excess)
+    higher = (*_largest(seen.a[:, i], a_LB, a_UB), *_largest(seen.j[:, i], j_LB, j_UB))
+    return Peak(JOINTS[i], force, force_bound, speed, speed_bound, *higher, lowest, highest, excess)
 
 
-def _largest(values: np.ndarray, low: float, high: float) -> tuple[float, float]:
+def _of(bounds: Three | None, i: int) -> float | None:
+    return None if bounds is None else bounds[i]
+
+
+def _largest(values: np.ndarray, low: Bound, high: Bound) -> tuple[float, Bound]:
     """Return the largest value, and the bound on its side."""
     value = float(values[np.argmax(np.abs(values))])
     return value, high if value > 0.0 else low
 
 
-def _excess(values: np.ndarray, low: float, high: float) -> float:
-    beyond = max(float(values.max()) - high, low - float(values.min()), 0.0)
-    return beyond / max(high - low, 1e-9)
+def _excess(values: np.ndarray, low: float | None, high: float | None) -> float:
+    over = 0.0 if high is None else float(values.max()) - high
+    under = 0.0 if low is None else low - float(values.min())
+    return max(over, under, 0.0) / bound_width(low, high)

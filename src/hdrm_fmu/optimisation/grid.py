@@ -30,7 +30,7 @@ class SplineBasis:
     @property
     def places(self) -> np.ndarray:
         """The different knots."""
-        return self.knots[self.degree : -self.degree]
+        return self.knots[self.degree : len(self.knots) - self.degree]
 
     @property
     def means(self) -> np.ndarray:
@@ -53,6 +53,8 @@ class SplineBasis:
 
         Every span between knots has `pieces` equal parts. The curve lies closer to the new coefficients.
         """
+        if self.degree == 0:
+            return np.eye(self.size)  # constant in every span: its coefficients are its values
         curve = BSpline(self.knots, np.eye(self.size), self.degree)
         for a, b in pairwise(np.unique(self.knots)):
             for k in range(1, pieces):

@@ -48,6 +48,14 @@ class MotionProblem:
     """Lower bounds of the actuators' forces, N."""
     f_UB: Three = (89.8e3, 68.6e3, 6.1e3)
     """Upper bounds of the actuators' forces, N."""
+    a_LB: Three | None = None
+    """Lower bounds of the accelerations, m/s2; None is no bound."""
+    a_UB: Three | None = None
+    """Upper bounds of the accelerations, m/s2; None is no bound."""
+    j_LB: Three | None = None
+    """Lower bounds of the jerks, m/s3; None is no bound."""
+    j_UB: Three | None = None
+    """Upper bounds of the jerks, m/s3; None is no bound."""
     t_M: float = 37.7
     """The longest time that the motion may take, s."""
     payload: float = PAYLOAD
@@ -58,14 +66,16 @@ class MotionProblem:
     def __post_init__(self) -> None:
         for part in fields(self):
             if part.name != "machine":
-                _check(part.name, getattr(self, part.name), 3 if part.type is Three else 1)
+                _check(part.name, getattr(self, part.name), part.type)
         for name, least in (("t_M", "more than 0 s"), ("payload", "0 kg or more")):
             if getattr(self, name) < 0.0 or (name == "t_M" and self.t_M == 0.0):
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be {least}.")
 
     def contradictions(self) -> list[str]:
         """Return a message for each contradiction found in the data."""
-        return [*self._empty_bounds(), *self._broken_bounds(), *self._too_late(), *self._too_heavy()]
+        empty = self._empty_bounds()
+        gentle = [] if empty else self._too_gentle()
+        return [*empty, *self._broken_bounds(), *self._too_late(), *gentle, *self._too_heavy()]
 
     def beyond_bounds(self) -> list[int]:
         """Return the joints, counted from 0, whose v_E is beyond its own bound."""
@@ -84,7 +94,9 @@ class MotionProblem:
         return replace(self, v_E=(v_E[0], v_E[1], v_E[2]))
 
     def _empty_bounds(self) -> list[str]:
-        pairs = [(low, high, i) for low, high in (("v_LB", "v_UB"), ("f_LB", "f_UB")) for i in range(3)]
+        bounds = [(f"{x}_LB", f"{x}_UB") for x in "vfaj"]
+        bounds = [names for names in bounds if None not in (getattr(self, names[0]), getattr(self, names[1]))]
+        pairs = [(low, high, i) for low, high in bounds for i in range(3)]
         values = [(getattr(self, low)[i], getattr(self, high)[i]) for low, high, i in pairs]
         return [
             f"{low}[{i + 1}] = {below:g} is above {high}[{i + 1}] = {above:g}"
@@ -119,6 +131,33 @@ class MotionProblem:
                 )
         return found
 
+    def _too_gentle(self) -> list[str]:
+        """Return messages for ends that the bounds of the accelerations do not join within t_M.
+
+        The farthest motion in t_M has its highest acceleration first, and then its lowest, and the nearest
+        one the reverse.
+        """
+        if self.a_LB is None or self.a_UB is None:
+            return []
+        found, t_M = [], self.t_M
+        for i, joint in enumerate(JOINTS):
+            low, high, gain = self.a_LB[i], self.a_UB[i], self.v_E[i] - self.v_S[i]
+            bounds = f"a_LB[{i + 1}] = {low:g} and a_UB[{i + 1}] = {high:g} m/s2"
+            if not low * t_M <= gain <= high * t_M:
+                found.append(
+                    f"the {joint}'s change from v_S[{i + 1}] = {self.v_S[i]:g} to v_E[{i + 1}] = "
+                    f"{self.v_E[i]:g} m/s is not possible in t_M = {t_M:g} s with {bounds}"
+                )
+                continue
+            ends = [self.v_S[i] * t_M + _way(a, b, gain, t_M) for a, b in ((low, high), (high, low))]
+            way = self.q_E[i] - self.q_S[i]
+            if not ends[0] - 1e-9 <= way <= ends[1] + 1e-9:
+                found.append(
+                    f"the {joint}'s way of {way:.4g} m is not possible in t_M = {t_M:g} s with {bounds}: "
+                    f"they allow {ends[0]:.4g} to {ends[1]:.4g} m"
+                )
+        return found
+
     def _too_heavy(self) -> list[str]:
         """Return messages for postures that the forces cannot hold at rest."""
         found, at_rest = [], (0.0, 0.0, 0.0)
@@ -135,12 +174,22 @@ class MotionProblem:
         return found
 
 
+def _way(first: float, last: float, gain: float, duration: float) -> float:
+    """Return the way in m from rest with two accelerations in turn, which change the speed by gain."""
+    until = (gain - last * duration) / (first - last) if first != last else duration
+    rest = duration - until
+    return 0.5 * first * until**2 + first * until * rest + 0.5 * last * rest**2
+
+
 def _times(x: float, low: float, high: float) -> str:
     bound = high if x > high else low
     return f": {x / bound:.2g} times as much" if bound * x > 0.0 else ""
 
 
-def _check(name: str, value: object, count: int) -> None:
+def _check(name: str, value: object, kind: object) -> None:
+    if value is None and kind == Three | None:
+        return
+    count = 3 if kind in (Three, Three | None) else 1
     values: Sequence[object] = value if count == 3 and isinstance(value, (tuple, list)) else [value]
     if len(values) != count or not all(_is_number(x) for x in values):
         wanted = "a finite number" if count == 1 else "three finite numbers: lift, tilt, telescope"

@@ -12,6 +12,7 @@ import casadi
 import numpy as np
 
 from ..dynamics import energy, inverse_dynamics
+from ..parameters import Three
 from ..trajectory import JOINTS
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
@@ -46,10 +47,12 @@ SLACKS = (
     "the longest time t_M",
     "the start speeds v_S",
     "the end speeds v_E",
+    *(f"the acceleration bounds of the {joint}" for joint in JOINTS),
+    *(f"the jerk bounds of the {joint}" for joint in JOINTS),
 )
 """Bounds that an elastic programme relaxes: not those of strokes, as triangles may not close beyond them."""
 
-_FORCE, _SPEED, _TIME, _START, _END = 0, 3, 6, 7, 8
+_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK = 0, 3, 6, 7, 8, 9, 12
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,7 @@ class Programme:
         self._on_spline(constraints)
         self._strokes(constraints)
         self._speeds(constraints)
+        self._accelerations_and_jerks(constraints)
         for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
             scale = max(high - low, 1.0)
             constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, self._slack(_FORCE + i))
@@ -178,8 +182,52 @@ class Programme:
             constraints.between((inner - high * relative) / scale - extra, -np.inf, 0.0)
             constraints.between((inner - low * relative) / scale + extra, 0.0, np.inf)
 
+    def _accelerations_and_jerks(self, constraints: Constraints) -> None:
+        """Require bounds of the control points of accelerations and jerks, also at both ends."""
+        c, t_M, *_ = self.symbols
+        relative = t_M / self.problem.t_M
+        basis, values = self.basis, c
+        for order, (low, high), group in (
+            (1, (None, None), 0),
+            (2, (self.problem.a_LB, self.problem.a_UB), _ACCELERATION),
+            (3, (self.problem.j_LB, self.problem.j_UB), _JERK),
+        ):
+            spans = casadi.repmat(casadi.DM(basis.speed_spans * self.problem.t_M), 1, 3)
+            values, basis = (values[1:, :] - values[:-1, :]) / spans, basis.derivative
+            if low is None and high is None:
+                continue
+            fine = casadi.DM(casadi.sparsify(casadi.DM(basis.subdivided(self.how.subdivisions))))
+            points = casadi.mtimes(fine, values)
+            for i in range(3):
+                self._bounded(constraints, points[:, i], relative**order, (low, high), i, group)
+
+    def _bounded(
+        self,
+        constraints: Constraints,
+        points: casadi.MX,
+        relative: casadi.MX,
+        bounds: tuple[Three | None, Three | None],
+        i: int,
+        group: int,
+    ) -> None:
+        """Require the bounds that exist of control points of joint i, which are in the scale of t_M."""
+        low, high = (None if bound is None else bound[i] for bound in bounds)
+        scale = bound_width(low, high)
+        slack = self._slack(group + i)
+        extra = 0.0 if slack is None else slack
+        if high is not None:
+            constraints.between((points - high * relative) / scale - extra, -np.inf, 0.0)
+        if low is not None:
+            constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
+
     def _slack(self, group: int) -> casadi.MX | None:
         return self.symbols[-1][group] if self.elastic else None
+
+
+def bound_width(low: float | None, high: float | None) -> float:
+    """Return the width between two bounds, or the size of the only one."""
+    both = high - low if low is not None and high is not None else abs(high or low or 0.0)
+    return max(both, 1e-3)
 
 
 def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
