@@ -143,6 +143,7 @@ TAKEN = {
     "sweep": MANY_RUNS,
     "compare": MANY_RUNS | {"networkx"},
     "tune": MANY_RUNS,
+    "identify": MANY_RUNS,
     "trajectory": {"casadi", "scipy"},
 }
 """Those that a command takes with it before it does anything; the others none."""

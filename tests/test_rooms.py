@@ -35,6 +35,7 @@ LATE = {
         START,
         {"cli.app", "cli.completion", "cli.commands.crash_rescue", "sandbox.black_box", "sandbox.guard"},
     ),
+    "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
         RESULT,

@@ -8,6 +8,11 @@ from .base.units import SiUnit as SiUnit
 from .base.version import __version__ as __version__
 from .comparison.result import CompareResult as CompareResult
 from .comparison.runner import compare as compare
+from .identification.certainty import Estimate as Estimate
+from .identification.plan import Experiment as Experiment
+from .identification.plan import IdentificationPlan as IdentificationPlan
+from .identification.result import IdentificationResult as IdentificationResult
+from .identification.runner import identify as identify
 from .inputs.input import Column as Column
 from .inputs.input import Input as Input
 from .inspection.collector import info as info

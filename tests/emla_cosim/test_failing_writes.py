@@ -64,6 +64,10 @@ COMMANDS = {
             "out",
         ),
     ),
+    "identify": (
+        *("identify", "lift", "--measured", "earlier/results.csv:lift.plant.x_L=lift.plant.x_L", "--vary"),
+        *("lift.plant.motor.J_m=0.1:0.4", "--evaluations", "2", *SHORT, "--no-plots", "--output", "out"),
+    ),
     "completion": ("--install-completion",),
 }
 """Commands that write, by name."""
@@ -149,7 +153,7 @@ def run_again(emla: Emla, what: str) -> Result:
 def prepare(emla: Emla, what: str, tmp_path: Path, fmus: Path) -> None:
     """Make what a command reads."""
     short = ("run", "lift", *SHORT, "--no-plots", "--output")
-    if what in ("resume", "rerun", "plot"):
+    if what in ("resume", "rerun", "plot", "identify"):
         assert emla(*short, "earlier", "--checkpoint", "before").exit_code == 0
         shutil.copy("earlier/run.json", "before.json")
     if what == "package":

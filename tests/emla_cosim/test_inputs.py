@@ -221,7 +221,7 @@ def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -
     ("signals", "options", "sentence"),
     [
         ({LOAD: "Farce"}, {}, "has no column 'Farce'; did you mean Force?"),
-        ({LOAD: "x"}, {}, "drives lift.disturbance.F_L and has the units mm and N"),
+        ({LOAD: "x"}, {}, "is for lift.disturbance.F_L and has the units mm and N"),
         ({LOAD: "Force [N]"}, {}, "is declared to be in N; its header says otherwise"),
         ({LOAD: "other [blub]"}, {}, "has the unknown unit 'blub'"),
         ({LOAD: "der(Force)"}, {}, "needs cubic interpolation"),

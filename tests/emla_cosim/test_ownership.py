@@ -43,6 +43,9 @@ COMPARE = ("compare", "lift", "--controllers", "foc", *SHORT)
 CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SHORT)
 TUNE = ("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m")
 TUNE = (*TUNE, "--evaluations", "4", "--validation", "0", *SHORT)
+FIRST = (*RUN, "--output", "first")
+IDENTIFY = ("identify", "lift", "--measured", "first/results.csv:lift.plant.x_L=lift.plant.x_L")
+IDENTIFY = (*IDENTIFY, "--vary", "lift.plant.motor.J_m=0.1:0.4", "--evaluations", "2", *SHORT)
 VERIFY = ("verify", "read.fmu", "--only", "archive")
 SIZE = ("size", "prototype", "--stop-time", "0.05", "--lead-in", "350ms")
 LINEARIZE = ("linearize", "lift", "--open", "lift.controller.u_q->lift.plant.u_q", "--stop-time", "0.1")
@@ -123,6 +126,16 @@ ATTEMPTS: dict[str, list[Attempt]] = {
         Attempt(TUNE, "--output", ["best.toml", "tune.json", "history.csv", "tuning.png", MANIFEST], code=1),
     ],
     "tune fmus": [Attempt((*TUNE, "--output", "o"), "--fmus", **FMUS)],
+    "identify output": [
+        Attempt(
+            IDENTIFY,
+            "--output",
+            ["identified.toml", "identify.json", "samples.csv", "fit.png", "certainty.png", MANIFEST],
+            before=[FIRST],
+        ),
+        Attempt((*IDENTIFY, "--report"), "--output", ["identify.html"], before=[FIRST]),
+    ],
+    "identify fmus": [Attempt((*IDENTIFY, "--output", "o"), "--fmus", **FMUS, before=[FIRST])],
     "trajectory output": [Attempt(TRAJECTORY, "--output")],
     "size output": [
         Attempt(SIZE, "--output", ["size.json", "limits.csv", "cycles.csv", "prototype.png", MANIFEST]),

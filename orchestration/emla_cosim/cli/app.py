@@ -19,6 +19,7 @@ COMMANDS = {
     "sweep": "Run many variants of a scenario in parallel: grids, Monte Carlo, sensitivities.",
     "compare": "Compare several controllers in the same scenario, also as in the paper's tables.",
     "tune": "Tune gains: optimise them in simulated cases, and validate them with other seeds.",
+    "identify": "Estimate parameters from measured data, with the certainty of each.",
     "size": "Size actuators: torque, temperature, energy and life over a cycle, and a verdict per limit.",
     "linearize": "Compute frequency responses and stability margins at a time of a run.",
     "trajectory": "Optimise the manipulator's motion for actuator power, within all bounds.",

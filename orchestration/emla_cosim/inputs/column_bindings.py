@@ -58,7 +58,7 @@ def bind_columns(
     Raises:
         CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
-    chosen = {signal: _column(source, data, column) for signal, column in source.signals.items()}
+    chosen = {signal: find_column(source, data, column) for signal, column in source.signals.items()}
     idle = []
     for position, header in _match_headers(source, data, time):
         if header.name in chosen:
@@ -105,8 +105,12 @@ def _matches(header: Header, pattern: str) -> bool:
     )
 
 
-def _column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
-    """Return the position of a column, and its unit and order separate from its name."""
+def find_column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
+    """Return the position of a column, and its unit and order separate from its name.
+
+    Raises:
+        CommandError: If there is no such column, or its unit contradicts the header.
+    """
     text, order, unit = asked.column.strip(), asked.derivative, asked.unit
     position = data.find(text)
     while position is None and text.startswith("der(") and text.endswith(")"):
@@ -192,9 +196,28 @@ def _bind_column(
     if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
     unit = interface.unit(end[1])
-    label = f"the column '{data.headers[position].text}' of {data.label}"
-    measured = parse_data_unit(column.unit, label)
+    transformation, is_assumed = convert_column(data, position, column, signal, unit)
+    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit, is_assumed)
+
+
+def convert_column(
+    data: DataTable, position: int, column: Column, signal: str, unit: SiUnit | None
+) -> tuple[LinearTransformation, bool]:
+    """Return the conversion of a column to the unit of a signal, and whether the column has no unit.
+
+    Args:
+        data: The table.
+        position: The position of the column.
+        column: The column as `find_column` returns it.
+        signal: The signal.
+        unit: Its unit.
+
+    Raises:
+        CommandError: If the units measure different things.
+    """
     header = data.headers[position]
+    label = f"the column '{header.text}' of {data.label}"
+    measured = parse_data_unit(column.unit, label)
     if measured is None and header.suffix is not None and header.name != signal:
         target = rate_of(unit, -column.derivative)
         measured = read_suffix(header.suffix, target, label, header.text)
@@ -203,11 +226,10 @@ def _bind_column(
         transformation = IDENTITY if given is None else find_conversion(read_turns(given, unit), unit)
     except ValueError as error:
         raise CommandError(
-            f"{label} drives {signal} and has {error}, which cannot be converted into each other.",
+            f"{label} is for {signal} and has {error}, which cannot be converted into each other.",
             signal=signal,
         ) from error
-    assumed = given is None and unit is not None
-    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit, assumed)
+    return transformation, given is None and unit is not None
 
 
 def check_single_binding(found: Sequence[ColumnBinding]) -> None:

@@ -1,12 +1,7 @@
 """A self-contained page of a sizing."""
 
-from base64 import b64encode
-from io import BytesIO
-
-from markupsafe import Markup
-
 from ..views.pages.page import Plots, render_template
-from ..views.plots.style import save
+from ..views.plots.style import embed
 from .limits import format_percent, format_value
 from .pictures import draw_joint
 from .result import SizeResult
@@ -15,7 +10,7 @@ from .summary import list_figures
 
 def render_page(result: SizeResult) -> str:
     """Return the text of the page."""
-    pictures = {joint: _embed(draw_joint(sizing)) for joint, sizing in result.joints.items()}
+    pictures = {joint: embed(draw_joint(sizing)) for joint, sizing in result.joints.items()}
     figures = {
         id(sizing): list_figures(sizing) for one in result.candidates for sizing in one.joints.values()
     }
@@ -30,9 +25,3 @@ def render_page(result: SizeResult) -> str:
         shown=format_value,
         percent=format_percent,
     )
-
-
-def _embed(figure: object) -> Markup:
-    stream = BytesIO()
-    save(figure, stream)  # pyright: ignore[reportArgumentType]
-    return Markup("data:image/png;base64,{}").format(b64encode(stream.getvalue()).decode())

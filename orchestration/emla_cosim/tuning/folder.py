@@ -1,12 +1,12 @@
 """The output folder of a tuning."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..base.files import report_write_errors
 from ..base.ownership import has_entries
+from ..sweeps.scenario_text import format_scenario
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
 from .pictures import draw_picture
@@ -36,9 +36,8 @@ class TuneFolder(Folder):
             RunError: A file cannot be written.
         """
         with report_write_errors(self.path):
-            best = {**(scenario or {}), "set": {**(scenario or {}).get("set", {}), **result.best.set}}
-            described = {"description": f"Gains found by the tuning {result.name}", **best}
-            self.write(BEST, _toml(described).encode())
+            described = f"Gains found by the tuning {result.name}"
+            self.write(BEST, format_scenario(described, scenario, result.best.set).encode())
             self.write_json(RECORD, to_plain(record))
             self.write(HISTORY, result.history.write_csv().encode())
 
@@ -46,22 +45,3 @@ class TuneFolder(Folder):
         """Draw the picture, and return its file. Raises RunError."""
         with report_write_errors(self.path):
             return self.draw(PICTURE, draw_picture(result))
-
-
-def _toml(content: Mapping[str, Any]) -> str:
-    """Return plain data as TOML: keys first, then tables with quoted names."""
-    lines = [f"{key} = {_inline(value)}" for key, value in content.items() if not isinstance(value, Mapping)]
-    for name, table in content.items():
-        if isinstance(table, Mapping) and table:
-            lines += ["", f"[{name}]", *(f"{json.dumps(key)} = {_inline(x)}" for key, x in table.items())]
-    return "\n".join([*lines, ""])
-
-
-def _inline(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(k)} = {_inline(x)}" for k, x in value.items()) + " }"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_inline, value)) + "]"
-    if isinstance(value, (bool, int, float)):
-        return json.dumps(value)
-    return json.dumps(str(value), ensure_ascii=False)

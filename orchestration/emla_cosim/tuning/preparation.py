@@ -2,18 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ..base.errors import CommandError
-from ..base.files import read_text
 from ..recorders.metrics import HELD
-from ..run.options import list_options
 from ..run.requirements import Requirement, parse_requirement
 from ..run.run_setup import run_times
-from ..run.scenarios.built_in import SCENARIOS, SYSTEMS, find_built_in
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import ScenarioFile, parse_scenario
 from ..sweeps.factors import Factor, resolve_factors
 from ..sweeps.measures import Measures, MetricRequest, resolve_measures
 from ..sweeps.targets import merge_options
@@ -140,37 +135,3 @@ def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
             return None
         raise
     return found
-
-
-def scenario_content(plan: TuningPlan) -> dict[str, Any] | None:
-    """Return the content of a file that runs the scenario of a plan; None if it exists only in Python."""
-    read = _scenario_file(plan)
-    if read is None:
-        return None
-    system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
-    given = merge_options([read.options, plan.options])
-    options = {
-        n: x
-        for n, x in given.items()
-        if n in list_options() and list_options()[n].about.in_file and _is_plain(x)
-    }
-    return {"system": system, **options}
-
-
-def _scenario_file(plan: TuningPlan) -> ScenarioFile | None:
-    if not isinstance(plan.scenario, (str, Path)):
-        return None
-    name, path = str(plan.scenario), Path(plan.scenario)
-    if name in SCENARIOS:
-        return find_built_in(name)
-    if path.suffix.lower() == ".toml":
-        return parse_scenario(read_text(path, "the scenario"), name, path.parent)
-    return ScenarioFile("", name, {}, name, Path())
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, Mapping):
-        return all(map(_is_plain, value.values()))
-    if isinstance(value, (list, tuple)):
-        return all(map(_is_plain, value))
-    return isinstance(value, (str, int, float))

@@ -23,6 +23,7 @@ from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric
 from ..sweeps.plan import Source
 from ..sweeps.runner import check_cluster
+from ..sweeps.scenario_text import scenario_content
 from ..sweeps.seeds import draw_seeds
 from ..sweeps.worker_payload import REGISTRIES, Preparation, WorkerPayload, check_portable
 from ..system.model import Value
@@ -30,7 +31,7 @@ from .data import Tuned
 from .evaluation import Evaluation
 from .folder import TuneFolder
 from .plan import PLAIN, TuningPlan, load_tuning_plan
-from .preparation import TuningTask, prepare_task, scenario_content
+from .preparation import TuningTask, prepare_task
 from .result import TuneResult
 from .score import Score
 from .search import Search
@@ -270,7 +271,9 @@ class _Tuning:
             self.notes,
         )
         if self.folder is not None:
-            self.folder.keep(result, _record(self.task, result), scenario_content(plan))
+            self.folder.keep(
+                result, _record(self.task, result), scenario_content(plan.scenario, plan.options)
+            )
             if draw:
                 self.folder.draw_result(result)
         return result

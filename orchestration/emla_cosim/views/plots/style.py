@@ -1,6 +1,7 @@
 """Common style of all plots: colours, figures without matplotlib's global state, labels without markup."""
 
 import warnings
+from base64 import b64encode
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -26,6 +27,7 @@ __all__ = [
     "PURPLE",
     "RED",
     "add_legend",
+    "embed",
     "is_picture",
     "line_style",
     "new_figure",
@@ -141,6 +143,13 @@ def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8)
     axes.margins(x=0.01)
+
+
+def embed(figure: "Figure") -> str:
+    """Return a figure as the address of an image in a page."""
+    stream = BytesIO()
+    save(figure, stream)
+    return f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
 
 
 def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:

@@ -1,0 +1,1 @@
+"""Identification: parameters of a system from measured data, with the certainty of each."""

@@ -1,0 +1,209 @@
+"""Estimate parameters by least squares from several starting points (`scipy.optimize.least_squares`)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from ..base.arrays import Vector
+from ..base.errors import RunError
+from .measurement import EXACT
+from .prediction import InterruptedRunsError
+from .problem import Problem
+
+_TOLERANCE = 1e-10
+"""Relative change of cost and places at which the search ends."""
+
+_LOST = 1e3
+"""Factor of the residuals where a run fails: the search avoids such values."""
+
+_ROUNDS = 4
+"""Most estimations while the standard deviations of the signals follow from the residuals."""
+
+_VALLEYS = 5
+"""Most searches from points around a solution."""
+
+_DISTANCES = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Distances of these points in standard errors."""
+
+_BETTER = 0.99
+"""Part of the cost below which a point is better."""
+
+_FLAT = 1e-8
+"""Singular value, as a part of the largest, below which a direction has no influence."""
+
+_SETTLED = 0.02
+"""Relative change of the standard deviations below which they are settled."""
+
+
+@dataclass
+class Solution:
+    """The best point so far.
+
+    Attributes:
+        point: places of the parameters, shape (p,).
+        residuals: residuals there in standard deviations, shape (n,).
+        cost: half the sum of their squares, or of the loss.
+        converged: whether the search ended by its tolerances.
+        reason: why it ended.
+    """
+
+    point: Vector
+    residuals: Vector
+    cost: float
+    converged: bool
+    reason: str
+
+
+@dataclass
+class Estimator:
+    """Searches for the minimum.
+
+    Attributes:
+        problem: the problem.
+        loss: the loss function.
+        evaluations: most iterations from each starting point.
+        report: called with the cost of each iteration.
+        history: cost of each evaluation with the number of its starting point.
+    """
+
+    problem: Problem
+    loss: str
+    evaluations: int
+    report: Callable[[int], None]
+    history: list[dict[str, float]] = field(default_factory=list)
+    best: Solution | None = None
+
+    def estimate(self, points: list[Vector], known_sigma: bool) -> Solution:
+        """Return the best solution from all starting points.
+
+        Args:
+            points: the starting points, each of shape (p,).
+            known_sigma: whether the user gave the standard deviations of all signals. Otherwise they follow
+                from the residuals, in turns with the estimation.
+
+        Raises:
+            InterruptedRunsError: the user interrupted; `best` has the best point so far.
+            RunError: the runs of all starting points fail.
+        """
+        found = [one for i, p in enumerate(points) if (one := self._search(p, i)) is not None]
+        if not found:
+            reasons = sorted(self.problem.predictor.failures, key=self.problem.predictor.failures.__getitem__)
+            raise RunError(f"the runs of all starting points fail: {reasons[-1].rstrip('.')}.")
+        best = self._leave_valleys(min(found, key=lambda one: one.cost))
+        for _ in range(0 if known_sigma else _ROUNDS):
+            before = dict(self.problem.sigma)
+            self._adapt_sigma(best)
+            best = self._leave_valleys(self._search(best.point, len(points)) or best)
+            if all(abs(self.problem.sigma[k] / v - 1.0) < _SETTLED for k, v in before.items()):
+                break
+        return self._search(best.point, len(points), central=True) or best
+
+    def _leave_valleys(self, found: Solution) -> Solution:
+        """Return the minimum that searches from better points around a solution find.
+
+        A sampled controller and its limits make the cost uneven, and a search ends early in a narrow valley.
+        Points along the principal directions, in standard errors, show whether the valley goes on.
+        """
+        for _ in range(_VALLEYS):
+            jacobian = self.problem.jacobian(found.point, central=True)
+            _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+            deviation = np.sqrt(2.0 * found.cost / max(len(found.residuals) - len(found.point), 1))
+            points = [
+                np.clip(found.point + sign * distance * deviation / size * direction, 0.0, 1.0)
+                for size, direction in zip(singular, directions, strict=True)
+                if size > _FLAT * singular[0]
+                for distance in _DISTANCES
+                for sign in (1.0, -1.0)
+            ]
+            costs = [np.inf if r is None else self._cost(r) for r in self.problem.residuals(points)]
+            if not points or not min(costs) < _BETTER * found.cost:
+                break
+            found = self._search(points[int(np.argmin(costs))], -1) or found
+        return found
+
+    def _cost(self, residuals: Vector) -> float:
+        """Return the cost of residuals with the loss function, as `least_squares` defines it."""
+        squares = residuals**2
+        if self.loss == "soft_l1":
+            squares = 2.0 * (np.sqrt(1.0 + squares) - 1.0)
+        elif self.loss == "huber":
+            squares = np.where(squares <= 1.0, squares, 2.0 * np.sqrt(squares) - 1.0)
+        elif self.loss == "cauchy":
+            squares = np.log1p(squares)
+        elif self.loss == "arctan":
+            squares = np.arctan(squares)
+        return 0.5 * float(squares.sum())
+
+    def _adapt_sigma(self, found: Solution) -> None:
+        """Set the standard deviations of the signals to those of their residuals."""
+        squares, counts, at = dict[str, float](), dict[str, int](), 0
+        spreads = {one.signal: float(np.std(one.values)) for one in self.problem.samples}
+        for one in self.problem.samples:
+            part = found.residuals[at : at + len(one.time)] * self.problem.sigma[one.signal]
+            squares[one.signal] = squares.get(one.signal, 0.0) + float(part @ part)
+            counts[one.signal] = counts.get(one.signal, 0) + len(part)
+            at += len(part)
+        for signal, total in squares.items():
+            deviation = float(np.sqrt(total / counts[signal]))
+            self.problem.sigma[signal] = max(deviation, EXACT * spreads[signal])
+        self.best = None  # costs with other standard deviations cannot be compared
+
+    def _search(self, start: Vector, number: int, central: bool = False) -> Solution | None:
+        """Return the minimum from one point; None if its run fails.
+
+        Derivatives by forward differences move the minimum where residuals are large; central ones do not.
+        """
+        (first,) = self.problem.residuals([start])
+        if first is None:
+            return None
+
+        def residuals(point: Vector) -> Vector:
+            (found,) = self.problem.residuals([point])
+            self.report(1)
+            if found is None:
+                return _LOST * (np.abs(first) + 1.0)
+            cost = self._cost(found)
+            self.history.append({"start": number, "evaluation": len(self.history), "cost": cost})
+            self._note(Solution(point.copy(), found, cost, False, "interrupted"))
+            return found
+
+        def jacobian(point: Vector) -> NDArray[np.float64]:
+            return self.problem.jacobian(point, central)
+
+        result = least_squares(
+            residuals,
+            np.clip(start, 1e-9, 1.0 - 1e-9),
+            jacobian,  # type: ignore[arg-type]
+            bounds=(0.0, 1.0),
+            x_scale="jac",
+            loss=self.loss,  # type: ignore[arg-type]
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            gtol=None,  # type: ignore[arg-type]  # it is absolute, and residuals of a perfect fit vanish
+            max_nfev=self.evaluations,
+        )
+        (found,) = self.problem.residuals([result.x])
+        if found is None:
+            return None
+        solution = Solution(result.x, found, float(result.cost), result.status > 0, str(result.message))
+        self._note(solution)
+        return solution
+
+    def _note(self, found: Solution) -> None:
+        if self.best is None or found.cost <= self.best.cost:
+            self.best = found
+
+
+def draw_starting_points(start: Vector, count: int, seed: int) -> list[Vector]:
+    """Return the starting point of the scenario, and further ones of a Latin hypercube."""
+    if count == 1:
+        return [start]
+    drawn = qmc.LatinHypercube(len(start), rng=np.random.default_rng(seed)).random(count - 1)
+    return [start, *drawn]
+
+
+__all__ = ["Estimator", "InterruptedRunsError", "Solution", "draw_starting_points"]

@@ -1,0 +1,189 @@
+"""Unknown parameters as a unit cube, and the options that set them in a run."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.units import SiUnit
+from ..sweeps.distributions import parse_distribution
+from ..sweeps.factors import Factor, find_start_number, resolve_factors
+from ..sweeps.kinds.continuous import Uniform
+from ..sweeps.targets import SHEET, START, merge_options, needs_preparation
+from ..sweeps.with_units import convert_units
+from ..sweeps.worker_payload import Preparation
+from .plan import IdentificationPlan
+
+_SENSOR = re.compile(r"\s*(offset|gain|delay)\((.+)\)\s*")
+
+_DECADE = 10.0
+"""Ratio of the ends of a positive range from which the parameter is estimated on a logarithmic scale."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An unknown parameter.
+
+    Attributes:
+        name: its name.
+        low: lower end of its range.
+        high: upper end.
+        start: value to start from.
+        unit: its unit.
+        factor: how it is set in a run; None for one of a sensor.
+        sensor: kind (offset, gain or delay) and signal of one of a sensor.
+    """
+
+    name: str
+    low: float
+    high: float
+    start: float
+    unit: str
+    factor: Factor | None = None
+    sensor: tuple[str, str] | None = None
+
+    @property
+    def is_logarithmic(self) -> bool:
+        """Whether it is estimated on a logarithmic scale."""
+        return self.low > 0.0 and self.high >= _DECADE * self.low
+
+    def value(self, place: float) -> float:
+        """Return the value at a place from 0 (low) to 1 (high)."""
+        if place <= 0.0 or place >= 1.0:
+            return self.low if place <= 0.0 else self.high
+        return self.extrapolate(place)
+
+    def extrapolate(self, place: float) -> float:
+        """Return the value at any place, also outside of the range."""
+        if self.is_logarithmic:
+            return float(self.low * (self.high / self.low) ** place)
+        return float(self.low + place * (self.high - self.low))
+
+    def place(self, value: float) -> float:
+        """Return the place of a value, within 0 and 1."""
+        if self.is_logarithmic:
+            found = np.log(max(value, self.low) / self.low) / np.log(self.high / self.low)
+        else:
+            found = (value - self.low) / (self.high - self.low)
+        return float(np.clip(found, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """All unknown parameters."""
+
+    items: Sequence[Parameter]
+
+    @property
+    def names(self) -> list[str]:
+        """Their names."""
+        return [one.name for one in self.items]
+
+    @property
+    def start(self) -> Vector:
+        """The places to start from, shape (p,)."""
+        return np.array([one.place(one.start) for one in self.items])
+
+    def values(self, places: Vector) -> dict[str, float]:
+        """Return the values at places of shape (p,), by name."""
+        return {one.name: one.value(float(x)) for one, x in zip(self.items, places, strict=True)}
+
+    def options(self, places: Vector) -> dict[str, Any]:
+        """Return the options that set the parameters in a run."""
+        chosen = zip(self.items, places, strict=True)
+        return merge_options(
+            one.factor.options(one.value(float(x))) for one, x in chosen if one.factor is not None
+        )
+
+    def key(self, places: Vector) -> tuple[float, ...]:
+        """Return what decides the result of a run; sensors do not."""
+        return tuple(float(x) for one, x in zip(self.items, places, strict=True) if one.factor is not None)
+
+    def sensor(self, places: Vector, signal: str) -> tuple[float, float, float]:
+        """Return offset, gain and delay in s of the sensor of a signal."""
+        found = {"offset": 0.0, "gain": 1.0, "delay": 0.0}
+        for one, x in zip(self.items, places, strict=True):
+            if one.sensor is not None and one.sensor[1] == signal:
+                found[one.sensor[0]] = one.value(float(x))
+        return found["offset"], found["gain"], found["delay"]
+
+
+def resolve_parameters(
+    plan: IdentificationPlan, preparation: Preparation, measured: Mapping[str, SiUnit | None]
+) -> Parameters:
+    """Return the unknown parameters of a plan in its system.
+
+    Args:
+        plan: The plan.
+        preparation: The prepared scenario.
+        measured: The units of the measured signals.
+
+    Raises:
+        CommandError: A name does not exist, or has no range.
+    """
+    found = list[Parameter]()
+    for name, given in plan.vary.items():
+        label = f"'{name}' of {plan.where}"
+        if (of_sensor := _SENSOR.fullmatch(name)) is not None:
+            found.append(_sensor(name, of_sensor[1], of_sensor[2].strip(), given, label, measured))
+            continue
+        for factor in resolve_factors({name: given}, preparation.system, preparation.interfaces, plan.where):
+            found.append(_parameter(factor, preparation, label))
+    if twice := [one.name for one in found if [x.name for x in found].count(one.name) > 1]:
+        raise CommandError(f"{plan.where} has the parameter '{twice[0]}' twice; remove one.", name=twice[0])
+    return Parameters(found)
+
+
+def _parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
+    if wrong := [t.name for t in factor.targets if t.kind != SHEET and needs_preparation(t)]:
+        raise CommandError(f"{label} cannot be estimated: {wrong[0]} is neither a start value nor an entry.")
+    if any(t.kind == SHEET for t in factor.targets):
+        raise CommandError(
+            f"{label} is an entry of a data sheet; estimate the start value of the plant that follows from "
+            "it, such as JOINT.plant.motor.J_m.",
+            name=factor.name,
+        )
+    low, high = _ends(factor.distribution, label)
+    ends = [float(x) for x in (factor.value(low), factor.value(high)) if x is not None]  # type: ignore[arg-type]
+    low, high = min(ends), max(ends)
+    start = None
+    if factor.targets[0].kind == START and len(factor.targets) == 1:
+        start = find_start_number(factor.targets[0].name, preparation.system, preparation.interfaces)
+    elif factor.targets[0].nominal is not None:
+        start = 1.0
+    return _with_start(factor.name, low, high, start, factor.unit, factor=factor)
+
+
+def _sensor(
+    name: str, kind: str, signal: str, given: Any, label: str, measured: Mapping[str, SiUnit | None]
+) -> Parameter:
+    if signal not in measured:
+        raise CommandError(f"{label}: {signal} is not measured.", name=signal)
+    unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
+
+    def convert(text: str) -> float:
+        return parse_quantity(text, label).in_unit(unit, label)
+
+    low, high = _ends(parse_distribution(convert_units(given, convert, label), label), label)
+    usual = 1.0 if kind == "gain" else 0.0
+    return _with_start(name, low, high, usual, str(unit or ""), sensor=(kind, signal))
+
+
+def _with_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
+    """Return a parameter. One whose start is not inside of its range starts in the middle."""
+    found = Parameter(name, low, high, low, unit, **more)
+    inside = start is not None and low < start < high
+    return Parameter(
+        name, low, high, start if inside and start is not None else found.value(0.5), unit, **more
+    )
+
+
+def _ends(distribution: Any, label: str) -> tuple[float, float]:
+    if not isinstance(distribution, Uniform) or distribution.points is not None:
+        raise CommandError(f"{label} needs a range LOW:HIGH, such as 0.1:10.")
+    return float(distribution.low), float(distribution.high)

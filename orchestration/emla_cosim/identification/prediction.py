@@ -1,0 +1,140 @@
+"""Run experiments with values of the parameters on workers, and predict what was measured."""
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+
+import numpy as np
+import polars
+
+from ..base.arrays import Vector
+from ..sweeps.data import DONE, VARIANT
+from ..sweeps.executor import ClusterExecutor, WorkPackage
+from ..sweeps.measures import Measures
+from ..sweeps.variants import Chunk, Variant
+from .measurement import MeasuredSignal
+from .parameters import Parameters
+
+_BYTES = 8
+_KEPT = 64
+"""Most predictions that are kept for repeated values."""
+
+Prediction = Mapping[str, Vector] | str
+"""Signals of a run and `time`, or why it failed."""
+
+
+class InterruptedRunsError(Exception):
+    """The user interrupted the runs."""
+
+
+@dataclass
+class Predictor:
+    """Predicts experiments.
+
+    Attributes:
+        executor: the workers, with one prepared system for each experiment.
+        parameters: the parameters.
+        experiments: measured signals of each experiment; empty for one that is only planned.
+        signals: all signals to record.
+        interrupted: whether the user wants to stop.
+        runs: number of runs so far.
+    """
+
+    executor: ClusterExecutor
+    parameters: Parameters
+    experiments: Sequence[Sequence[MeasuredSignal]]
+    signals: Sequence[str]
+    rows: int
+    interrupted: Callable[[], bool]
+    runs: int = 0
+    failures: dict[str, int] = field(default_factory=dict)
+    _kept: dict[tuple[float, ...], list[Prediction]] = field(default_factory=dict)
+    _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
+
+    def predict(self, points: Sequence[Vector]) -> list[list[Prediction]]:
+        """Return the prediction of each experiment at each point.
+
+        Args:
+            points: places of the parameters, each of shape (p,).
+
+        Raises:
+            InterruptedRunsError: The user interrupted.
+            RunError: The workers are lost.
+        """
+        keys = [self.parameters.key(point) for point in points]
+        missing = {key: point for key, point in zip(keys, points, strict=True) if key not in self._kept}
+        found = {**self._kept, **self._run(missing)}
+        if missing:
+            self._kept = dict(list(found.items())[-_KEPT:])
+        return [found[key] for key in keys]
+
+    def _run(self, missing: Mapping[tuple[float, ...], Vector]) -> dict[tuple[float, ...], list[Prediction]]:
+        count = len(self.experiments)
+        jobs = {
+            next(self._numbers): (key, group, Variant(0, self.parameters.options(point)))
+            for group in range(count)
+            for key, point in missing.items()
+        }
+        if not jobs:
+            return {}
+        work = [
+            WorkPackage(group, [number for number, (_, of, _) in jobs.items() if of == group])
+            for group in range(count)
+        ]
+        found: dict[tuple[float, ...], list[Prediction]] = {key: [""] * count for key in missing}
+        measures = Measures(signals=list(self.signals), read=list(self.signals))
+
+        def keep(chunk: Chunk) -> None:
+            series = {} if chunk.series is None else _split_series(chunk.series)
+            for outcome in chunk.outcomes:
+                key, group, _ = jobs[outcome.number]
+                data = series.get(outcome.number)
+                found[key][group] = self._judge(outcome.status, outcome.problem, data, group)
+
+        def variant(number: int) -> Variant:
+            return Variant(number, jobs[number][2].options)
+
+        size = _BYTES * (1 + len(self.signals)) * self.rows
+        if not self.executor.run(work, variant, measures, size, keep, self.interrupted):
+            raise InterruptedRunsError
+        self.runs += len(jobs)
+        return found
+
+    def _judge(
+        self, status: str, problem: str | None, data: Mapping[str, Vector] | None, group: int
+    ) -> Prediction:
+        """Return the signals of a run, or why they cannot be compared."""
+        reason = ""
+        if status != DONE or data is None:
+            reason = (problem or status).splitlines()[0]
+        else:
+            end = max((one.time[-1] for one in self.experiments[group]), default=data["time"][-1])
+            step = data["time"][-1] - data["time"][-2] if len(data["time"]) > 1 else 0.0
+            if data["time"][-1] < end - 1.5 * step:
+                reason = f"it ended at {data['time'][-1]:.6g} s"
+            elif not all(np.isfinite(values).all() for values in data.values()):
+                reason = "it has values that are not finite"
+        if reason:
+            self.failures[reason] = self.failures.get(reason, 0) + 1
+            return reason
+        assert data is not None
+        return data
+
+
+def _split_series(content: bytes) -> dict[int, dict[str, Vector]]:
+    """Return the signals of each variant of a Parquet file."""
+    frame = polars.read_parquet(BytesIO(content))
+    parts = frame.partition_by(VARIANT, as_dict=True, include_key=False)
+    return {
+        int(key[0]): {name: np.asarray(part[name], dtype=float) for name in part.columns}
+        for key, part in parts.items()
+    }
+
+
+def predict_samples(
+    parameters: Parameters, point: Vector, data: Mapping[str, Vector], one: MeasuredSignal
+) -> Vector:
+    """Return what a sensor would have measured at the times of the samples, shape (n,)."""
+    offset, gain, delay = parameters.sensor(point, one.signal)
+    return offset + gain * np.interp(one.time - delay, data["time"], data[one.signal])

@@ -1,0 +1,138 @@
+"""Certainty of estimates against closed forms of linear regression, and what data do not tell."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from emla_cosim.identification.certainty import autocorrelation, count_correlated_lags, judge
+from emla_cosim.identification.parameters import Parameter, Parameters
+from emla_cosim.identification.profile import profile
+from tests.support.known_predictions import measured, parameter, problem
+
+TIME = np.linspace(0.0, 1.0, 400)
+LINE = np.column_stack([np.ones_like(TIME), TIME])
+
+
+def fitted(values: np.ndarray, columns: np.ndarray = LINE) -> tuple[np.ndarray, np.ndarray]:
+    """The least-squares estimates of the columns' factors, and the residuals."""
+    found = np.linalg.lstsq(columns, values, rcond=None)[0]
+    return found, columns @ found - values
+
+
+def test_white_residuals_give_the_covariance_of_regression() -> None:
+    noise = np.random.default_rng(3).standard_normal(len(TIME))
+    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
+    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)])
+    variance = residuals @ residuals / (len(TIME) - 2)
+    expected = np.sqrt(np.diag(variance * np.linalg.inv(LINE.T @ LINE)))
+    assert [one.value for one in got.estimates] == pytest.approx(found)
+    assert [one.error for one in got.estimates] == pytest.approx(expected, rel=0.12)
+    assert got.deviation == pytest.approx(np.sqrt(variance))
+    assert got.correlations[0, 1] == pytest.approx(-np.sqrt(3.0) / 2.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("memory", "least"), [(0.0, 0.92), (0.5, 0.9), (0.9, 0.84)])
+def test_intervals_contain_the_truth_also_if_residuals_are_correlated(memory: float, least: float) -> None:
+    """With the covariance of independent residuals, that would be 0.33 of 400 for a memory of 0.9."""
+    random, inside, runs = np.random.default_rng(1), np.zeros(2), 400
+    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    for _ in range(runs):
+        noise = lfilter([1.0], [1.0, -memory], random.standard_normal(len(TIME) + 200))[200:]
+        found, residuals = fitted(LINE @ [4.0, 6.0] + 0.2 * noise)
+        got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
+        inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
+                   for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
+    assert (inside / runs > least).all() and (inside / runs < 0.985).all(), inside / runs
+
+
+def test_what_the_data_do_not_tell_is_named() -> None:
+    columns = np.column_stack([TIME, 0.0 * TIME, np.ones_like(TIME), np.ones_like(TIME), TIME**2])
+    names = ["a", "idle", "c", "d", "end"]
+    parameters = Parameters([parameter(name, 0.0, 1.0) for name in names])
+    point = np.array([0.5, 0.5, 0.5, 0.5, 1.0])
+    residuals = 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
+    got = judge(parameters, point, residuals, columns, [len(TIME)])
+    problems = {one.name: one.problem for one in got.estimates}
+    assert problems["a"] is None
+    assert problems["idle"] == "it has no influence on the measured signals"
+    assert problems["c"] == "the data do not tell it from a combination of d"
+    assert problems["d"] == "the data do not tell it from a combination of c"
+    assert problems["end"] == "it is at the upper end of its range"
+    assert all(one.interval is None and one.error is None for one in got.estimates if one.name != "a")
+    assert np.isnan(got.correlations[1:, :]).all()
+
+
+def test_uncertain_derivatives_widen_intervals() -> None:
+    """Where another step of the differences changes a slope by a fifth, the error is a quarter larger."""
+    noise = np.random.default_rng(3).standard_normal(len(TIME))
+    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
+    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    shown = 10.0 * LINE
+    sure, unsure, lost = (
+        judge(parameters, found / 10.0, residuals, shown, [len(TIME)], factor * shown).estimates
+        for factor in (0.0, 0.2, 0.6)
+    )
+    for one, other in zip(sure, unsure, strict=True):
+        assert one.error is not None and other.error == pytest.approx(one.error / 0.8)
+    assert all("do not tell" in str(one.problem) for one in lost)
+
+
+def test_an_interval_wider_than_the_range_names_what_it_resembles() -> None:
+    columns = np.column_stack([TIME, TIME + 1e-4 * np.sin(20.0 * TIME), np.ones_like(TIME)])
+    parameters = Parameters([parameter(name, 0.0, 1.0) for name in ("a", "twin", "c")])
+    residuals = 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
+    got = judge(parameters, np.full(3, 0.5), residuals, columns, [len(TIME)]).estimates
+    assert "resembles that of twin" in str(got[0].problem)
+    assert "resembles that of a" in str(got[1].problem)
+    assert got[2].problem is None
+
+
+def test_autocorrelation_is_that_of_the_definition() -> None:
+    values = np.random.default_rng(5).standard_normal(73).cumsum()
+    centred = values - values.mean()
+    expected = np.correlate(centred, centred, "full")[len(values) - 1 :] / (centred @ centred)
+    assert autocorrelation(values) == pytest.approx(expected)
+    assert count_correlated_lags(np.random.default_rng(2).standard_normal(1000)) == 0
+    assert count_correlated_lags(values) > 2
+
+
+@given(st.floats(1e-6, 1e3), st.floats(1.001, 1e6), st.floats(0.0, 1.0))
+def test_places_are_the_inverse_of_values(low: float, ratio: float, place: float) -> None:
+    one = Parameter("p", low, low * ratio, low, "")
+    assert one.is_logarithmic == (low * ratio >= 10.0 * low)
+    assert low <= one.value(place) <= one.high
+    assert one.place(one.value(place)) == pytest.approx(place, abs=1e-9)
+
+
+def test_the_profile_of_a_linear_model_is_its_interval() -> None:
+    noise = np.random.default_rng(7).standard_normal(len(TIME))
+    values = LINE @ [4.0, 6.0] + noise
+    found, residuals = fitted(values)
+
+    def model(p: dict[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": p["a"] + p["b"] * TIME}]
+
+    solved = problem(
+        [parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)],
+        [[measured(TIME, values)]],
+        model,  # type: ignore[arg-type]
+    )
+    from scipy.stats import t as student
+
+    variance = residuals @ residuals / (len(TIME) - 2)
+    width = student.ppf(0.975, len(TIME) - 2) * np.sqrt(variance * np.linalg.inv(LINE.T @ LINE)[1, 1])
+    low, high = profile(solved, found / 10.0, 1, None, lambda n: None)
+    assert low is not None and high is not None
+    assert (10.0 * low, 10.0 * high) == pytest.approx((found[1] - width, found[1] + width), rel=5e-3)
+    near = np.array([found[0] / 10.0, 0.0])
+    near[1] = found[1] / 10.0
+    wide = problem(
+        [parameter("a", 0.0, 10.0), parameter("b", found[1] - 0.5 * width, 10.0)],
+        [[measured(TIME, values)]],
+        model,  # type: ignore[arg-type]
+    )
+    near[1] = wide.predictor.parameters.items[1].place(found[1])
+    assert profile(wide, near, 1, None, lambda n: None)[0] is None

@@ -1,0 +1,124 @@
+"""The search: minima with SciPy's, values whose runs fail, narrow valleys, weights, sensors."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from emla_cosim.base.errors import RunError
+from emla_cosim.identification.estimation import Estimator, draw_starting_points
+from emla_cosim.identification.parameters import Parameter, Parameters
+from emla_cosim.identification.prediction import predict_samples
+from tests.support.known_predictions import measured, parameter, problem
+
+TIME = np.linspace(0.0, 2.0, 201)
+
+
+def decay(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+    return [{"time": TIME, "y": p["a"] * np.exp(-p["b"] * TIME)}]
+
+
+def noisy(seed: int = 0, sigma: float = 0.01) -> np.ndarray:
+    return 2.0 * np.exp(-3.0 * TIME) + sigma * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+def search(solved: object, loss: str = "linear") -> Estimator:
+    return Estimator(solved, loss, 50, lambda n: None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy", "arctan"])
+def test_the_minimum_is_that_of_scipy(loss: str) -> None:
+    values = noisy()
+    values[::25] += 0.5  # outliers
+    space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
+    solved = problem(space, [[measured(TIME, values)]], decay, sigma=0.02)
+    found = search(solved, loss).estimate([Parameters(space).start], known_sigma=True)
+    expected = least_squares(
+        lambda x: (x[0] * np.exp(-x[1] * TIME) - values) / 0.02, [1.7, 3.5], loss=loss, xtol=1e-12, ftol=1e-12
+    )
+    got = Parameters(space).values(found.point)
+    assert [got["a"], got["b"]] == pytest.approx(expected.x, rel=2e-4)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-6) and found.converged
+
+
+def test_standard_deviations_follow_from_the_residuals() -> None:
+    x, slope = noisy(1, 0.01), -6.0 * np.exp(-3.0 * TIME)
+    v = slope + 0.3 * np.random.default_rng(2).standard_normal(len(TIME))
+
+    def both(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [decay(p)[0] | {"v": -p["a"] * p["b"] * np.exp(-p["b"] * TIME)}]
+
+    space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
+    solved = problem(space, [[measured(TIME, x), measured(TIME, v, "v")]], both)
+    search(solved).estimate([Parameters(space).start], known_sigma=False)
+    assert solved.sigma == pytest.approx({"y": 0.01, "v": 0.3}, rel=0.15)
+
+
+def test_values_whose_runs_fail_are_avoided() -> None:
+    def fails(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
+        return ["the step failed"] if p["b"] > 3.5 else [*decay(p)]
+
+    space = [parameter("a", 0.0, 5.0, 1.0), parameter("b", 0.1, 20.0, 3.4)]
+    solved = problem(space, [[measured(TIME, noisy())]], fails)
+    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start], known_sigma=True)
+    assert Parameters(space).values(found.point)["b"] == pytest.approx(3.0, rel=0.02)
+    with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
+        search(solved).estimate([np.array([0.2, 0.9])], known_sigma=True)
+
+
+def test_a_valley_that_is_uneven_is_followed_to_its_end() -> None:
+    """Rounding of the outputs stops a search in a narrow valley; points along it show that it goes on."""
+
+    def uneven(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        y = p["a"] * TIME + p["b"] * (TIME + 0.02 * TIME**2)
+        return [{"time": TIME, "y": np.round(y / 1e-3) * 1e-3}]
+
+    values = uneven({"a": 2.0, "b": 5.0})[0]["y"] + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
+    space = [parameter("a", 0.0, 10.0, 6.5), parameter("b", 0.0, 10.0, 0.5)]
+    solved = problem(space, [[measured(TIME, values)]], uneven, sigma=1e-3)
+    found = search(solved).estimate([Parameters(space).start], known_sigma=True)
+    assert 2.0 * found.cost / len(TIME) < 1.2
+    assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
+
+
+def test_several_starting_points_find_the_lowest_of_several_minima() -> None:
+    def wave(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": np.sin(p["w"] * TIME)}]
+
+    space = [parameter("w", 10.0, 90.0, 12.0)]
+    solved = problem(space, [[measured(TIME, np.sin(60.0 * TIME))]], wave)
+    start = Parameters(space).start
+    one = search(solved).estimate([start], known_sigma=True)
+    several = search(solved).estimate(draw_starting_points(start, 30, 0), known_sigma=True)
+    assert one.cost > 1.0
+    assert Parameters(space).values(several.point)["w"] == pytest.approx(60.0)
+    assert [list(x) for x in draw_starting_points(start, 3, 1)] == [
+        list(x) for x in draw_starting_points(start, 3, 1)
+    ]
+
+
+def test_sensors_have_offset_gain_and_delay() -> None:
+    ends = {"offset": (0.0, 1.0), "gain": (1.0, 3.0), "delay": (0.0, 0.2)}
+    sensors = [
+        Parameter(f"{kind}(y)", low, high, low, "", sensor=(kind, "y")) for kind, (low, high) in ends.items()
+    ]
+    of = Parameters(sensors)
+    got = predict_samples(
+        of, np.array([0.5, 0.25, 0.5]), decay({"a": 2.0, "b": 3.0})[0], measured(TIME, TIME)
+    )
+    late = TIME >= 0.1
+    expected = 0.5 + 1.5 * 2.0 * np.exp(-3.0 * (TIME - 0.1))
+    assert got[late] == pytest.approx(expected[late], abs=3e-4)
+    assert of.key(np.array([0.1, 0.2, 0.3])) == ()  # sensors need no run
+
+
+@pytest.mark.parametrize("place", [0.0, 1.0, 0.5])
+def test_derivatives_are_those_of_the_model(place: float) -> None:
+    space = [parameter("a", 1.0, 3.0), parameter("b", 2.0, 4.0)]
+    solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.1)
+    point = np.array([place, 0.5])
+    a, b = 1.0 + 2.0 * place, 3.0
+    expected = np.column_stack([2.0 * np.exp(-b * TIME), -2.0 * a * TIME * np.exp(-b * TIME)]) / 0.1
+    assert solved.jacobian(point, central=True) == pytest.approx(expected, abs=0.02)
+    assert solved.jacobian(point) == pytest.approx(expected, abs=0.05)

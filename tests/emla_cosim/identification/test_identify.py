@@ -1,0 +1,303 @@
+"""`identify` and `emla identify` with FMUs: against SciPy on the same equations, wrong data, files."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from distributed import Client
+from scipy.optimize import least_squares
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.base.progress import Progress
+from fmublock import Block, Input, Output, Parameter, State, build
+from tests.support.clusters import shared_cluster
+from tests.support.commands import Emla, sentence
+from tests.support.toy_fmu import PRODUCER
+
+
+class Cart(Block):
+    """A cart on a rail, pushed by a force, with viscous and quadratic drag and a spring."""
+
+    F = Input(unit="N", description="Force")
+    m = Parameter(2.0, unit="kg", minimum=0.01, description="Mass")
+    b = Parameter(1.0, unit="N.s/m", description="Viscous drag")
+    c = Parameter(0.0, unit="N.s2/m2", description="Quadratic drag")
+    k = Parameter(0.0, unit="N/m", description="Spring")
+    idle = Parameter(1.0, description="Nothing")
+    gain = Parameter(1.0, description="Gain of the force")
+    x = State(0.0, unit="m", description="Position")
+    v = State(0.0, unit="m/s", description="Speed")
+    P = Output(unit="W", description="Power")
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        drag = v.b * v.v + v.c * v.v * abs(v.v) + v.k * v.x
+        return {"x": v.v, "v": (v.gain * v.F - drag) / v.m}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"P": v.F * v.v}
+
+
+TIME = np.linspace(0.0, 2.0, 201)
+FORCE = 3.0 * np.sign(np.sin(5.0 * TIME)) + TIME
+TRUE = {"m": 1.3, "b": 0.7, "c": 0.4}
+
+
+STEP = 1e-3
+HELD = np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, FORCE)
+"""The force as the FMU gets it after the table has made its step: that of the end of the step."""
+
+
+def motion(m: float, b: float, c: float, held: np.ndarray = HELD) -> np.ndarray:
+    """Positions at the samples, by the classical Runge-Kutta method."""
+
+    def slope(y: np.ndarray, force: float) -> np.ndarray:
+        return np.array([y[1], (force - b * y[1] - c * y[1] * abs(y[1])) / m])
+
+    rows = [np.zeros(2)]
+    for force in held:
+        k1 = slope(rows[-1], force)
+        k2 = slope(rows[-1] + 0.5 * STEP * k1, force)
+        k3 = slope(rows[-1] + 0.5 * STEP * k2, force)
+        k4 = slope(rows[-1] + STEP * k3, force)
+        rows.append(rows[-1] + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    return np.array(rows)[::10, 0]
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("cart") / "cart.fmu"
+    build(Cart, path, producer=PRODUCER)
+    return path
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster(2) as client:
+        yield client
+
+
+def noisy(sigma: float = 1e-3, seed: int = 4, **changed: float) -> np.ndarray:
+    return motion(**(TRUE | changed)) + sigma * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+def data(x: np.ndarray, force: np.ndarray = FORCE) -> dict[str, Any]:
+    """The options of an experiment: its force, and its measured positions."""
+    return {
+        "input": [ec.Input(data={"time": TIME, "F": force}, signals={"Cart.F": "F"})],
+        "measured": [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})],
+    }
+
+
+RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 1e-3}
+RANGES = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.c": "0:5"}
+
+
+def test_estimates_and_errors_are_those_of_scipy(fmu: Path, cluster: Client) -> None:
+    x = noisy()
+    found = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(x), **RUN)
+    expected = least_squares(
+        lambda p: motion(*p) - x, [1.5, 0.8, 0.5], "3-point", diff_step=1e-3, xtol=1e-12, ftol=1e-12
+    )
+    variance = 2.0 * expected.cost / (len(x) - 3)
+    errors = np.sqrt(np.diag(variance * np.linalg.inv(expected.jac.T @ expected.jac)))
+    for name, value, error in zip(RANGES, expected.x, errors, strict=True):
+        one = found[name]
+        assert one.value == pytest.approx(value, abs=0.05 * error)
+        assert one.error == pytest.approx(error, rel=0.2) and one.problem is None
+        assert one.interval is not None and one.interval[0] < TRUE[name[-1]] < one.interval[1]
+    (fit,) = found.fits
+    assert fit.rms == pytest.approx(np.sqrt(2.0 * expected.cost / len(x)), rel=1e-3)
+    assert fit.is_white and fit.related_input is None and not fit.outliers and found.notes == []
+    assert (
+        found.is_identified and found.converged and found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
+    )
+
+
+def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(fmu: Path, cluster: Client) -> None:
+    other = 4.0 * np.sin(2.0 * TIME)
+    held_out = data(motion(**TRUE, held=np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, other)), other)
+    second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
+    without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
+    x = noisy()
+    for vary, good in ((RANGES, True), (without, False)):
+        found = ec.identify(str(fmu), vary, experiments=[second], scheduler=cluster, **data(x), **RUN)
+        first, last = found.fits
+        assert last.held_out and last.samples == len(TIME)
+        assert first.is_white == good and (last.fit > 0.999) == good
+        assert any("the model lacks something" in note for note in found.notes) != good
+        assert not any("second" in note for note in found.notes)
+
+
+def test_what_data_do_not_tell_is_said(fmu: Path, cluster: Client) -> None:
+    vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
+    found = ec.identify(str(fmu), vary, scheduler=cluster, **data(noisy(c=0.0)), **RUN)
+    assert found["Cart.idle"].problem == "it has no influence on the measured signals"
+    for name in ("Cart.m", "Cart.b", "Cart.gain"):  # the whole equation times a factor
+        assert "do not tell it from a combination of" in str(found[name].problem), found[name]
+    assert not found.is_identified and np.isnan(found.correlations).all()
+
+
+def test_sensors_are_estimated_with_the_model(fmu: Path, cluster: Client) -> None:
+    clean = motion(1.3, 0.7, 0.0)
+    late = 0.02 + 1.05 * np.interp(TIME - 0.03, TIME, clean)
+    x = late + 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
+    vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "offset(Cart.x)": "-10cm:10cm", "delay(Cart.x)": "0:100ms"}
+    options = data(x / 1.05 + 0.02 * (1 - 1 / 1.05))
+    found = ec.identify(str(fmu), vary, sigma={"Cart.x": "0.1 mm"}, scheduler=cluster, **options, **RUN)
+    assert found["offset(Cart.x)"].value == pytest.approx(0.02, abs=2e-4)
+    assert found["delay(Cart.x)"].value == pytest.approx(0.03, abs=1e-3)
+    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert "offset(Cart.x)" not in found.set and set(found.set) == {"Cart.m", "Cart.b"}
+
+
+def test_experiments_are_ranked_by_what_they_tell(fmu: Path, cluster: Client) -> None:
+    def experiment(name: str, force: np.ndarray) -> ec.Experiment:
+        return ec.Experiment(name, (), {"input": data(FORCE, force)["input"]})
+
+    asked = [experiment("still", 1e-9 * FORCE), experiment("weak", 0.1 * FORCE), experiment("strong", FORCE)]
+    vary = {"Cart.m": "0.5:4", "Cart.b": "0.1:5"}
+    found = ec.identify(
+        str(fmu), vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True, scheduler=cluster, **RUN
+    )
+    assert [one.experiment for one in found.candidates] == ["strong", "weak", "still"]
+    strong, weak, _ = found.candidates
+    for name in vary:  # a linear model: ten times the force, a tenth of the error
+        assert weak.intervals[name] == pytest.approx(10.0 * strong.intervals[name], rel=1e-3)
+    assert strong.information - weak.information == pytest.approx(4.0 * np.log2(10.0), rel=1e-3)
+    start = {"m": 2.0, "b": 1.0, "c": 0.0}
+
+    def derivative(name: str) -> np.ndarray:
+        up, down = ({**start, name: start[name] + sign * 1e-3} for sign in (1, -1))
+        return (motion(**up) - motion(**down)) / 2e-3 / 1e-3
+
+    columns = np.column_stack([derivative("m"), derivative("b")])
+    errors = 1.96 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    rows = 2001 / 201  # a planned experiment has a sample for each row of its table
+    assert [strong.intervals[n] for n in vary] == pytest.approx(errors / np.sqrt(rows), rel=0.05)
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"vary": {}}, "has no unknown parameter"),
+    ({"vary": {"Cart.m": "2"}}, "'Cart.m' of .* needs a range LOW:HIGH"),
+    ({"vary": {"Cart.mass": "1:2"}}, "Cart has no variable 'mass'"),
+    ({"vary": {"Cart.P": "1:2"}}, "computed by the FMU"),
+    ({"vary": {"offset(Cart.v)": "0:1"}}, "Cart.v is not measured"),
+    ({"x": np.zeros(201)}, "does not vary: it tells nothing of Cart.x"),
+    ({"x": np.where(TIME == 1.0, np.nan, FORCE)}, "must be a finite number"),
+    ({"signals": {"Cart.y": "x"}}, "Cart has no variable 'y'"),
+    ({"signals": {"Cart.x": "y"}}, "has no column 'y'"),
+    ({"signals": {"Cart.x": ec.Column("x", unit="kN")}}, "cannot be converted into each other"),
+    ({"times": [0.0, 1.0]}, "has 2 samples for 3 parameters"),
+    ({"times": TIME + 5.0}, "has no samples between"),
+    ({"loss": "square"}, "loss 'square'"),
+    ({"profile": ["Cart.k"]}, "'Cart.k' in 'profile'"),
+    ({"sigma": {"Cart.x": -1}}, "must be positive"),
+]
+
+
+@pytest.mark.parametrize(("changed", "message"), BAD)
+def test_bad_requests_end_before_any_run(
+    changed: dict[str, Any], message: str, fmu: Path, cluster: Client
+) -> None:
+    asked = dict(changed)
+    times = np.asarray(asked.pop("times", TIME))
+    x = np.asarray(asked.pop("x", FORCE))[: len(times)]
+    one = ec.Input(data={"time": times, "x": x}, signals=asked.pop("signals", {"Cart.x": "x"}))
+    vary = asked.pop("vary", RANGES)
+    with pytest.raises(CommandError, match=message):
+        ec.identify(str(fmu), vary, measured=[one], scheduler=cluster, **asked, **RUN)
+
+
+def test_runs_that_fail_are_avoided(fmu: Path, cluster: Client) -> None:
+    """A negative drag makes the position grow beyond all numbers."""
+    found = ec.identify(
+        str(fmu), {"Cart.m": "0.01:10", "Cart.b": "-500:5"}, scheduler=cluster, **data(noisy(c=0.0)), **RUN
+    )
+    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    with pytest.raises(RunError, match="runs of all starting points fail"):
+        ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=cluster, **data(noisy()), **RUN)
+
+
+class Interrupting(Progress):
+    """Ends the search after some evaluations, as Ctrl-C does."""
+
+    def __init__(self) -> None:
+        self.done, self.notes = 0, list[str]()
+
+    def advance(self, count: int) -> None:
+        self.done += count
+
+    def note(self, sentence: str) -> None:
+        self.notes.append(sentence)
+
+
+def test_an_interrupted_search_keeps_the_best_and_continues(
+    fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from emla_cosim.identification import prediction
+
+    x, place, whole = noisy(), tmp_path / "out", prediction.Predictor.predict
+
+    def limited(self: prediction.Predictor, points: Any) -> Any:
+        if self.runs > 12:
+            raise prediction.InterruptedRunsError
+        return whole(self, points)
+
+    monkeypatch.setattr(prediction.Predictor, "predict", limited)
+    found = ec.identify(str(fmu), RANGES, scheduler=cluster, output=place, **data(x), **RUN)
+    assert not found.complete and found["Cart.m"].problem == "interrupted"
+    record = json.loads((place / "identify.json").read_text())
+    assert record["status"] == "unfinished" and record["estimates"][0]["value"] == found["Cart.m"].value
+    monkeypatch.setattr(prediction.Predictor, "predict", whole)
+    told = Interrupting()
+    again = ec.identify(str(fmu), RANGES, scheduler=cluster, output=place, progress=told, **data(x), **RUN)
+    assert any("continued from the unfinished result" in note for note in told.notes)
+    assert again.complete and again["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert json.loads((place / "identify.json").read_text())["status"] == "completed"
+
+
+def test_the_command_writes_a_scenario_that_runs(
+    emla: Emla, fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    x = noisy()
+    frame = polars.DataFrame({"t [ms]": 1e3 * TIME, "F [N]": FORCE, "x [mm]": 1e3 * x})
+    frame.write_csv("test.csv")
+    Path("plan.toml").write_text(f"""
+        scenario = "{fmu}"
+        stop_time = 2.0
+        step_size = 1e-3
+        [vary]
+        "Cart.m" = "0.2 kg:10 kg"
+        "Cart.b" = "0:5"
+        "Cart.c" = "0:5"
+        [sigma]
+        "Cart.x" = "1 mm"
+        [[experiments]]
+        name = "square"
+        input = [{{ file = "test.csv", signals = {{ "Cart.F" = "F" }} }}]
+        measured = "test.csv:Cart.x=x"
+    """)
+    result = emla("identify", "plan.toml", "--workers", "1", "--output", "found", "--report")
+    assert result.exit_code == 0, result.output
+    assert "95 % interval" in result.output and "Wrote found/: identified.toml" in result.output
+    names = {p.name for p in Path("found").iterdir() if not p.name.startswith(".")}
+    assert names == {"identified.toml", "identify.json", "samples.csv", "history.csv", "fit.png",
+                     "certainty.png", "identify.html"}  # fmt: skip
+    found = {one["name"]: one for one in json.loads(Path("found/identify.json").read_text())["estimates"]}
+    assert found["Cart.m"]["value"] == pytest.approx(1.3, rel=0.02) and found["Cart.m"]["unit"] == "kg"
+    samples = polars.read_csv("found/samples.csv")
+    assert samples["measured"].to_numpy() == pytest.approx(x)
+    assert np.std(samples["predicted"].to_numpy() - motion(**TRUE)) < 3e-4
+    with ec.load("found/identified.toml").prepare() as simulation:
+        assert simulation.run().parameters["Cart.m"] == found["Cart.m"]["value"]
+    assert sentence(emla("identify", "plan.toml", "--workers", "1", "--vary", "Cart.q=1:2"), 2)
+    Path("mine").mkdir()
+    Path("mine/identify.json").write_text("{}")
+    told = sentence(emla("identify", "plan.toml", "--workers", "1", "--output", "mine"), 2)
+    assert "identify.json" in told and Path("mine/identify.json").read_text() == "{}"
