@@ -5,6 +5,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.linearization.margins import compute_margins
+from emla_cosim.linearization.places import default_openings
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
 from tests.support.linear_drive import GAINS as GAINS_OF_MODEL
 from tests.support.long import mostly_long
@@ -156,3 +157,23 @@ def test_linearity_is_that_of_the_reaction() -> None:
     )
     (measured,) = found.responses.values()
     assert measured.amplitude < 1e-5  # m
+
+
+SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
+
+
+def test_a_joint_is_opened_at_its_current_reference_by_default() -> None:
+    by_default, asked = (ec.linearize("lift", **SHORT, **of) for of in ({}, {"open": PLACES[CURRENT]}))
+    assert list(by_default.margins) == [PLACES[CURRENT]]
+    assert by_default.margins == asked.margins
+
+
+def test_all_joints_are_opened_by_default() -> None:
+    joints = ("lift", "tilt", "telescope")
+    found = default_openings(ec.load("study").system)
+    assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
+
+
+def test_a_controller_without_a_direct_current_reference_needs_a_place() -> None:
+    with pytest.raises(ec.CommandError, match="without delay.*--open lift"):
+        ec.linearize("lift", controller="cac", **SHORT)
