@@ -175,5 +175,5 @@ def test_all_joints_are_opened_by_default() -> None:
 
 
 def test_a_controller_without_a_direct_current_reference_needs_a_place() -> None:
-    with pytest.raises(ec.CommandError, match="without delay.*--open lift"):
+    with pytest.raises(ec.CommandError, match=r"without delay.*--open lift"):
         ec.linearize("lift", controller="cac", **SHORT)
