@@ -96,10 +96,16 @@ CONTROLLERS: dict[str, Controller] = {
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
-        CacController, _in_files("tuned", "published"), cac_gains.CacGains, {"tuned": cac_gains.tuned}
+        CacController,
+        _in_files("tuned", "damped", "published"),
+        cac_gains.CacGains,
+        {"tuned": cac_gains.tuned},
     ),
     "anatc": Controller(
-        AnatcController, _in_files("tuned", "published"), anatc_gains.AnatcGains, {"tuned": anatc_gains.tuned}
+        AnatcController,
+        _in_files("tuned", "damped", "published"),
+        anatc_gains.AnatcGains,
+        {"tuned": anatc_gains.tuned},
     ),
 }
 """Controllers by name; add your own here to use it by name.
