@@ -95,7 +95,7 @@ def linearize(
     scenario, told = load(source, **options), progress or Progress()
     if matrices:
         _check_no_responses(_texts(open), duration, amplitude)
-        places = []
+        places, openings = [], []
     elif steady or free:
         raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
     else:
