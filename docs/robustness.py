@@ -1,6 +1,6 @@
 """Draw images/study-robustness.png and print the tables of sweeps-results.md.
 
-    emla sweep study-robustness --gains damped --output FOLDER
+    emla sweep study-robustness --output FOLDER
     python docs/robustness.py FOLDER
 
 `python docs/robustness.py --tilt FOLDER` sweeps tilt alone into a folder. It prints Sobol indices of whether
@@ -67,18 +67,15 @@ class Joint:
 
 def draw(joints: Sequence[Joint], path: Path) -> None:
     """Draw the approach speed of each joint against its start, and the factors of its position error."""
-    figure = Figure(figsize=(10.5, 6.2), dpi=150, layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.06, h_pad=0.06)
-    grid = figure.subplots(2, 3, height_ratios=(1.25, 1.0))
+    figure = Figure(figsize=(10.5, 5.8), dpi=100, layout="constrained")
+    grid = figure.subplots(2, 3)
     for joint, (above, below) in zip(joints, grid.T, strict=True):
         draw_approach(joint, above)
         draw_followed(joint, below)
     grid[0, 0].set_ylabel("largest speed / its limit", fontsize=9)
+    grid[1, 1].set_xlabel("rank correlation with the position error, if held", fontsize=9)
     handles, labels = max((axes.get_legend_handles_labels() for axes in grid[0]), key=lambda x: len(x[1]))
-    if len(labels) > 1:
-        figure.legend(
-            handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9, markerscale=3
-        )
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     with path.open("wb") as stream:
         save(figure, stream)
 
@@ -89,31 +86,21 @@ def draw_approach(joint: Joint, axes: Axes) -> None:
         mine = joint.outcomes == outcome
         if mine.any():
             axes.scatter(
-                joint.start_mm[mine],
-                joint.speed[mine],
-                s=5,
-                color=color,
-                alpha=0.6,
-                linewidths=0,
-                label=outcome,
+                joint.start_mm[mine], joint.speed[mine], s=4, color=color, linewidths=0, label=outcome
             )
-    count, held = len(joint.outcomes), int((joint.outcomes == HELD).sum())
-    axes.axhline(1.0, color=GREY, linewidth=1.0, linestyle="--")
-    axes.set_title(f"{joint.name}: {held:,} of {count:,} held", fontsize=10, loc="left")
-    axes.set_xlabel("initial distance to the reference / mm", fontsize=9)
+    axes.axhline(1.0, color=GREY, linewidth=0.8)
+    axes.set_title(f"{joint.name}: {(joint.outcomes == HELD).mean():.1%} held", fontsize=10)
+    axes.set_xlabel("start behind the reference / mm", fontsize=9)
     tidy_axes(axes)
-    axes.set_ylim(0.0, max(1.15, 1.05 * joint.speed.max()))
+    axes.set_ylim(bottom=0.0)
 
 
 def draw_followed(joint: Joint, axes: Axes) -> None:
     """Draw the factors that correlate with the position error, for variants that are held."""
     found = joint.followed(joint.of_held("position_error_m"), 6)[::-1]
-    names = [name.removeprefix("plant.").removeprefix("disturbance.") for name, _ in found]
-    axes.barh(names, [value for _, value in found], color=BLUE, height=0.65)
+    axes.barh([name for name, _ in found], [value for _, value in found], color=BLUE)
     axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("rank correlation with position error", fontsize=9)
     tidy_axes(axes)
-    axes.grid(visible=False, axis="y")
 
 
 def lines(joints: Sequence[Joint]) -> Iterable[str]:
