@@ -244,7 +244,7 @@ def test_the_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
 def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
     reserves, others = compared.notes
     assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/damped 0 % and 5 %.")
-    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/damped and foc/rule"
+    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned and foc/rule"
     assert others.startswith(f"Further sets of gains: {left}")
 
 
