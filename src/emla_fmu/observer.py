@@ -9,6 +9,7 @@ from fmublock import (
     Input,
     Output,
     Parameter,
+    StartTime,
     State,
     clamp,
     cos,
@@ -147,7 +148,7 @@ class EmlaObserver(Block):
 
     y_before = DiscreteState(0.0, unit="m", name="before.y", description="Position at the last step's end")
     i_before = DiscreteState(0.0, unit="A", name="before.i_q", description="Current at the last step's end")
-    t_before = DiscreteState(0.0, unit="s", name="before.time", description="The last step's end")
+    t_before = StartTime(0.0, unit="s", name="before.time", description="The last step's end")
     h_before = DiscreteState(0.0, unit="s", name="before.step", description="The last step's length")
 
     y_bar = Output(unit="m", description="Innovation y - x_hat")

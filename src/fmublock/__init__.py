@@ -39,7 +39,7 @@ from .functions import (
     where,
 )
 from .instance import BlockError, Instance, StepDiscardedError
-from .variables import DiscreteState, Input, Output, Parameter, State
+from .variables import DiscreteState, Input, Output, Parameter, StartTime, State
 
 if TYPE_CHECKING:
     from .building import build as build
@@ -59,6 +59,7 @@ __all__ = [
     "Instance",
     "Output",
     "Parameter",
+    "StartTime",
     "State",
     "StepDiscardedError",
     "arccos",

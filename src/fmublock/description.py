@@ -164,7 +164,7 @@ def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
     """Return causality, variability and initial of a scalar variable."""
     variable = scalar.variable
     real = variable.fmi_type == "Real"
-    calculated = variable.start_parameter is not None
+    calculated = variable.has_computed_start
     match variable:
         case Input():
             return "input", "continuous" if real else "discrete", None

@@ -11,7 +11,7 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from .block import Block
 from .cache import tool_environment
-from .variables import Access, Output, Variable
+from .variables import Access, Output, StartTime, Variable
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -110,6 +110,8 @@ def _start(variable: Variable) -> str:
         return "" if is_hidden else f"`{variable.start_parameter.name}`"
     if isinstance(variable, Output):
         return ""
+    if isinstance(variable, StartTime):
+        return "start time"
     if variable.fmi_type == "Boolean":
         return str(variable.start).lower()
     if variable.enumeration is not None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from .block import Block, Values
 from .results import Results
-from .variables import Input, Output
+from .variables import Input, Output, StartTime
 
 # the C shim gets these numbers and the phases from its generated model.h
 STEP_TOLERANCE = 1e-3
@@ -113,6 +113,8 @@ class Instance:
         # states that start from parameters, as pairs of value references
         starts = ((r, self.layout.start_reference(r)) for r in (*self._states, *self._discrete_states))
         self._starts = [(r, start) for r, start in starts if r != start]
+        scalars = self.layout.scalars
+        self._start_times = [r for r in self._discrete_states if isinstance(scalars[r].variable, StartTime)]
         # value references of variables with limits, and of the parameters that are these limits
         limits = ((r, self.layout.limit_references(r)) for r in self._evolving)
         self._limited = [(r, *found) for r, found in limits if found is not None]
@@ -372,7 +374,7 @@ class Instance:
         variable = scalar.variable
         if isinstance(variable, Input):
             return
-        if isinstance(variable, Output) or variable.start_parameter is not None:
+        if isinstance(variable, Output) or variable.has_computed_start:
             raise BlockError(f"{self.name}: {scalar.name} is computed by the block and cannot be set.")
         if self.phase > Phase.INITIALIZATION:
             raise BlockError(f"{self.name}: {scalar.name} cannot be set after initialization.")
@@ -409,7 +411,8 @@ class Instance:
             raise BlockError(f"{self.name}: there is no variable '{name}'{hint}") from None
 
     def _take_start_values(self) -> None:
-        """Set states to the start values that come from parameters."""
+        """Set states to the start values that come from parameters, or to the start time."""
+        self._write(self._start_times, [self.time] * len(self._start_times))
         for reference, start in self._starts:
             container, key = self._slots[start]
             self._write((reference,), (container[key],))

@@ -11,7 +11,7 @@ from .description import FmuFeatures, offers_model_exchange
 from .export import Draft, draft
 from .recipe import Documents, Producer
 from .symbolic import evaluate_symbolically
-from .variables import Access
+from .variables import Access, StartTime
 
 _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 
@@ -72,7 +72,7 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         "",
         "/* type: R Real, I Integer or enumeration, B Boolean;",
         " * access: S settable, F fixed, H hidden;",
-        " * start_reference: the parameter that a state starts from, or -1 */",
+        " * start_reference: the parameter that a state starts from, -1, or -2 for the start time */",
         "typedef struct {",
         "    const char *name;",
         "    char type, access;",
@@ -85,7 +85,7 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
     for reference, scalar in enumerate((*layout.scalars, *layout.derivatives)):
         variable = scalar.variable
-        start_reference = -1
+        start_reference = -2 if isinstance(variable, StartTime) else -1
         if variable.start_parameter is not None:
             start_reference = layout.start_reference(reference)
         nominal = 1.0 if variable.nominal is None else variable.nominal

@@ -109,6 +109,11 @@ class Variable:
         return symbol_of(self.attribute, len(self.shape)) if self._symbol is None else self._symbol
 
     @property
+    def has_computed_start(self) -> bool:
+        """Whether a parameter or the start time determines the start value, so that it cannot be set."""
+        return self.start_parameter is not None
+
+    @property
     def start_parameter(self) -> "Parameter | None":
         """The parameter that gives the start value, if it is not a value itself."""
         return self.start if isinstance(self.start, Parameter) else None
@@ -239,6 +244,15 @@ class Derivative(Variable):
 
 class DiscreteState(Variable):
     """A state that changes once per communication step, at its end (noise, sample and hold)."""
+
+
+class StartTime(DiscreteState):
+    """A discrete state in s that starts at the time at which the run starts."""
+
+    @property
+    def has_computed_start(self) -> bool:
+        """True."""
+        return True
 
 
 class Output(Variable):

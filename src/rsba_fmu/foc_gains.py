@@ -39,6 +39,9 @@ def rule(sample_time: float, observer_poles: float, a_max: float) -> FocGains:
     return FocGains(k_p=0.5 * k_v, k_v=k_v, w_c=w_c, w_i=0.1 * w_c, omega_d=k_v, a_max=a_max)
 
 
-def tuned(k_p: float, k_v: float, w_c: float, a_max: float) -> FocGains:
-    """Return gains found by search, with the observer's d_hat for the load and the integrals of `rule`."""
-    return FocGains(k_p, k_v, w_c, 0.1 * w_c, 0.0, a_max, compensate=True)
+def tuned(k_p: float, k_v: float, w_c: float, a_max: float, w_i: float | None = None) -> FocGains:
+    """Return gains found by search, with the observer's d_hat for the load.
+
+    Without w_i the integrals are those of `rule`.
+    """
+    return FocGains(k_p, k_v, w_c, 0.1 * w_c if w_i is None else w_i, 0.0, a_max, compensate=True)

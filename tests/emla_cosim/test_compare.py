@@ -32,13 +32,13 @@ def names(controllers: list[str] | None, *gains: str) -> list[str]:
 
 def test_who_is_compared() -> None:
     """Without gains the recommended set of each, which is declared in one place."""
-    recommended = ["rsba/damped", "foc/tuned", "cac/tuned", "anatc/tuned"]
+    recommended = ["rsba/damped", "foc/damped", "cac/damped", "anatc/damped"]
     assert names(None) == names(None, "recommended") == recommended
     assert recommended == [f"{name}/{one.recommended}" for name, one in ec.CONTROLLERS.items()]
     assert names(["rsba"]) == ["rsba/damped"]
-    assert names(["foc", "rsba"], "recommended", "rule") == ["foc/tuned", "foc/rule", "rsba/damped"]
+    assert names(["foc", "rsba"], "recommended", "rule") == ["foc/damped", "foc/rule", "rsba/damped"]
     assert names(["rsba"], "all") == [f"rsba/{s}" for s in ec.CONTROLLERS["rsba"].gains]
-    assert names(["foc", "rsba"], "published") == ["foc/tuned", "rsba/published"]
+    assert names(["foc", "rsba"], "published") == ["foc/damped", "rsba/published"]
     assert names(["foc", "rsba"], "rsba/compensated", "tuned") == ["foc/tuned", "rsba/compensated"]
     assert names(["rsba", "rsba"], "robust", "rsba/robust") == ["rsba/robust"]
 

@@ -54,6 +54,7 @@ CASES: dict[str, Mapping[str, float]] = {
     "inductance -50 %": scaled(0.5, "L_d", "L_q"),
     "inductance +50 %": scaled(1.5, "L_d", "L_q"),
     "noise of 1 µm": {f"{joint}.plant.sensor.sigma": 1e-6 for joint in JOINTS},
+    "delay of 0.3 ms": {f"{joint}.plant.inverter.delay": 3e-4 for joint in JOINTS},
 }
 
 

@@ -166,7 +166,7 @@ def test_seeds_are_held_out() -> None:
         plan = tomllib.loads(text())
         random = np.random.default_rng(plan["seed"])
         used |= {int(random.integers(1, 2**31 - 2)) for _ in range(plan["training"] + plan["validation"])}
-    assert len(used) == 8 and used == list_tuning_seeds()
+    assert len(used) == 5 and used == list_tuning_seeds()
     many, few = HeldOutSeeds(200), HeldOutSeeds(5)
     assert len(set(many.drawn)) == 200 and not used & set(many.drawn) and many.drawn[:5] == few.drawn
     names = [f"{joint}.plant.sensor.seed" for joint in ("lift", "tilt")]
@@ -206,7 +206,7 @@ def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPat
 
 
 def test_only_what_is_random_runs_with_several_seeds(compared: ec.CompareResult) -> None:
-    assert compared.entrants == ["rsba/damped", "foc/tuned"]
+    assert compared.entrants == ["rsba/damped", "foc/damped"]
     seeds = HeldOutSeeds(3).drawn
     for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
         found = compared.rows.filter(joint=joint, controller=controller)
@@ -224,7 +224,7 @@ def test_both_controllers_meet_the_same_sequences_and_a_run_alone_repeats_one(
     assert len(sets) == 6
     assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).drawn)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
-    scenario = load("tilt", controller="foc", gains="tuned", set=run["set"], stop_time=0.4, fmus=fmu_folder)
+    scenario = load("tilt", controller="foc", gains="damped", set=run["set"], stop_time=0.4, fmus=fmu_folder)
     with scenario.prepare() as simulation:
         alone = simulation.run().metrics["joints"]["tilt"]
     assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
@@ -243,8 +243,8 @@ def test_the_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
 
 def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
     reserves, others = compared.notes
-    assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/tuned 0 % and 5 %.")
-    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/damped and foc/rule"
+    assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/damped 0 % and 5 %.")
+    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned and foc/rule"
     assert others.startswith(f"Further sets of gains: {left}")
 
 
@@ -275,7 +275,7 @@ def test_reserves_change_what_controllers_do(fmu_folder: Path) -> None:
     own = {"stop_time": 0.4, "fmus": fmu_folder, "workers": 1}
     usual = compare("lift", ["foc"], **own)
     less = compare("lift", ["foc"], reserves=(0.3, 0.05), **own)
-    assert less.notes[0] == "Reserves of current and voltage: foc/tuned 30 % and 5 %."
+    assert less.notes[0] == "Reserves of current and voltage: foc/damped 30 % and 5 %."
     ratio = less.rows["torque_peak_N_m"][0] / usual.rows["torque_peak_N_m"][0]
     assert 0.65 < ratio < 0.8 and less.rows["held"][0]
 
@@ -287,9 +287,9 @@ def test_robustness_shows_further_sets_of_those_who_are_compared(fmu_folder: Pat
     def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:
         return list(map(str, select_variants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
 
-    assert names("foc", "cac") == ["foc/tuned", "foc/rule", "cac/tuned"]
-    assert names()[:3] == ["rsba/damped", "rsba/robust", "foc/tuned"]
-    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/damped", "foc/tuned"]
+    assert names("foc", "cac") == ["foc/damped", "foc/rule", "cac/damped"]
+    assert names()[:3] == ["rsba/damped", "rsba/robust", "foc/damped"]
+    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/damped", "foc/damped"]
     assert names(FocController) == ["FocController/robust"]  # of a block of the user's
 
 

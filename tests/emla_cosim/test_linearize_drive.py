@@ -5,13 +5,14 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.linearization.margins import compute_margins
+from emla_cosim.linearization.places import default_openings
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
 from tests.support.linear_drive import GAINS as GAINS_OF_MODEL
 from tests.support.long import mostly_long
 
 AT, DURATION = 0.35, 0.15
 DELAY = {"lift.plant.inverter.delay": STEP}
-GAINS = {"rsba": "compensated", "foc": "tuned"}
+GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned"}
 PLACES = {
     POSITION: "lift.plant.x_measured -> lift.observer.y",
     CURRENT: "lift.controller.a_d -> lift.controller.i_q_ref",
@@ -29,18 +30,19 @@ def drive(controller: str) -> LinearDrive:
 
 @pytest.mark.parametrize("controller", GAINS)
 def test_the_loop_of_a_joint_is_that_of_its_equations(controller: str) -> None:
+    places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
     result = ec.linearize(
         "lift",
         controller=controller,
         gains=GAINS[controller],
         set=DELAY,
-        open=list(PLACES.values()),
+        open=list(places.values()),
         at=AT,
         duration=DURATION,
         stop_time=0.5,
     )
     expected = drive(controller)
-    for opened_at, name in PLACES.items():
+    for opened_at, name in places.items():
         response, found = result[name], result.margins[name]
         right = expected.loop_gain(opened_at, response.frequency)
         assert np.abs(response.value / right - 1.0).max() < 0.02
@@ -156,3 +158,23 @@ def test_linearity_is_that_of_the_reaction() -> None:
     )
     (measured,) = found.responses.values()
     assert measured.amplitude < 1e-5  # m
+
+
+SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
+
+
+def test_a_joint_is_opened_at_its_current_reference_by_default() -> None:
+    by_default, asked = (ec.linearize("lift", **SHORT, **of) for of in ({}, {"open": PLACES[CURRENT]}))
+    assert list(by_default.margins) == [PLACES[CURRENT]]
+    assert by_default.margins == asked.margins
+
+
+def test_all_joints_are_opened_by_default() -> None:
+    joints = ("lift", "tilt", "telescope")
+    found = default_openings(ec.load("study").system)
+    assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
+
+
+def test_a_controller_without_a_direct_current_reference_needs_a_place() -> None:
+    with pytest.raises(ec.CommandError, match=r"without delay.*--open lift"):
+        ec.linearize("lift", controller="cac", **SHORT)

@@ -536,5 +536,5 @@ def test_a_controller_without_gains_comes_with_its_recommended_ones() -> None:
     assert load("lift").options.gains == "robust"
     chosen = load("lift", controller="foc")
     assert chosen.options.gains is None
-    assert chosen.system == load("lift", controller="foc", gains="tuned").system
+    assert chosen.system == load("lift", controller="foc", gains="damped").system
     assert load("lift", controller="rsba", gains="robust").system == load("lift").system

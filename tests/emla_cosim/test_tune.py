@@ -205,7 +205,7 @@ def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) ->
     )
     assert plan.complete
     assert all(value is not None for value in plan.start.values.values())
-    assert len(plan.start.training.worst) == 11
+    assert len(plan.start.training.worst) == 10
 
 
 DELAY = {"lift.plant.inverter.delay": 1e-4}

@@ -1,6 +1,8 @@
 """The observer's Lyapunov solution, its bound (25), and what its gains do."""
 
 import math
+from contextlib import ExitStack
+from pathlib import Path
 from types import SimpleNamespace
 
 import hypothesis.strategies as st
@@ -8,11 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
-from fmublock.instance import Instance
+from fmublock.instance import BlockError, Instance
 from tests.support.joint_data import observers
-from tests.support.slaves import BlockSlave, interface
+from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 OUTPUTS = interface(EmlaObserver)[1]
 
@@ -202,3 +205,46 @@ def test_a_held_position_is_ahead_by_half_a_step() -> None:
     held, moving = (_follows(1e-3, 0.1, interpolate=value)["x_hat"] for value in (0.0, 1.0))
     assert held == pytest.approx(0.2 * 0.5e-3, rel=0.25)
     assert abs(moving) < 0.01 * held
+
+
+def _estimates(flavour: str, folder: Path, start: float, steps: int) -> np.ndarray:
+    """Estimates after each step of 2^-15 s, of which every time is a double."""
+    step = 2.0**-15
+    parameters = start_values(EmlaObserver, observer_gains.damped(400.0, 4e-4), {"x_hat_start": 0.0})
+    inputs, outputs = interface(EmlaObserver)
+    names = ("x_hat", "v_hat", "d_hat", "r_hat")
+    with ExitStack() as stack:
+        if flavour == "block":
+            slave = BlockSlave(EmlaObserver(), parameters)
+        else:
+            slave = stack.enter_context(
+                fmu_slave(fmu_path("EmlaObserver", flavour, folder), inputs, outputs, parameters)
+            )
+        slave.enter_initialization(start, start + 1.0)
+        slave.exit_initialization()
+        rows = []
+        for k in range(steps):
+            slave.inputs[inputs.index("y")] = 1e-3 * math.sin(0.3 * (k + 1))
+            slave.inputs[inputs.index("i_q")] = 10.0 * math.cos(0.2 * k)
+            slave.set_inputs()
+            slave.do_step(start + k * step, step)
+            slave.get_outputs()
+            rows.append([slave.outputs[outputs.index(name)] for name in names])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("flavour", ["block", "native"])
+def test_a_run_that_starts_later_has_the_same_estimates(flavour: str, fmu_folder: Path) -> None:
+    """Bit for bit; the second step interpolates over the first one, not over the time since 0 s."""
+    at_zero, later = (_estimates(flavour, fmu_folder, start, 20) for start in (0.0, 5.0))
+    assert np.array_equal(at_zero, later)
+    assert np.ptp(at_zero, axis=0).min() > 1e-6
+
+
+def test_the_time_of_the_last_step_begins_at_the_start_time() -> None:
+    instance = Instance(EmlaObserver())
+    instance.setup_experiment(5.0)
+    instance.enter_initialization()
+    assert instance["before.time"] == 5.0
+    with pytest.raises(BlockError, match="cannot be set"):
+        instance["before.time"] = 1.0

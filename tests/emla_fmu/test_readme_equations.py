@@ -81,7 +81,7 @@ def test_steps_are_those_of_the_readme() -> None:
             "r_hat": 0.0,
         }
         names = {"y_b": "before.y", "i_b": "before.i_q", "t_b": "before.time", "h_b": "before.step"}
-        before = {symbol: p[name] for symbol, name in names.items()}
+        before = {symbol: p.get(name, t) for symbol, name in names.items()}
         for i in range(12):
             h = 1e-4 if i < 8 else draw.choice([5e-5, 2e-4])
             given = {

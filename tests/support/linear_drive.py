@@ -18,8 +18,12 @@ F_2, F_3, F_4 = 0.01, 0.002, 0.001
 GAINS = {
     "rsba": {"p": 2200.0, "k_1": 1050.0, "k_2": 875.0, "k_3": 2000.0, "omega_u": 300.0},
     "foc": {"p": 1959.0, "k_p": 1464.0, "k_v": 543.0, "w_c": 2336.0, "w_i": 233.6},
+    "cac": {"p": 1036.0, "k_1": 515.0, "k_2": 519.0, "m_1": 6.09e5, "w_c": 1703.0, "varpi_2": 0.00252},
 }
-"""Gains in 1/s: `compensated` of RSBA, `tuned` of FOC."""
+"""Gains, mostly in 1/s: `compensated` of RSBA, `tuned` of FOC and CAC."""
+
+_OF_CONTROLLER = {"rsba": 2, "foc": 2, "cac": 11}
+"""Number of states of each controller."""
 
 POSITION, CURRENT = "measured position", "current reference"
 
@@ -31,7 +35,7 @@ class LinearDrive:
     """The linear loop of the lift at an operating point.
 
     Attributes:
-        controller: rsba or foc.
+        controller: rsba, foc or cac; cac cannot be opened at its current reference.
         v: Speed of the screw in m/s.
         i_q: q-axis current in A.
         i_d: d-axis current in A.
@@ -57,8 +61,9 @@ class LinearDrive:
 
     def _open(self, opened_at: str) -> tuple[Matrix, Matrix, Matrix, float]:
         """Return the matrices from the signal after the opening to that before it."""
-        columns = [self._step(state, 0.0, opened_at) for state in np.eye(15)]
-        B, D = self._step(np.zeros(15), 1.0, opened_at)
+        count = 13 + _OF_CONTROLLER[self.controller]
+        columns = [self._step(state, 0.0, opened_at) for state in np.eye(count)]
+        B, D = self._step(np.zeros(count), 1.0, opened_at)
         return np.array([c for c, _ in columns]).T, B, np.array([y for _, y in columns]), D
 
     def _step(self, state: Matrix, entering: float, opened_at: str) -> tuple[Matrix, float]:
@@ -70,7 +75,7 @@ class LinearDrive:
         decay, held, moving = self._observer()
         estimate = decay @ estimate + held @ read + moving @ (now - read)
         current = entering if opened_at == CURRENT else None
-        law = self._rsba if self.controller == "rsba" else self._foc
+        law = {"rsba": self._rsba, "foc": self._foc, "cac": self._cac}[self.controller]
         voltages, integrals, demanded = law(estimate, plant[2:], integrals, before, current)
         after = np.concatenate([plant, before, voltages, estimate, now, integrals])
         return after, plant[0] if opened_at == POSITION else demanded
@@ -152,3 +157,36 @@ class LinearDrive:
         error = np.array([demanded if current is None else current, 0.0]) - currents
         integrals = integrals + STEP * g["w_i"] * g["w_c"] * error
         return L * (g["w_c"] * error + integrals) + self._holding(v_hat, currents), integrals, demanded
+
+    def _cac(
+        self, estimate: Matrix, currents: Matrix, states: Matrix, _: Matrix, __: float | None
+    ) -> tuple[Matrix, Matrix, float]:
+        """Integrate filters, compensation and adaptation over a step with held inputs, then give voltages."""
+        g, (x_hat, v_hat, _d) = GAINS["cac"], estimate
+        A_2 = 1.5 * N_P * PHI / self._inertia_of_model
+        friction, k_c = FRICTION / self._inertia_of_model, g["w_c"] * L
+
+        def rates(s: Matrix) -> list[float]:
+            w, w_rate, i_c, i_rate, xi_1, xi_2, xi_3, xi_4, D_2, D_3, D_4, x, v, i_q, i_d = s
+            z_2, z_3 = v - w, i_q - i_c
+            v_2, v_3, v_4 = z_2 - xi_2, z_3 - xi_3, i_d - xi_4
+            a_1 = -g["k_1"] * x
+            robust = g["varpi_2"] / 0.01 * v_2
+            a_2 = (w_rate - g["k_2"] * z_2 - x + friction * v - D_2 - robust) / A_2
+            filtered = [5e3 * (5e3 * (a_1 - w) - 2.0 * w_rate), 1e4 * (1e4 * (a_2 - i_c) - 2.0 * i_rate)]
+            compensation = [
+                -g["k_1"] * xi_1 + w - a_1 + xi_2,
+                -g["k_2"] * xi_2 + A_2 * (i_c - a_2 + xi_3) - xi_1,
+                (-k_c * xi_3 - A_2 * xi_2) / L,
+                -k_c / L * xi_4,
+            ]
+            m = np.array([g["m_1"], 0.1 * g["w_c"] ** 2, 0.1 * g["w_c"] ** 2])
+            adapted = m * np.array([v_2, v_3, v_4]) - 0.01 * np.array([D_2, D_3, D_4])
+            return [w_rate, filtered[0], i_rate, filtered[1], *compensation, *adapted, 0.0, 0.0, 0.0, 0.0]
+
+        A = np.array([rates(unit) for unit in np.eye(15)]).T
+        states = (expm(STEP * A) @ np.concatenate([states, [x_hat, v_hat], currents]))[:11]
+        w, _, i_c, i_rate, *_, D_3, D_4 = states
+        error_q, error_d = k_c * (currents[0] - i_c) + A_2 * (v_hat - w), k_c * currents[1]
+        forced = np.array([L * (i_rate - D_3) - error_q, -L * D_4 - error_d])
+        return self._holding(v_hat, currents) + forced, states, i_c

@@ -23,6 +23,8 @@ def table(model: str) -> Values:
         if start.startswith("`"):
             found[name] = found.get(start.strip("`"), math.nan)
             continue
+        if start == "start time":
+            continue
         values = [_FIXED[v] if v in _FIXED else float(v) for v in start.replace(" ", "").split(",") if v]
         array, dots, last = name.removesuffix("]").partition("[1..")
         if dots:

@@ -7,7 +7,7 @@ from ..master.instances.described_instance import DescribedInstance
 from ..master.instances.integrated_instance import IntegratedInstance
 from ..master.integrated_group import IntegratedGroup
 from ..master.network import Network
-from ..study.joint import position_loop
+from ..study.joint import current_reference, position_loop
 from ..system.model import System
 
 
@@ -105,10 +105,19 @@ def parse_opening(system: System, text: str) -> Place:
     raise CommandError(f"there is no connection {label}: {now}", name=text)
 
 
+def default_openings(system: System) -> list[str]:
+    """Return where loops are opened by default: at the current reference of each joint."""
+    return [current_reference(joint) for joint in _joints(system)]
+
+
+def _joints(system: System) -> list[str]:
+    return [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
+
+
 def _of_joint(system: System, text: str) -> str:
     if "->" in text:
         return text
-    joints = [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
+    joints = _joints(system)
     if text not in joints:
         known = f", or a joint: {suggest_names(text, joints)}" if joints else "."
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input{known}", name=text)

@@ -24,7 +24,7 @@ from .folder import LinearizeFolder
 from .matrices import compute_matrices, find_steady_state
 from .measurement import measure
 from .perturbation import Perturbation
-from .places import Place, parse_opening
+from .places import Place, default_openings, parse_opening
 from .response import FrequencyResponse, choose_frequencies
 from .result import LinearizeResult, Measured
 
@@ -63,7 +63,8 @@ def linearize(
     Args:
         source: scenario, as for `load`.
         open: where to open a loop: a connection `a.output->b.input`, a path inside of a component
-            `a.input->a.output`, or the name of a joint, for its measured position.
+            `a.input->a.output`, or the name of a joint, for its measured position. Default: at the current
+            reference of each joint, unless `perturb` and `read` are set.
         perturb: full names of inputs of responses, connected or not.
         read: full names of outputs of responses.
         at: time of the operating point in s. Default: the stop time less the duration.
@@ -97,11 +98,13 @@ def linearize(
     check_no_condition(scenario.options.stop_when, "linearize")
     if matrices:
         _check_no_responses(_texts(open), duration, amplitude)
-        places = []
+        places, openings = [], []
     elif steady or free:
         raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
     else:
-        places = _places(scenario.system, _texts(open), _texts(perturb), _texts(read))
+        chosen = _texts(open), _texts(perturb), _texts(read)
+        openings = [] if any(chosen) else default_openings(scenario.system)
+        places = _places(scenario.system, openings or chosen[0], *chosen[1:])
     folder = None
     if output is not None:
         folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
@@ -121,7 +124,16 @@ def linearize(
             ]
             faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
             with scenario.prepare(told, fault=faults, set=values) as simulation:
-                result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+                try:
+                    result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+                except CommandError as error:
+                    if not openings:
+                        raise
+                    joint = openings[0].partition(".")[0]
+                    raise CommandError(
+                        f"{error} By default, loops are opened at the current reference; for the measured "
+                        f"position, set 'open' to {joint} (--open {joint})."
+                    ) from error
         if folder is not None:
             folder.keep(result, plots)
             folder.settle()

@@ -62,7 +62,7 @@ class Controller:
     Examples:
         >>> import emla_cosim as ec
         >>> ec.CONTROLLERS["foc"].recommended
-        'tuned'
+        'damped'
     """
 
     model: type[Block] | Path
@@ -91,24 +91,30 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "foc": Controller(
         FocController,
-        _in_files("tuned", "damped", "rule"),
+        _in_files("damped", "tuned", "rule"),
         foc_gains.FocGains,
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
-        CacController, _in_files("tuned", "published"), cac_gains.CacGains, {"tuned": cac_gains.tuned}
+        CacController,
+        _in_files("damped", "tuned", "published"),
+        cac_gains.CacGains,
+        {"tuned": cac_gains.tuned},
     ),
     "anatc": Controller(
-        AnatcController, _in_files("tuned", "published"), anatc_gains.AnatcGains, {"tuned": anatc_gains.tuned}
+        AnatcController,
+        _in_files("damped", "tuned", "published"),
+        anatc_gains.AnatcGains,
+        {"tuned": anatc_gains.tuned},
     ),
 }
 """Controllers by name; add your own here to use it by name.
 
-The recommended sets are comparable: `emla tune` found each of them, or starts from it.
+The recommended sets are comparable: they meet the conditions of the tunings, which start from them.
 """
 
 ROBUSTNESS_SETS = ("robust", "rule")
-"""Further sets in tables of robustness, since the recommended ones were tuned for small errors."""
+"""Further sets in tables of robustness, which were not tuned."""
 
 
 def choose_controller(controller: str | type | None, gain_set: str | None) -> "ChosenGains":

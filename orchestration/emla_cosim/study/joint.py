@@ -64,6 +64,14 @@ def position_loop(joint: str) -> str:
     return f"{joint}.plant.x_measured -> {joint}.observer.y"
 
 
+def current_reference(joint: str) -> str:
+    """Return the path on which a joint's loop is opened at its current reference.
+
+    A controller adds the reference acceleration, divided by the inertia's share, to this current.
+    """
+    return f"{joint}.controller.a_d -> {joint}.controller.i_q_ref"
+
+
 @dataclass(frozen=True)
 class Joint:
     """Components of a joint, and its connections by full names, which may lead to other components."""

@@ -10,6 +10,10 @@ from ..base.errors import CommandError
 from .controllers import CONTROLLERS
 from .joints.joint_files import has_tuning, list_joint_names, load_joint
 from .joints.schema import JointFile
+from .systems import joint_system
+
+_SET = "damped"
+"""The set of gains from which each search starts."""
 
 _BEHIND = 0.010
 """Additional distance in m from its reference at which a joint starts in one case."""
@@ -34,7 +38,8 @@ def _text(controller: str, joint: str) -> str:
     return Template(text).substitute(
         joint=joint,
         controller=controller,
-        gains=CONTROLLERS[controller].recommended,
+        drive=_drive(known, controller),
+        observer="\n".join(f'"{joint}.observer.{n}" = "{rule}"' for n, rule in _observer(known, controller)),
         tau_max=known.emla.tau_max,
         inductance=known.emla.L_q,
         paper_convergence=_convergence(known),
@@ -42,6 +47,29 @@ def _text(controller: str, joint: str) -> str:
         middle=round(0.5 * known.reference.parameters()["duration"][0], 3),
         noisy="".join(f', "{joint}.{name}" = {value}' for name, value in known.noisy.items()),
     )
+
+
+def _drive(known: JointFile, controller: str) -> str:
+    """Return what a realistic drive changes, as lines of TOML."""
+    usual, realistic = (joint_system(known, controller, _SET, drive=drive) for drive in (False, True))
+    return "\n".join(
+        f'"{component.name}.{name}" = {str(value).lower()}'
+        for component in realistic.components
+        for name, value in component.parameters.items()
+        if usual.component(component.name).parameters.get(name) != value
+    )
+
+
+def _observer(known: JointFile, controller: str) -> list[tuple[str, str]]:
+    """Return gains of the observer as expressions over alpha_1, so that all its poles are equal."""
+    alpha_1 = f"{known.name}.observer.alpha_1"
+    if known.gain_set(controller, _SET).observer.gains.omega_r:
+        return [
+            ("alpha_2", f"0.375 * {alpha_1} ** 2"),
+            ("omega_d", f"{alpha_1} / 6"),
+            ("omega_r", f"{alpha_1} / 16"),
+        ]
+    return [("alpha_2", f"{alpha_1} ** 2 / 3"), ("omega_d", f"{alpha_1} / 9")]
 
 
 def _convergence(joint: JointFile) -> float:

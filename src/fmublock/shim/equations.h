@@ -118,10 +118,12 @@ static void set_start_values(State *now, int type) {
     for (int r = 0; r < N_VALUES; r++) now->values[r] = variables[r].start;
 }
 
-/* Take the start values that come from parameters. */
+/* Take the start values that come from parameters, and the start time. */
 static void take_start_values(State *now) {
-    for (int r = FIRST_STATE; r < FIRST_OUTPUT; r++)
+    for (int r = FIRST_STATE; r < FIRST_OUTPUT; r++) {
         if (variables[r].start_reference >= 0) now->values[r] = now->values[variables[r].start_reference];
+        if (variables[r].start_reference == STARTS_AT_START_TIME) now->values[r] = now->time;
+    }
 }
 
 /* Take these start values and compute the outputs. */

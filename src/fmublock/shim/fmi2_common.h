@@ -184,7 +184,7 @@ static fmi2Status check_settable(const Instance *instance, int reference) {
     const int phase = instance->now.phase;
     if (variable->access == 'F')
         return report(instance, fmi2Error, "%s is fixed in this FMU and cannot be set.", variable->name);
-    if (reference >= FIRST_OUTPUT || variable->start_reference >= 0)
+    if (reference >= FIRST_OUTPUT || variable->start_reference != -1)
         return report(instance, fmi2Error, "%s is computed by the block and cannot be set.", variable->name);
     if (reference >= N_INPUTS && !(phase & (INSTANTIATED | INITIALIZATION)))
         return report(instance, fmi2Error, "%s cannot be set after initialization.", variable->name);

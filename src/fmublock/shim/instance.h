@@ -10,6 +10,7 @@
 
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
 #define MESSAGE_LENGTH 512
+#define STARTS_AT_START_TIME (-2) /* of start_reference */
 #define GUID_SIZE 39 /* {8-4-4-4-12} and the terminating zero */
 
 /* Phases of the FMI state machine are bits, so that a call can name several. */

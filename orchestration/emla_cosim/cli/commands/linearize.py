@@ -34,7 +34,8 @@ def command(
         list[str] | None,
         typer.Option(
             help="Open a loop at a connection, on a path inside of a component, or at the measured position "
-            "of a JOINT, and compute its margins (repeatable).",
+            "of a JOINT, and compute its margins (repeatable). Default: at the current reference of each "
+            "joint.",
             metavar="A.OUTPUT->B.INPUT|JOINT",
             rich_help_panel=_WHAT,
         ),
