@@ -1,4 +1,4 @@
-"""Draw images/faults.png: the coupled manipulator with each fault in mid-motion."""
+"""Draw images/faults.png: the coupled manipulator with the gains `damped` and each fault in mid-motion."""
 
 import tempfile
 from pathlib import Path
@@ -27,7 +27,7 @@ COLORS = ("#2f6db3", "#d9822b", "#4a9c6d")
 
 def run(fault: str, folder: Path) -> ec.Result:
     """Run the whole trajectory with this fault."""
-    scenario = ec.load("hdrm-coupled", fault=[ec.Fault.of_text(fault)], fmus=folder)
+    scenario = ec.load("hdrm-coupled", gains="damped", fault=[ec.Fault.of_text(fault)], fmus=folder)
     with scenario.prepare(output_interval=STEP) as simulation:
         return simulation.attempt()
 
@@ -63,7 +63,7 @@ def summary(result: ec.Result) -> str:
 
 def main() -> None:
     """Run, print the numbers, draw."""
-    figure = Figure(figsize=(11.0, 3.4), dpi=120, layout="constrained")
+    figure = Figure(figsize=(11.0, 3.4), dpi=150, layout="constrained")
     grid = figure.subplots(1, len(FAULTS), sharey=True, sharex=True)
     with tempfile.TemporaryDirectory() as folder:
         for axes, (label, fault) in zip(grid, FAULTS.items(), strict=True):
@@ -76,12 +76,12 @@ def main() -> None:
             axes.set_title(label, fontsize=9, loc="left")
             axes.set_xlabel("time / s")
             axes.set_yscale("log")
-            axes.set_ylim(1e-4, 2e3)
+            axes.set_ylim(5e-5, 2e3)
             axes.grid(alpha=0.25)
             axes.spines[["top", "right"]].set_visible(False)
             axes.tick_params(labelsize=8)
     grid[0].set_ylabel("position error / mm")
-    grid[0].legend(fontsize=8, frameon=False, loc="upper center")
+    grid[-1].legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     FigureCanvasAgg(figure).print_png(HERE / "images" / "faults.png")
 
 

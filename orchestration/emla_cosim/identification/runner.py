@@ -149,6 +149,14 @@ def identify(
     reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         task = _prepare(plan, reporter)
+        if folder is not None:
+            measured_files = {
+                file: "the measured data"
+                for one in plan.experiments
+                for data in one.measured
+                if (file := data.file) is not None
+            }
+            folder.check_unread([measured_files, *(one.read for one in task.preparations)])
         for kind, known in REGISTRIES.items():
             check_portable(kind, known)
         key = f"emla-identify-{hash_plain_data((plan.where, time.time_ns()))}"

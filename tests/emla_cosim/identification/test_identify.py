@@ -297,6 +297,9 @@ def test_the_command_writes_a_scenario_that_runs(
     with ec.load("found/identified.toml").prepare() as simulation:
         assert simulation.run().parameters["Cart.m"] == found["Cart.m"]["value"]
     assert sentence(emla("identify", "plan.toml", "--workers", "1", "--vary", "Cart.q=1:2"), 2)
+    both = ("--measured", "found/samples.csv:Cart.x=measured", "--output", "found")
+    told = sentence(emla("identify", str(fmu), "--vary", "Cart.m=1:2", *both), 2)
+    assert "samples.csv" in told and "measured data" in told
     Path("mine").mkdir()
     Path("mine/identify.json").write_text("{}")
     told = sentence(emla("identify", "plan.toml", "--workers", "1", "--output", "mine"), 2)
