@@ -81,7 +81,7 @@ def test_numbers_are_read_to_the_last_bit(
         ("time,x\n", "has fewer than two rows"),
         ("time,x\n0,1\n", "has fewer than two rows"),
         ("time,x\n0,1\n1,two\n", "has 'two' in row 2 of the column 'x'; it must be a finite number."),
-        ("time,x\nsec,what\n0,1\n1,1\n", r"has 'sec' in row 1 .* \(write units in the header"),
+        ("time,x\nlater,what\n0,1\n1,1\n", r"has 'later' in row 1 .* \(write units in the header"),
         ("time,x\n0,1\n1,\n", "has nothing in row 2 of the column 'x'"),
         ("time,x\n0,1\n\n1,2\n", "has nothing in row 2 of the column 'time'"),
         ("time,x\n0,nan\n1,2\n", "has 'nan' in row 1 of the column 'x'"),

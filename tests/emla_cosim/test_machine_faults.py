@@ -91,7 +91,7 @@ def test_a_signal_while_plots_are_drawn_ends_them(
 
 
 def test_a_trajectory_on_a_full_disk_is_exit_code_1(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path) -> Any:
+    def full(path: Path, *_: Any) -> Any:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("emla_cosim.trajectories.file_writer.write_atomically", full)

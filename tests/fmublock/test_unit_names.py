@@ -20,6 +20,11 @@ PINT_NAMES = {
     "%": "percent",
     "lbm": "pound",
     "ozm": "ounce",
+    "Nm": "newton * meter",
+    "RPM": "rpm",
+    "U/min": "rpm",
+    "Grad": "degree",
+    "kp": "kilogram_force",
 }
 SPOKEN = [name for name in _COHERENT if name not in _AMBIGUOUS]
 
@@ -75,7 +80,7 @@ def test_names(name: str, exponents: dict[str, int], factor: float) -> None:
     assert found.factor == pytest.approx(factor, rel=1e-14)
 
 
-SAY_NOTHING = ["", "Nm", "C", "g", "foo", "m/", "/s", "m//s", "m/s/s", "(m", "m)", "m.", "Euro/PersonYear"]
+SAY_NOTHING = ["", "xNm", "C", "g", "foo", "m/", "/s", "m//s", "m/s/s", "(m", "m)", "m.", "Euro/PersonYear"]
 SAY_NOTHING += ["m 2", "m200", "°C/W", "(" * 50 + "m", "m." * 5000 + "m", "m99.m99.Tm99.Tm99", "\x00", "µ"]
 SAY_NOTHING += ["kkg", "²", "m²", "٣", "m٣"]
 

@@ -1,6 +1,6 @@
 """Connectors and connections of vectors as a whole: one for each element."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 
 from ...base.errors import CommandError
@@ -11,6 +11,9 @@ from ..documents.ssd_data import ComponentElement, Connector, Element, SsdConnec
 
 _Shapes = dict[str, list[str]]
 """Indices of the elements of an element's vectors, by name."""
+
+_Names = Mapping[str, Collection[str]]
+"""Names of the connectors of each element."""
 
 
 def expand_vectors(system: SystemElement, interface: Callable[[str], Interface], where: str) -> SystemElement:
@@ -45,13 +48,14 @@ def _expand(
             }
             element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
         elements.append(element)
+    names = {element.name: dict.fromkeys(c.name for c in element.connectors) for element in elements}
     own: _Shapes = {}
     for x in system.connections:
         for (inside, name), (outside, other) in (_ends(x), _ends(x)[::-1]):
-            if outside is None and (found := _shape(inside, name, shapes, elements)):
+            if outside is None and (found := _shape(inside, name, shapes, names)):
                 own.setdefault(other, found)
     shapes[None] = own
-    connections = [y for x in system.connections for y in _connections(x, shapes, elements, where)]
+    connections = [y for x in system.connections for y in _connections(x, shapes, names, where)]
     system = replace(system, elements=tuple(elements), connections=tuple(connections))
     return replace(system, connectors=tuple(_connectors(system, own))), own
 
@@ -63,14 +67,11 @@ def _ends(connection: SsdConnection) -> tuple[tuple[str | None, str], tuple[str 
     )
 
 
-def _shape(
-    element: str | None, name: str, shapes: dict[str | None, _Shapes], elements: list[Element]
-) -> list[str]:
+def _shape(element: str | None, name: str, shapes: Mapping[str | None, _Shapes], names: _Names) -> list[str]:
     """Return the indices of a vector: of a connector, or of connectors of its elements; empty for others."""
     if found := shapes.get(element, {}).get(name):
         return found
-    owner = next((e for e in elements if e.name == element), None)
-    return [] if owner is None else find_indices(name, [c.name for c in owner.connectors])
+    return [] if element not in names else find_indices(name, names[element])
 
 
 def _connectors(element: Element, shapes: _Shapes) -> Iterator[Connector]:
@@ -84,9 +85,9 @@ def _connectors(element: Element, shapes: _Shapes) -> Iterator[Connector]:
 
 
 def _connections(
-    connection: SsdConnection, shapes: dict[str | None, _Shapes], elements: list[Element], where: str
+    connection: SsdConnection, shapes: Mapping[str | None, _Shapes], names: _Names, where: str
 ) -> Iterator[SsdConnection]:
-    start, end = (_shape(element, name, shapes, elements) for element, name in _ends(connection))
+    start, end = (_shape(element, name, shapes, names) for element, name in _ends(connection))
     if not (start and end):
         yield connection
         return
