@@ -71,7 +71,7 @@ def _shape(element: str | None, name: str, shapes: Mapping[str | None, _Shapes],
     """Return the indices of a vector: of a connector, or of connectors of its elements; empty for others."""
     if found := shapes.get(element, {}).get(name):
         return found
-    return [] if element not in names else find_indices(name, names[element])
+    return [] if element is None or element not in names else find_indices(name, names[element])
 
 
 def _connectors(element: Element, shapes: _Shapes) -> Iterator[Connector]:
