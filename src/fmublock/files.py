@@ -101,7 +101,8 @@ def _move(unfinished: Path, place: Path, check: Callable[[Path], object]) -> Non
         except OSError:  # a file appeared, or the file system has no hard links
             pass
         else:
-            unfinished.unlink()
+            with suppress(OSError):  # the file is complete; its other name goes with the next command
+                unfinished.unlink()
             return
     if os.path.lexists(place):
         real_place(place)
