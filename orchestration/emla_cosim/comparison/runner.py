@@ -24,7 +24,7 @@ from ..sweeps.data import REFUSED, VARIANT
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.runner import check_cluster
 from ..sweeps.variants import Chunk, VariantOutcome
-from ..sweeps.worker_payload import REGISTRIES, WorkerPayload, check_portable
+from ..sweeps.worker_payload import WorkerPayload
 from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
 from .controller_variants import ALL, Choice, ControllerVariant, list_other_variants, select_variants
 from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, TABLES
@@ -110,8 +110,6 @@ def compare(
     if table == STABILITY:
         terms = replace(terms, options={"stop_time": stability_stop_time(), **overrides})
     plan = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, reporter)
-    for kind, known in REGISTRIES.items():
-        check_portable(kind, known)
     if folder is None:
         return _result(plan, name, table, _run(plan, table, (scheduler, workers), reporter), None)
     folder.check_unread(group.read for group in plan.groups)

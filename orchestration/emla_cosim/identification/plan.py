@@ -1,13 +1,11 @@
 """The plan of an identification: a scenario, unknown parameters with their ranges, and experiments."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..base.errors import CommandError, check_choice, join_names
-from ..base.files import read_text
 from ..base.option import SWEEP
 from ..base.values import convert_value
 from ..inputs.input import Input
@@ -15,7 +13,7 @@ from ..run.options import list_options, read_option
 from ..run.scenarios.scenario import Scenario
 from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
-from ..sweeps.plan import Source, flatten
+from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
 
@@ -169,24 +167,16 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
         return IdentificationPlan(source.name if isinstance(source, Scenario) else "system", source)
     path = Path(source)
     if path.suffix.lower() == ".toml":
-        text = read_text(path, "the plan")
-        try:
-            content = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
-        if "vary" in content:
-            return parse_plan(content, path.stem, f"the identification '{path}'", path.parent)
+        content = read_plan_file(path)
+        if content is not None:
+            return _parse_plan(content, path.stem, f"the identification '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return IdentificationPlan(name, source, where=f"the identification of '{source}'")
 
 
-def parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path) -> IdentificationPlan:
+def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path) -> IdentificationPlan:
     """Return the plan of a file's content; paths in it are relative to `folder`. Raises CommandError."""
-    if "scenario" not in content:
-        raise CommandError(f'{label} has no scenario; write scenario = "lift", or the path of one.')
-    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
-    if (folder / scenario).exists():
-        scenario = str(folder / scenario)
+    scenario = find_plan_scenario(content, label, folder)
     plain = {key: content[key] for key in PLAIN if key in content}
     tables = {
         key: dict(flatten(convert_value(content.get(key, {}), Mapping[str, Any], f"'{key}' of {label}")))

@@ -29,7 +29,7 @@ from ..sweeps.plan import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.targets import merge_options
-from ..sweeps.worker_payload import REGISTRIES, Preparation, WorkerPayload, check_portable
+from ..sweeps.worker_payload import Preparation, WorkerPayload
 from .certainty import Certainty, Estimate, judge
 from .design import Candidate, rank_experiments
 from .estimation import Estimator, draw_starting_points
@@ -157,8 +157,6 @@ def identify(
                 if (file := data.file) is not None
             }
             folder.check_unread([measured_files, *(one.read for one in task.preparations)])
-        for kind, known in REGISTRIES.items():
-            check_portable(kind, known)
         key = f"emla-identify-{hash_plain_data((plan.where, time.time_ns()))}"
         payload = WorkerPayload.of(key, task.preparations)
         with (

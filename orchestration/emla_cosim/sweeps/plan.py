@@ -116,32 +116,43 @@ def load_plan(source: Source | Plan) -> Plan:
     if not isinstance(source, (str, Path)):
         return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
     if str(source) in PLANS:
-        return _parse_plan(PLANS[str(source)](), str(source), f"the plan '{source}'", None)
+        content = tomllib.loads(PLANS[str(source)]())
+        return _parse_plan(content, str(source), f"the plan '{source}'", None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
-        text = read_text(path, "the plan")
-        if _has_plan(text, path):
-            return _parse_plan(text, path.stem, f"the plan '{path}'", path.parent)
+        content = read_plan_file(path)
+        if content is not None:
+            return _parse_plan(content, path.stem, f"the plan '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return Plan(name, source, {}, where=f"the sweep of '{source}'")
 
 
-def _has_plan(text: str, path: Path) -> bool:
-    """Return whether a file is a plan rather than a scenario. Raise CommandError if it is not TOML."""
+def read_plan_file(path: Path) -> dict[str, Any] | None:
+    """Return the content of a plan, which has `vary`; None for a scenario.
+
+    Raises:
+        CommandError: The file cannot be read, or is not TOML.
+    """
     try:
-        return "vary" in tomllib.loads(text)
+        content = tomllib.loads(read_text(path, "the plan"))
     except (ValueError, RecursionError) as error:  # also for huge numbers and deep nesting
         raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
+    return content if "vary" in content else None
 
 
-def _parse_plan(text: str, name: str, label: str, folder: Path | None) -> Plan:
-    """Parse the text of a plan. Paths in it are relative to `folder`."""
-    content = tomllib.loads(text)
+def find_plan_scenario(content: Mapping[str, Any], label: str, folder: Path | None) -> str:
+    """Return the scenario of a plan, whose path may be relative to `folder`. Raises CommandError."""
     if "scenario" not in content:
         raise CommandError(f'{label} has no scenario; add scenario = "study", or the path of a scenario.')
     scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
     if folder is not None and (folder / scenario).exists():
-        scenario = str(folder / scenario)
+        return str(folder / scenario)
+    return scenario
+
+
+def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> Plan:
+    """Return the plan of a content. Paths in it are relative to `folder`."""
+    scenario = find_plan_scenario(content, label, folder)
     options = {
         option: read_option(option, value, f"'{option}' of {label}", folder)
         for option, value in read_given_options(content, label, _OWN, SWEEP).items()

@@ -144,7 +144,13 @@ class WorkerPayload:
 
     @classmethod
     def of(cls, key: str, preparations: Sequence[Preparation]) -> "WorkerPayload":
-        """Return the payload of these preparations. `key` is its name on the workers."""
+        """Return the payload of these preparations. `key` is its name on the workers.
+
+        Raises:
+            CommandError: A registered object cannot be sent to another process.
+        """
+        for kind, known in REGISTRIES.items():
+            check_portable(kind, known)
         paths = {sha: path for p in preparations for sha, path in p.files.items()}
         return cls(
             key,

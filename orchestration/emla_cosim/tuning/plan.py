@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import CommandError, join_names
-from ..base.files import read_text
 from ..base.option import SWEEP
 from ..base.values import convert_value
 from ..run.options import list_options, read_option
@@ -16,7 +15,7 @@ from ..run.scenarios.scenario import Scenario
 from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Source, flatten
+from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
 
@@ -207,28 +206,20 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
             raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
         return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
     if str(source) in TUNINGS:
-        return parse_tuning_plan(TUNINGS[str(source)](), str(source), f"the tuning '{source}'", None)
+        content = tomllib.loads(TUNINGS[str(source)]())
+        return _parse_tuning_plan(content, str(source), f"the tuning '{source}'", None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
-        text = read_text(path, "the plan")
-        try:
-            is_plan = "vary" in tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
-        if is_plan:
-            return parse_tuning_plan(text, path.stem, f"the tuning '{path}'", path.parent)
+        content = read_plan_file(path)
+        if content is not None:
+            return _parse_tuning_plan(content, path.stem, f"the tuning '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return TuningPlan(name, source, where=f"the tuning of '{source}'")
 
 
-def parse_tuning_plan(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
-    """Parse a plan; paths in it are relative to `folder`. Raises CommandError."""
-    content = tomllib.loads(text)
-    if "scenario" not in content:
-        raise CommandError(f'{label} has no scenario; write scenario = "tilt", or the path of one.')
-    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
-    if folder is not None and (folder / scenario).exists():
-        scenario = str(folder / scenario)
+def _parse_tuning_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> TuningPlan:
+    """Return the plan of a content; paths in it are relative to `folder`. Raises CommandError."""
+    scenario = find_plan_scenario(content, label, folder)
     given = read_given_options({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
     options = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in given.items()}
     own = {key: content[key] for key in PLAIN if key in content}

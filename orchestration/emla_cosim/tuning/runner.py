@@ -25,7 +25,7 @@ from ..sweeps.plan import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.seeds import draw_seeds
-from ..sweeps.worker_payload import REGISTRIES, Preparation, WorkerPayload, check_portable
+from ..sweeps.worker_payload import Preparation, WorkerPayload
 from ..system.model import Value
 from .data import Tuned
 from .evaluation import Evaluation
@@ -150,8 +150,6 @@ def _open_evaluation(
     reporter: Progress,
 ) -> Iterator[tuple[TuningTask, Evaluation]]:
     """Open workers with all that a tuning needs; yield its task and its evaluation."""
-    for kind, known in REGISTRIES.items():
-        check_portable(kind, known)
     conditions = [*plan.require, *preparation.options.require]
     free = replace(preparation, options=replace(preparation.options, require=[]))
     shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
