@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from ..base.arrays import Vector
+from .loss import LINEAR, find_robust_deviation, scale_for_loss
 from .parameters import Parameters
 
 LEVEL = 0.95
@@ -90,6 +91,7 @@ def judge(
     jacobian: NDArray[np.float64],
     lengths: Sequence[int],
     change: NDArray[np.float64] | None = None,
+    loss: str = LINEAR,
 ) -> Certainty:
     """Return the certainty of estimates.
 
@@ -101,9 +103,14 @@ def judge(
         lengths: number of samples of each signal of each experiment, whose residuals may be correlated.
         change: what another step of the differences changes in the derivatives, shape (n, p). A direction
             whose influence it changes by half or more has none.
+        loss: the loss function, a name of `LOSSES`.
     """
     count, total = len(point), len(residuals)
-    deviation = float(np.sqrt(residuals @ residuals / max(total - count, 1)))
+    pulls, factors = scale_for_loss(loss, residuals)
+    scores, jacobian = jacobian * pulls[:, None], jacobian * factors[:, None]
+    change = None if change is None else change * factors[:, None]
+    rms = float(np.sqrt(residuals @ residuals / max(total - count, 1)))
+    deviation = rms if loss == LINEAR else find_robust_deviation(residuals)
     problems: dict[int, str] = {}
     sizes = np.linalg.norm(jacobian, axis=0)
     noise = max(deviation, np.finfo(float).tiny)
@@ -130,13 +137,13 @@ def judge(
                 problems[free[k]] = f"the data do not tell it from a combination of {others}"
         free = [i for i in free if i not in problems]
     if free:
-        certain = _covariance(jacobian[:, free], residuals, lengths)
+        certain = _covariance(jacobian[:, free], scores[:, free], pulls, lengths)
         if change is not None:
             wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
             wider = wider * sizes[free] / sizes[free][:, None]
             certain = wider @ certain @ wider.T
         covariance[np.ix_(free, free)] = certain
-        independent = max(_count_independent(residuals, lengths), len(free) + 1.0)
+        independent = max(_count_independent(pulls, lengths), len(free) + 1.0)
         covariance *= independent / (independent - len(free))
         freedom = independent - len(free)
     errors = np.sqrt(np.diag(covariance))
@@ -173,8 +180,8 @@ def _describe_wide(
     if error <= _SEVERAL * alone or len(free) < 2:
         return "its interval is wider than its range"
     others = [k for k in free if k != i]
-    unit = jacobian / np.linalg.norm(jacobian, axis=0)
-    nearest = max(others, key=lambda k: abs(float(unit[:, i] @ unit[:, k])))
+    unit = {k: jacobian[:, k] / np.linalg.norm(jacobian[:, k]) for k in free}
+    nearest = max(others, key=lambda k: abs(float(unit[i] @ unit[k])))
     return (
         "its interval is wider than its range: its influence resembles that of "
         f"{parameters.items[nearest].name}"
@@ -182,17 +189,23 @@ def _describe_wide(
 
 
 def _covariance(
-    jacobian: NDArray[np.float64], residuals: Vector, lengths: Sequence[int]
+    jacobian: NDArray[np.float64], scores: NDArray[np.float64], pulls: Vector, lengths: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Return the covariance of the places, shape (p, p), with residuals correlated within each signal."""
+    """Return the covariance of the places, shape (p, p), with residuals correlated within each signal.
+
+    Args:
+        jacobian: derivatives of the residuals, shape (n, p).
+        scores: derivatives of the loss of each residual, shape (n, p).
+        pulls: the same by the residual, shape (n,).
+        lengths: number of samples of each signal of each experiment.
+    """
     count = jacobian.shape[1]
     _, triangle = np.linalg.qr(jacobian)
     inverse = np.linalg.inv(triangle)
     bread = inverse @ inverse.T
-    scores, at = jacobian * residuals[:, None], 0
-    meat = np.zeros((count, count))
+    meat, at = np.zeros((count, count)), 0
     for length in lengths:
-        part, of = scores[at : at + length], residuals[at : at + length]
+        part, of = scores[at : at + length], pulls[at : at + length]
         meat += part.T @ part
         lags = count_correlated_lags(of)
         for lag in range(1, lags + 1):

@@ -1,7 +1,7 @@
 """Estimate parameters by least squares from several starting points (`scipy.optimize.least_squares`)."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from scipy.stats import qmc
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
+from .loss import LINEAR, find_cost, find_robust_deviation
 from .measurement import EXACT
-from .prediction import InterruptedRunsError
 from .problem import Problem
 
 _TOLERANCE = 1e-10
@@ -48,14 +48,12 @@ class Solution:
         residuals: residuals there in standard deviations, shape (n,).
         cost: half the sum of their squares, or of the loss.
         converged: whether the search ended by its tolerances.
-        reason: why it ended.
     """
 
     point: Vector
     residuals: Vector
     cost: float
     converged: bool
-    reason: str
 
 
 @dataclass
@@ -77,13 +75,12 @@ class Estimator:
     history: list[dict[str, float]] = field(default_factory=list)
     best: Solution | None = None
 
-    def estimate(self, points: list[Vector], known_sigma: bool) -> Solution:
+    def estimate(self, points: list[Vector], free: Collection[str] = ()) -> Solution:
         """Return the best solution from all starting points.
 
         Args:
             points: the starting points, each of shape (p,).
-            known_sigma: whether the user gave the standard deviations of all signals. Otherwise they follow
-                from the residuals, in turns with the estimation.
+            free: signals whose standard deviation follows from the residuals, in turns with the estimation.
 
         Raises:
             InterruptedRunsError: the user interrupted; `best` has the best point so far.
@@ -94,9 +91,9 @@ class Estimator:
             reasons = sorted(self.problem.predictor.failures, key=self.problem.predictor.failures.__getitem__)
             raise RunError(f"the runs of all starting points fail: {reasons[-1].rstrip('.')}.")
         best = self._leave_valleys(min(found, key=lambda one: one.cost))
-        for _ in range(0 if known_sigma else _ROUNDS):
+        for _ in range(_ROUNDS if free else 0):
             before = dict(self.problem.sigma)
-            self._adapt_sigma(best)
+            self._adapt_sigma(best, free)
             best = self._leave_valleys(self._search(best.point, len(points)) or best)
             if all(abs(self.problem.sigma[k] / v - 1.0) < _SETTLED for k, v in before.items()):
                 break
@@ -119,38 +116,29 @@ class Estimator:
                 for distance in _DISTANCES
                 for sign in (1.0, -1.0)
             ]
-            costs = [np.inf if r is None else self._cost(r) for r in self.problem.residuals(points)]
+            costs = [np.inf if r is None else find_cost(self.loss, r) for r in self.problem.residuals(points)]
             if not points or not min(costs) < _BETTER * found.cost:
                 break
             found = self._search(points[int(np.argmin(costs))], -1) or found
         return found
 
-    def _cost(self, residuals: Vector) -> float:
-        """Return the cost of residuals with the loss function, as `least_squares` defines it."""
-        squares = residuals**2
-        if self.loss == "soft_l1":
-            squares = 2.0 * (np.sqrt(1.0 + squares) - 1.0)
-        elif self.loss == "huber":
-            squares = np.where(squares <= 1.0, squares, 2.0 * np.sqrt(squares) - 1.0)
-        elif self.loss == "cauchy":
-            squares = np.log1p(squares)
-        elif self.loss == "arctan":
-            squares = np.arctan(squares)
-        return 0.5 * float(squares.sum())
+    def _adapt_sigma(self, found: Solution, free: Collection[str]) -> None:
+        """Set the standard deviations of free signals to those of their residuals.
 
-    def _adapt_sigma(self, found: Solution) -> None:
-        """Set the standard deviations of the signals to those of their residuals."""
-        squares, counts, at = dict[str, float](), dict[str, int](), 0
-        spreads = {one.signal: float(np.std(one.values)) for one in self.problem.samples}
+        With a loss for outliers they are those of the median, which outliers do not move.
+        """
+        parts, spreads, at = dict[str, list[Vector]](), dict[str, float](), 0
         for one in self.problem.samples:
-            part = found.residuals[at : at + len(one.time)] * self.problem.sigma[one.signal]
-            squares[one.signal] = squares.get(one.signal, 0.0) + float(part @ part)
-            counts[one.signal] = counts.get(one.signal, 0) + len(part)
-            at += len(part)
-        for signal, total in squares.items():
-            deviation = float(np.sqrt(total / counts[signal]))
+            parts.setdefault(one.signal, []).append(found.residuals[at : at + len(one.time)])
+            spreads[one.signal] = max(spreads.get(one.signal, 0.0), float(np.std(one.values)))
+            at += len(one.time)
+        for signal in free:
+            of = np.concatenate(parts[signal]) * self.problem.sigma[signal]
+            rms = float(np.sqrt(np.mean(of**2)))
+            deviation = rms if self.loss == LINEAR else find_robust_deviation(of)
             self.problem.sigma[signal] = max(deviation, EXACT * spreads[signal])
-        self.best = None  # costs with other standard deviations cannot be compared
+        # costs with other standard deviations cannot be compared
+        self.best = replace(found, cost=np.inf)
 
     def _search(self, start: Vector, number: int, central: bool = False) -> Solution | None:
         """Return the minimum from one point; None if its run fails.
@@ -166,9 +154,9 @@ class Estimator:
             self.report(1)
             if found is None:
                 return _LOST * (np.abs(first) + 1.0)
-            cost = self._cost(found)
+            cost = find_cost(self.loss, found)
             self.history.append({"start": number, "evaluation": len(self.history), "cost": cost})
-            self._note(Solution(point.copy(), found, cost, False, "interrupted"))
+            self._note(Solution(point.copy(), found, cost, False))
             return found
 
         def jacobian(point: Vector) -> NDArray[np.float64]:
@@ -189,7 +177,7 @@ class Estimator:
         (found,) = self.problem.residuals([result.x])
         if found is None:
             return None
-        solution = Solution(result.x, found, float(result.cost), result.status > 0, str(result.message))
+        solution = Solution(result.x, found, float(result.cost), result.status > 0)
         self._note(solution)
         return solution
 
@@ -204,6 +192,3 @@ def draw_starting_points(start: Vector, count: int, seed: int) -> list[Vector]:
         return [start]
     drawn = qmc.LatinHypercube(len(start), rng=np.random.default_rng(seed)).random(count - 1)
     return [start, *drawn]
-
-
-__all__ = ["Estimator", "InterruptedRunsError", "Solution", "draw_starting_points"]

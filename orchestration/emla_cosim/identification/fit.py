@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from ..base.arrays import Vector
 from .certainty import autocorrelation
+from .loss import find_robust_deviation
 from .measurement import EXACT, MeasuredSignal
 
 _LAGS = 20
@@ -78,8 +79,9 @@ def assess_fit(
     statistic = (
         count * (count + 2.0) * float(np.sum(found[1 : lags + 1] ** 2 / (count - np.arange(1, lags + 1))))
     )
-    deviation = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
-    beyond = np.abs(differences - np.median(differences)) > _OUTLIER * deviation
+    centred = differences - np.median(differences)
+    deviation = find_robust_deviation(centred)
+    beyond = np.abs(centred) > _OUTLIER * deviation
     return Fit(
         experiment,
         one.signal,

@@ -1,6 +1,7 @@
 """The output folder of an identification."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -80,4 +81,5 @@ def read_unfinished(place: Path, names: Sequence[str]) -> dict[str, float] | Non
         unfinished = found["status"] == "unfinished"
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return values if unfinished and list(values) == list(names) else None
+    usable = list(values) == list(names) and all(map(math.isfinite, values.values()))
+    return values if unfinished and usable else None

@@ -1,19 +1,27 @@
 """Measured signals: times and values in the units of the system."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError
+from ..base.errors import CommandError, join_names
 from ..base.units import SiUnit
-from ..inputs.column_bindings import convert_column, find_column
+from ..base.wording import format_count
+from ..inputs.column_bindings import convert_column, find_column, match_headers
 from ..inputs.input import Column, Input
 from ..inputs.wired_inputs import LoadedInput
 
+FindSignal = Callable[[str], tuple[str, SiUnit | None]]
+"""Function that returns full name and unit of a signal, or raises CommandError."""
+
 EXACT = 1e-6
 """Residuals, as a part of the spread of the measurement, below which a prediction is exact."""
+
+_NAMED = 8
+"""Most columns that a message names."""
 
 _GAP = 5.0
 """Multiple of the median sample time from which a gap is reported."""
@@ -44,13 +52,13 @@ class MeasuredSignal:
 
 
 def read_measurements(
-    sources: Sequence[Input], find_unit: Callable[[str], SiUnit | None], label: str
+    sources: Sequence[Input], find_signal: FindSignal, label: str
 ) -> tuple[list[MeasuredSignal], list[str]]:
     """Return the measured signals of an experiment, and what the user should know of how they were read.
 
     Args:
         sources: the measured data.
-        find_unit: returns the unit of a signal, or raises CommandError for an unknown one.
+        find_signal: returns full name and unit of a signal, or raises CommandError for an unknown one.
         label: what messages call the experiment.
 
     Raises:
@@ -58,16 +66,21 @@ def read_measurements(
     """
     found, notes = list[MeasuredSignal](), list[str]()
     for source in sources:
+        _check_settings(source)
         loaded = LoadedInput.of(source)
         notes += [f"{source.label} {note}." for note in loaded.data.notes]
         if (gaps := _count_gaps(loaded.times)) > 0:
-            notes.append(f"{source.label} has {gaps} gap{'s' if gaps > 1 else ''} in its times.")
-        asked = dict(source.signals) or {
-            h.name: Column(h.text) for i, h in enumerate(loaded.data.headers) if i != loaded.time
-        }
-        for signal, column in asked.items():
+            notes.append(f"{source.label} has {format_count(gaps, 'gap')} in its times.")
+        asked, idle = _find_columns(source, loaded, find_signal)
+        if idle:
+            notes.append(f"{source.label} has columns that were not compared: {', '.join(idle)}.")
+        for name, column in asked.items():
+            signal, unit = find_signal(name)
             position, column = find_column(source, loaded.data, column)
-            unit = find_unit(signal)
+            if column.derivative:
+                raise CommandError(
+                    f"{source.label} has a derivative for {signal}; compare the column itself.", signal=signal
+                )
             between, is_assumed = convert_column(loaded.data, position, column, signal, unit)
             text = f"the column '{loaded.data.headers[position].text}' of {source.label}"
             if is_assumed:
@@ -79,6 +92,64 @@ def read_measurements(
                 raise CommandError(f"{label} has two columns for {signal}; remove one.", signal=signal)
             found.append(MeasuredSignal(signal, loaded.times, values, str(unit or ""), text))
     return found, notes
+
+
+def _check_settings(source: Input) -> None:
+    """Raise CommandError for settings that only data for inputs have."""
+    usual = Input(data={})
+    for name in ("interpolation", "end"):
+        if (value := getattr(source, name)) != getattr(usual, name):
+            raise CommandError(
+                f"{source.label} has {name}={value}, which only data for inputs have; remove it."
+            )
+
+
+def _find_columns(
+    source: Input, loaded: LoadedInput, find_signal: FindSignal
+) -> tuple[dict[str, Column], list[str]]:
+    """Return the columns by signal, and the names of the first columns that no signal has.
+
+    Raises:
+        CommandError: A pattern has no match, or no column is called as a signal.
+    """
+    asked, idle = dict(source.signals), list[str]()
+    for _, header in match_headers(source, loaded.data, loaded.time):
+        if header.name in asked:
+            continue
+        names = [header.name] if header.suffix is None else [header.name, header.suffix.name]
+        signal = next((name for name in names if _is_signal(name, find_signal)), None)
+        if signal is None:
+            idle.append(header.name)
+        else:
+            asked[signal] = Column(header.text)
+    if not asked:
+        raise CommandError(
+            f"{source.label} has no column that is called as a signal; write "
+            f"FILE:SIGNAL=COLUMN. Its columns are called {join_names(idle[:_NAMED])}."
+        )
+    more = f"and {len(idle) - _NAMED} more"
+    return asked, idle if len(idle) <= _NAMED else [*idle[:_NAMED], more]
+
+
+def _is_signal(name: str, find_signal: FindSignal) -> bool:
+    try:
+        find_signal(name)
+    except CommandError:
+        return False
+    return True
+
+
+def read_drivers(sources: Sequence[Input]) -> dict[str, tuple[Vector, Vector]]:
+    """Return times and values of the columns of numbers that drive inputs, by signal."""
+    found = dict[str, tuple[Vector, Vector]]()
+    for source in sources:
+        loaded = LoadedInput.of(source)
+        columns = {h.name: Column(h.text) for _, h in match_headers(source, loaded.data, loaded.time)}
+        for signal, column in {**columns, **source.signals}.items():
+            with suppress(CommandError):  # it drives nothing and may have texts
+                position, _ = find_column(source, loaded.data, column)
+                found[signal] = loaded.times, loaded.data.numbers(position)
+    return found
 
 
 def _count_gaps(time: Vector) -> int:

@@ -14,12 +14,15 @@ from ..base.units import SiUnit
 from ..sweeps.distributions import parse_distribution
 from ..sweeps.factors import Factor, find_start_number, resolve_factors
 from ..sweeps.kinds.continuous import Uniform
-from ..sweeps.targets import SHEET, START, merge_options, needs_preparation
+from ..sweeps.targets import SHEET, START, merge_options
 from ..sweeps.with_units import convert_units
 from ..sweeps.worker_payload import Preparation
 from .plan import IdentificationPlan
 
-_SENSOR = re.compile(r"\s*(offset|gain|delay)\((.+)\)\s*")
+DELAY = "delay"
+"""Kind of the parameter of a sensor that is late."""
+
+_SENSOR = re.compile(rf"\s*(offset|gain|{DELAY})\((.+)\)\s*")
 
 _DECADE = 10.0
 """Ratio of the ends of a positive range from which the parameter is estimated on a logarithmic scale."""
@@ -130,7 +133,11 @@ def resolve_parameters(
     for name, given in plan.vary.items():
         label = f"'{name}' of {plan.where}"
         if (of_sensor := _SENSOR.fullmatch(name)) is not None:
-            found.append(_sensor(name, of_sensor[1], of_sensor[2].strip(), given, label, measured))
+            found.append(
+                _sensor(
+                    name, of_sensor[1], _full_name(of_sensor[2].strip(), preparation), given, label, measured
+                )
+            )
             continue
         for factor in resolve_factors({name: given}, preparation.system, preparation.interfaces, plan.where):
             found.append(_parameter(factor, preparation, label))
@@ -139,20 +146,25 @@ def resolve_parameters(
     return Parameters(found)
 
 
+def _full_name(signal: str, preparation: Preparation) -> str:
+    component, name = preparation.system.split(signal)
+    return f"{component.name}.{name}"
+
+
 def _parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
-    if wrong := [t.name for t in factor.targets if t.kind != SHEET and needs_preparation(t)]:
-        raise CommandError(f"{label} cannot be estimated: {wrong[0]} is neither a start value nor an entry.")
     if any(t.kind == SHEET for t in factor.targets):
         raise CommandError(
             f"{label} is an entry of a data sheet; estimate the start value of the plant that follows from "
             "it, such as JOINT.plant.motor.J_m.",
             name=factor.name,
         )
+    if wrong := [t.name for t in factor.targets if t.kind != START]:
+        raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
     low, high = _ends(factor.distribution, label)
     ends = [float(x) for x in (factor.value(low), factor.value(high)) if x is not None]  # type: ignore[arg-type]
     low, high = min(ends), max(ends)
     start = None
-    if factor.targets[0].kind == START and len(factor.targets) == 1:
+    if len(factor.targets) == 1:
         start = find_start_number(factor.targets[0].name, preparation.system, preparation.interfaces)
     elif factor.targets[0].nominal is not None:
         start = 1.0

@@ -16,9 +16,7 @@ from ..study.loading import load
 from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
-
-LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-"""Loss functions of `scipy.optimize.least_squares`; all but the first reduce the weight of outliers."""
+from .loss import LINEAR, LOSSES
 
 _OF_EXPERIMENT = ("name", "measured", "held_out")
 
@@ -68,7 +66,7 @@ class IdentificationPlan:
     vary: Mapping[str, Any] = field(default_factory=dict)
     experiments: Sequence[Experiment] = ()
     sigma: Mapping[str, Any] = field(default_factory=dict)
-    loss: str = "linear"
+    loss: str = LINEAR
     starts: int = 1
     evaluations: int = 50
     profile: Sequence[str] = ()
@@ -120,6 +118,10 @@ class IdentificationPlan:
             raise CommandError(
                 f"'{unknown[0]}' in 'profile' of {self.where} is no unknown parameter; use "
                 f"{join_names(self.vary)}."
+            )
+        if self.profile and self.loss != LINEAR:
+            raise CommandError(
+                f"{self.where} has a profile and the loss '{self.loss}'; a profile needs '{LINEAR}'."
             )
         names = [one.name for one in self.experiments]
         if twice := [name for name in names if names.count(name) > 1]:

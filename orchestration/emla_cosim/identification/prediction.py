@@ -9,6 +9,7 @@ import numpy as np
 import polars
 
 from ..base.arrays import Vector
+from ..run.lost_values import tells_lost_values
 from ..sweeps.data import DONE, VARIANT
 from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.measures import Measures
@@ -17,6 +18,8 @@ from .measurement import MeasuredSignal
 from .parameters import Parameters
 
 _BYTES = 8
+"""Size of a value."""
+
 _KEPT = 64
 """Most predictions that are kept for repeated values."""
 
@@ -38,7 +41,10 @@ class Predictor:
         experiments: measured signals of each experiment; empty for one that is only planned.
         signals: all signals to record.
         interrupted: whether the user wants to stop.
+        rows: rows of a table, of the experiment that has most.
         runs: number of runs so far.
+        failures: why runs failed, with their numbers.
+        lost: remark on start values that an FMU did not take; empty if it took all.
     """
 
     executor: ClusterExecutor
@@ -49,6 +55,7 @@ class Predictor:
     interrupted: Callable[[], bool]
     runs: int = 0
     failures: dict[str, int] = field(default_factory=dict)
+    lost: str = ""
     _kept: dict[tuple[float, ...], list[Prediction]] = field(default_factory=dict)
     _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
 
@@ -72,7 +79,7 @@ class Predictor:
     def _run(self, missing: Mapping[tuple[float, ...], Vector]) -> dict[tuple[float, ...], list[Prediction]]:
         count = len(self.experiments)
         jobs = {
-            next(self._numbers): (key, group, Variant(0, self.parameters.options(point)))
+            next(self._numbers): (key, group, self.parameters.options(point))
             for group in range(count)
             for key, point in missing.items()
         }
@@ -90,10 +97,12 @@ class Predictor:
             for outcome in chunk.outcomes:
                 key, group, _ = jobs[outcome.number]
                 data = series.get(outcome.number)
+                if tells_lost_values(outcome.problem):
+                    self.lost = self.lost or str(outcome.problem)
                 found[key][group] = self._judge(outcome.status, outcome.problem, data, group)
 
         def variant(number: int) -> Variant:
-            return Variant(number, jobs[number][2].options)
+            return Variant(number, jobs[number][2])
 
         size = _BYTES * (1 + len(self.signals)) * self.rows
         if not self.executor.run(work, variant, measures, size, keep, self.interrupted):

@@ -1,5 +1,6 @@
 """Run an identification: prepare the experiments, estimate, and judge what came out."""
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -17,10 +18,9 @@ from ..base.progress import Progress
 from ..base.quantities import parse_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
+from ..base.wording import format_count
 from ..fmu.variables import find_variable
-from ..inputs.column_bindings import find_column
-from ..inputs.input import Column, Input
-from ..inputs.wired_inputs import LoadedInput
+from ..inputs.input import Input
 from ..run.option_types import SweepOptions
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import ClusterExecutor, Scheduler, open_executor
@@ -28,15 +28,15 @@ from ..sweeps.folder import hash_plain_data
 from ..sweeps.plan import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
-from ..sweeps.targets import merge_options
 from ..sweeps.worker_payload import Preparation, WorkerPayload
 from .certainty import Certainty, Estimate, judge
 from .design import Candidate, rank_experiments
 from .estimation import Estimator, draw_starting_points
 from .fit import Fit, assess_fit, list_poor_fits
 from .folder import IdentificationFolder, read_unfinished
-from .measurement import MeasuredSignal, read_measurements
-from .parameters import Parameters, resolve_parameters
+from .loss import LINEAR
+from .measurement import MeasuredSignal, read_drivers, read_measurements
+from .parameters import DELAY, Parameters, resolve_parameters
 from .plan import Experiment, IdentificationPlan, load_identification_plan, read_measured
 from .prediction import InterruptedRunsError, Predictor
 from .problem import Problem
@@ -176,7 +176,7 @@ class _Task:
     signals: Sequence[Sequence[MeasuredSignal]]
     parameters: Parameters
     sigma: Mapping[str, float]
-    units: Mapping[str, SiUnit | None]
+    drivers: Sequence[Mapping[str, tuple[Vector, Vector]]]
     notes: Sequence[str]
 
 
@@ -184,6 +184,8 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
     """Prepare the experiments, and read what was measured."""
     preparations, signals, notes = list[Preparation](), list[list[MeasuredSignal]](), list[str]()
     units: dict[str, SiUnit | None] = {}
+    given: dict[str, Any] = {}
+    drivers = list[dict[str, tuple[Vector, Vector]]]()
     for one in plan.experiments:
         label = f"the experiment '{one.name}'"
         scenario = plan.load_scenario(one.options)
@@ -191,13 +193,14 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
             reporter.note(f"Note: {note}.")
         preparation = Preparation.of(scenario, reporter)
 
-        def find_unit(name: str, of: Preparation = preparation) -> SiUnit | None:
-            units[name] = _unit_of(of, name)
-            return units[name]
+        def find_signal(name: str, of: Preparation = preparation) -> tuple[str, SiUnit | None]:
+            signal, unit = _find_signal(of, name)
+            units[signal] = unit
+            return signal, unit
 
-        found, told = read_measurements(one.measured, find_unit, label)
-        for signal in plan.sigma:
-            find_unit(signal)
+        found, told = read_measurements(one.measured, find_signal, label)
+        given = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
+        drivers.append(read_drivers(scenario.options.input))
         notes += [note for note in told if note not in notes]
         used = replace(preparation.options, require=[], **_times(preparation.options, found))
         preparations.append(replace(preparation, options=used))
@@ -209,19 +212,37 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
                     f"{whole.label} has no samples between {start:g} s and {stop:g} s, the times of {label}."
                 )
             if (left := len(whole.time) - len(part.time)) > 0:
-                notes.append(f"{left} samples of {whole.label} are outside of the run and were not used.")
+                notes.append(f"{format_count(left, 'sample')} of {whole.label} outside of the run: not used.")
         signals.append(inside)
     parameters = resolve_parameters(plan, preparations[0], units)
-    sigma = _read_sigma(plan, units)
+    sigma = _read_sigma(given, units)
     if not plan.design:
         _check_counts(plan, signals, parameters)
+        measured = {x.signal for of in signals for x in of}
+        if idle := [signal for signal in sigma if signal not in measured]:
+            raise CommandError(f"{idle[0]} in 'sigma' of {plan.where} is not measured.", signal=idle[0])
     for note in notes:
         reporter.note(f"Note: {note}")
-    return _Task(plan, preparations, signals, parameters, sigma, units, notes)
+    preparations = _extend(preparations, parameters)
+    return _Task(plan, preparations, signals, parameters, sigma, drivers, notes)
 
 
-def _unit_of(preparation: Preparation, signal: str) -> SiUnit | None:
-    """Return the unit of a signal; raise CommandError if there is none of this name, or it is no number."""
+def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
+    """Return preparations whose runs are so long that a sensor ahead of time can be predicted to the end."""
+    ahead = max((-one.low for one in parameters.items if one.sensor and one.sensor[0] == DELAY), default=0.0)
+    found = list[Preparation]()
+    for one in preparations:
+        options = one.options
+        if ahead > 0.0 and options.stop_time is not None:
+            step = options.step_size or ahead
+            stop = options.stop_time + step * math.ceil(ahead / step - 1e-9)
+            options = replace(options, stop_time=stop)
+        found.append(replace(one, options=options))
+    return found
+
+
+def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
+    """Return full name and unit of a signal; raise CommandError if it does not exist, or is no number."""
     component, name = preparation.system.split(signal)
     interface = preparation.interfaces[component.name]
     alias = component.alias(name)
@@ -229,7 +250,8 @@ def _unit_of(preparation: Preparation, signal: str) -> SiUnit | None:
     if variable.type not in ("Real", "Integer"):
         raise CommandError(f"{signal} is of the type {variable.type}; measured signals are numbers.")
     own = component.aliases.get(name)
-    return own.unit if own is not None else interface.unit(alias.variable)
+    unit = own.unit if own is not None else interface.unit(alias.variable)
+    return f"{component.name}.{name}", unit
 
 
 def _times(options: Any, found: Sequence[MeasuredSignal]) -> dict[str, Any]:
@@ -247,9 +269,9 @@ def _times(options: Any, found: Sequence[MeasuredSignal]) -> dict[str, Any]:
     return {name: float(value) for name, value in changed.items()}
 
 
-def _read_sigma(plan: IdentificationPlan, units: Mapping[str, SiUnit | None]) -> dict[str, float]:
+def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:
     found = {}
-    for signal, given in plan.sigma.items():
+    for signal, given in asked.items():
         label = f"the standard deviation of {signal}"
         value = parse_quantity(str(given), label).in_unit(units[signal], label)
         if not 0.0 < value < float("inf"):
@@ -296,14 +318,14 @@ class _Identification:
         estimator = Estimator(problem, plan.loss, plan.evaluations, lambda n: self._advance(estimator, n))
         self.reporter.begin("identifying", plan.starts * plan.evaluations, "evaluations")
         points = draw_starting_points(self._start(), plan.starts, plan.seed)
-        known = all(signal in self.task.sigma for signal in sigma)
+        free = [signal for signal in sigma if signal not in self.task.sigma]
         try:
-            best = estimator.estimate(points, known)
+            best = estimator.estimate(points, free)
             jacobian, change, notes = self._differentiate(problem, best.point)
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
             lengths = [len(one.time) for one in problem.samples]
-            certainty = judge(parameters, best.point, residuals, jacobian, lengths, change)
+            certainty = judge(parameters, best.point, residuals, jacobian, lengths, change, plan.loss)
             certainty = self._profiled(problem, best.point, certainty)
         except InterruptedRunsError:
             return self._interrupted(estimator, problem)
@@ -402,12 +424,12 @@ class _Identification:
     ) -> IdentificationResult:
         fits, samples = (self._fits(problem, point)) if complete else ([], _NO_SAMPLES)
         notes = [*notes, *_notes(fits, certainty, self.task)]
+        notes += [problem.predictor.lost] if problem.predictor.lost else []
         plan = self.task.plan
-        options = self.task.parameters.options(point)
         result = IdentificationResult(
             plan.name,
             certainty.estimates,
-            options.get("set", {}),
+            self.task.parameters.options(point).get("set", {}),
             certainty.correlations,
             certainty.condition,
             fits,
@@ -422,13 +444,13 @@ class _Identification:
             notes,
             None if self.folder is None else self.folder.path,
         )
-        self._keep(result, options)
+        self._keep(result)
         return result
 
-    def _keep(self, result: IdentificationResult, options: Mapping[str, Any]) -> None:
+    def _keep(self, result: IdentificationResult) -> None:
         if self.folder is None:
             return
-        content = scenario_content(self.task.plan.scenario, merge_options([self.task.plan.options, options]))
+        content = scenario_content(self.task.plan.scenario, self.task.plan.options)
         self.folder.keep(result, _record(self.task, result), content)
         self.folder.settle()
 
@@ -436,13 +458,12 @@ class _Identification:
         (predictions,) = problem.predictor.predict([point])
         fits, frames = list[Fit](), list[polars.DataFrame]()
         for i, one in enumerate(self.task.plan.experiments):
-            inputs = _inputs(self.task.preparations[i], one, self.task.plan)
             differences = problem.differences(point, predictions, i)
             if not differences:
                 raise RunError(f"the experiment '{one.name}' fails with the estimates: {predictions[i]}.")
             for x in self.task.signals[i]:
                 residuals = differences[x.signal]
-                fits.append(assess_fit(one.name, one.held_out, x, residuals, inputs))
+                fits.append(assess_fit(one.name, one.held_out, x, residuals, self.task.drivers[i]))
                 frames.append(
                     polars.DataFrame(
                         {
@@ -536,29 +557,12 @@ def _notes(fits: Sequence[Fit], found: Certainty, task: _Task) -> list[str]:
             f"the residuals are {found.deviation:.3g} times as large as the given standard deviations"
         )
     notes += [
-        f"{one.outliers} samples of {one.signal} in {one.experiment} are outliers; --loss soft_l1 bears them"
+        f"{format_count(one.outliers, 'outlier')} among the samples of {one.signal} in {one.experiment}; "
+        "--loss soft_l1 bears them"
         for one in fits
-        if one.outliers and one.is_white and task.plan.loss == "linear"
+        if one.outliers and one.is_white and task.plan.loss == LINEAR
     ]
     return notes
-
-
-def _inputs(
-    preparation: Preparation, one: Experiment, plan: IdentificationPlan
-) -> dict[str, tuple[Vector, Vector]]:
-    """Return times and values of the data that drive inputs in an experiment, by signal."""
-    scenario = preparation.scenario
-    sources: Sequence[Input] = () if scenario is None else scenario.options.input
-    found = dict[str, tuple[Vector, Vector]]()
-    for source in sources:
-        loaded = LoadedInput.of(source)
-        columns = dict(source.signals) or {
-            h.name: Column(h.text) for i, h in enumerate(loaded.data.headers) if i != loaded.time
-        }
-        for signal, column in columns.items():
-            position, _ = find_column(source, loaded.data, column)
-            found[signal] = loaded.times, loaded.data.numbers(position)
-    return found
 
 
 def _record(task: _Task, result: IdentificationResult) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def bind_columns(
     """
     chosen = {signal: find_column(source, data, column) for signal, column in source.signals.items()}
     idle = []
-    for position, header in _match_headers(source, data, time):
+    for position, header in match_headers(source, data, time):
         if header.name in chosen:
             continue
         names = [header.name] if header.suffix is None else [header.name, header.suffix.name]
@@ -83,10 +83,13 @@ def bind_columns(
     return found, idle
 
 
-def _match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
-    """Return the columns that drive signals of the same name, if there are such signals.
+def match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
+    """Return the columns that belong to signals of the same name, if there are such signals.
 
-    Without explicit columns and signals these are all. Raises CommandError for a pattern without a match.
+    Without explicit columns and signals these are all but that of the times.
+
+    Raises:
+        CommandError: If a pattern has no match.
     """
     others = [(i, h) for i, h in enumerate(data.headers) if i != time]
     if not source.columns:

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from emla_cosim.identification.certainty import autocorrelation, count_correlated_lags, judge
+from emla_cosim.identification.loss import LOSSES, find_cost, scale_for_loss
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.profile import profile
 from tests.support.known_predictions import measured, parameter, problem
@@ -46,6 +48,36 @@ def test_intervals_contain_the_truth_also_if_residuals_are_correlated(memory: fl
         inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
                    for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
     assert (inside / runs > least).all() and (inside / runs < 0.985).all(), inside / runs
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
+def test_intervals_contain_the_truth_among_outliers(loss: str) -> None:
+    random, inside, runs, widths = np.random.default_rng(1), np.zeros(2), 300, list[float]()
+    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    for _ in range(runs):
+        noise = random.standard_normal(len(TIME)) * np.where(random.random(len(TIME)) < 0.05, 30.0, 1.0)
+        values = LINE @ [4.0, 6.0] + noise
+        found = least_squares(lambda p, y=values: LINE @ p - y, fitted(values)[0], loss=loss).x
+        residuals = LINE @ found - values
+        got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss).estimates
+        widths.append(float(got[1].error or np.inf))
+        inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
+                   for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
+    assert (inside / runs > 0.91).all() and (inside / runs < 0.99).all(), inside / runs
+    alone = np.sqrt(np.linalg.inv(LINE.T @ LINE)[1, 1])  # the error without outliers
+    assert np.median(widths) < 1.4 * alone
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_losses_are_those_of_scipy(loss: str) -> None:
+    values = np.array([-40.0, -1.0, -0.3, 0.0, 0.9, 1.1, 7.0])
+    found = least_squares(lambda p: values + 0.0 * p[0], [0.0], loss=loss)
+    assert find_cost(loss, values) == pytest.approx(found.cost)
+    pulls, _ = scale_for_loss(loss, values)
+    step = 1e-6
+    slope = [(find_cost(loss, np.array([v + step])) - find_cost(loss, np.array([v - step]))) / (2 * step)
+             for v in values]  # fmt: skip
+    assert pulls == pytest.approx(slope, abs=1e-6)
 
 
 def test_what_the_data_do_not_tell_is_named() -> None:

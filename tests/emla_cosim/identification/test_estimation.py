@@ -33,7 +33,7 @@ def test_the_minimum_is_that_of_scipy(loss: str) -> None:
     values[::25] += 0.5  # outliers
     space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
     solved = problem(space, [[measured(TIME, values)]], decay, sigma=0.02)
-    found = search(solved, loss).estimate([Parameters(space).start], known_sigma=True)
+    found = search(solved, loss).estimate([Parameters(space).start])
     expected = least_squares(
         lambda x: (x[0] * np.exp(-x[1] * TIME) - values) / 0.02, [1.7, 3.5], loss=loss, xtol=1e-12, ftol=1e-12
     )
@@ -51,8 +51,38 @@ def test_standard_deviations_follow_from_the_residuals() -> None:
 
     space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
     solved = problem(space, [[measured(TIME, x), measured(TIME, v, "v")]], both)
-    search(solved).estimate([Parameters(space).start], known_sigma=False)
+    search(solved).estimate([Parameters(space).start], free=list(solved.sigma))
     assert solved.sigma == pytest.approx({"y": 0.01, "v": 0.3}, rel=0.15)
+
+
+def test_outliers_do_not_hide_behind_the_deviation_that_they_cause() -> None:
+    values = noisy(1)
+    values[::20] += 1.0
+    space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
+    solved = problem(space, [[measured(TIME, values)]], decay)
+    found = search(solved, "cauchy").estimate([Parameters(space).start], free=["y"])
+    assert solved.sigma["y"] == pytest.approx(0.01, rel=0.15)
+    assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 3.0}, rel=0.01)
+
+
+def test_given_deviations_stay_while_others_follow() -> None:
+    def both(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [decay(p)[0] | {"v": decay(p)[0]["y"]}]
+
+    space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
+    signals = [measured(TIME, noisy(1)), measured(TIME, noisy(2, 0.1), "v")]
+    solved = problem(space, [signals], both, sigma=0.5)
+    search(solved).estimate([Parameters(space).start], free=["v"])
+    assert solved.sigma == pytest.approx({"y": 0.5, "v": 0.1}, rel=0.15)
+
+
+def test_an_interrupt_while_deviations_change_keeps_the_best() -> None:
+    space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
+    solved = problem(space, [[measured(TIME, noisy(1))]], decay)
+    searching = search(solved)
+    found = searching.estimate([Parameters(space).start])
+    searching._adapt_sigma(found, ["y"])
+    assert searching.best is not None and (searching.best.point == found.point).all()
 
 
 def test_values_whose_runs_fail_are_avoided() -> None:
@@ -61,10 +91,10 @@ def test_values_whose_runs_fail_are_avoided() -> None:
 
     space = [parameter("a", 0.0, 5.0, 1.0), parameter("b", 0.1, 20.0, 3.4)]
     solved = problem(space, [[measured(TIME, noisy())]], fails)
-    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start], known_sigma=True)
+    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
     assert Parameters(space).values(found.point)["b"] == pytest.approx(3.0, rel=0.02)
     with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
-        search(solved).estimate([np.array([0.2, 0.9])], known_sigma=True)
+        search(solved).estimate([np.array([0.2, 0.9])])
 
 
 def test_a_valley_that_is_uneven_is_followed_to_its_end() -> None:
@@ -77,7 +107,7 @@ def test_a_valley_that_is_uneven_is_followed_to_its_end() -> None:
     values = uneven({"a": 2.0, "b": 5.0})[0]["y"] + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
     space = [parameter("a", 0.0, 10.0, 6.5), parameter("b", 0.0, 10.0, 0.5)]
     solved = problem(space, [[measured(TIME, values)]], uneven, sigma=1e-3)
-    found = search(solved).estimate([Parameters(space).start], known_sigma=True)
+    found = search(solved).estimate([Parameters(space).start])
     assert 2.0 * found.cost / len(TIME) < 1.2
     assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
 
@@ -89,8 +119,8 @@ def test_several_starting_points_find_the_lowest_of_several_minima() -> None:
     space = [parameter("w", 10.0, 90.0, 12.0)]
     solved = problem(space, [[measured(TIME, np.sin(60.0 * TIME))]], wave)
     start = Parameters(space).start
-    one = search(solved).estimate([start], known_sigma=True)
-    several = search(solved).estimate(draw_starting_points(start, 30, 0), known_sigma=True)
+    one = search(solved).estimate([start])
+    several = search(solved).estimate(draw_starting_points(start, 30, 0))
     assert one.cost > 1.0
     assert Parameters(space).values(several.point)["w"] == pytest.approx(60.0)
     assert [list(x) for x in draw_starting_points(start, 3, 1)] == [

@@ -17,6 +17,7 @@ from emla_cosim.base.progress import Progress
 from fmublock import Block, Input, Output, Parameter, State, build
 from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla, sentence
+from tests.support.reluctant_fmu import build_reluctant_fmu
 from tests.support.toy_fmu import PRODUCER
 
 
@@ -195,6 +196,13 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"times": [0.0, 1.0]}, "has 2 samples for 3 parameters"),
     ({"times": TIME + 5.0}, "has no samples between"),
     ({"loss": "square"}, "loss 'square'"),
+    ({"vary": {"stop_time": "1:2"}}, "stop_time is not a start value"),
+    ({"sigma": {"Cart.v": 1.0}}, "Cart.v in 'sigma' of .* is not measured"),
+    ({"signals": {"Cart.x": ec.Column("x", derivative=1)}}, "derivative"),
+    ({"settings": {"end": "repeat"}}, "has end=repeat, which only data for inputs have"),
+    ({"signals": {}, "settings": {"columns": ["speed*"]}}, "has no column 'speed\\*'"),
+    ({"signals": {}, "names": ("t", "place")}, "no column that is called as a signal"),
+    ({"profile": ["Cart.m"], "loss": "huber"}, "a profile needs 'linear'"),
     ({"profile": ["Cart.k"]}, "'Cart.k' in 'profile'"),
     ({"sigma": {"Cart.x": -1}}, "must be positive"),
 ]
@@ -207,7 +215,9 @@ def test_bad_requests_end_before_any_run(
     asked = dict(changed)
     times = np.asarray(asked.pop("times", TIME))
     x = np.asarray(asked.pop("x", FORCE))[: len(times)]
-    one = ec.Input(data={"time": times, "x": x}, signals=asked.pop("signals", {"Cart.x": "x"}))
+    signals, settings = asked.pop("signals", {"Cart.x": "x"}), asked.pop("settings", {})
+    names = asked.pop("names", ("time", "x"))
+    one = ec.Input(data=dict(zip(names, (times, x), strict=True)), signals=signals, **settings)
     vary = asked.pop("vary", RANGES)
     with pytest.raises(CommandError, match=message):
         ec.identify(str(fmu), vary, measured=[one], scheduler=cluster, **asked, **RUN)
@@ -221,6 +231,76 @@ def test_runs_that_fail_are_avoided(fmu: Path, cluster: Client) -> None:
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     with pytest.raises(RunError, match="runs of all starting points fail"):
         ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=cluster, **data(noisy()), **RUN)
+
+
+def test_columns_that_are_called_as_signals_are_compared(fmu: Path, cluster: Client) -> None:
+    x, told = noisy(), Interrupting()
+    columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
+    driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
+    for chosen, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
+        found = ec.identify(
+            str(fmu),
+            RANGES,
+            measured=[ec.Input(data=columns, columns=chosen)],
+            input=[ec.Input(data=driven)],
+            scheduler=cluster,
+            progress=told,
+            **RUN,
+        )
+        assert {one.signal for one in found.fits} == signals
+    assert any("columns that were not compared: remark" in note for note in told.notes)
+
+
+def test_short_names_of_a_single_fmu_are_full_ones_in_the_result(fmu: Path, cluster: Client) -> None:
+    one = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
+    vary = {"Cart.m": "0.2:10", "offset(x)": "-0.1:0.1"}
+    options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
+    found = ec.identify(str(fmu), vary, measured=[one], sigma={"x": 1e-3}, scheduler=cluster, **options)
+    assert found.fits[0].signal == "Cart.x" and found.sigma == {"Cart.x": 1e-3}
+    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.01)
+
+
+def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, cluster: Client) -> None:
+    """The run goes on after the last sample, which was taken later than its time says."""
+    early = TIME <= 1.9
+    x = np.interp(TIME[early] + 0.05, TIME, motion(**TRUE))
+    one = ec.Input(data={"time": TIME[early], "x": x}, signals={"Cart.x": "x"})
+    driven = data(x, FORCE)["input"]
+    vary = {"Cart.m": "0.2:10", "delay(Cart.x)": "-0.1:0.1"}
+    options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}}
+    found = ec.identify(str(fmu), vary, measured=[one], input=driven, scheduler=cluster, **options)
+    assert found["delay(Cart.x)"].value == pytest.approx(-0.05, abs=1e-3)
+    assert found["Cart.m"].value == pytest.approx(1.3, rel=2e-3) and found.fits[0].rms < 1e-4
+
+
+@pytest.mark.parametrize("value", ["NaN", '"a lot"', "null", "1e999"])
+def test_a_damaged_record_is_no_start(value: str, tmp_path: Path) -> None:
+    from emla_cosim.identification.folder import read_unfinished
+
+    good = '{"status": "unfinished", "estimates": [{"name": "p", "value": 2.5}]}'
+    (tmp_path / "identify.json").write_text(good)
+    assert read_unfinished(tmp_path, ["p"]) == {"p": 2.5}
+    (tmp_path / "identify.json").write_text(good.replace("2.5", value))
+    assert read_unfinished(tmp_path, ["p"]) is None
+
+
+def test_start_values_that_an_fmu_does_not_take_are_told(tmp_path: Path, cluster: Client) -> None:
+    careless = str(build_reluctant_fmu(tmp_path / "reluctant.fmu"))
+    name = ec.load(careless).system.components[0].name
+    run = ec.load(careless, stop_time=1.0, step_size=0.01).prepare().run()
+    signal = run.names[0]
+    values = run[signal] + 1e-3 * np.sin(50.0 * run.time)
+    one = ec.Input(data={"time": run.time, "y": values}, signals={signal: "y"})
+    found = ec.identify(
+        careless,
+        {f"{name}.gain": "0.5:20"},
+        measured=[one],
+        scheduler=cluster,
+        stop_time=1.0,
+        step_size=0.01,
+        set={f"{name}.stubborn": True},
+    )
+    assert any("did not take" in note for note in found.notes), found.notes
 
 
 class Interrupting(Progress):

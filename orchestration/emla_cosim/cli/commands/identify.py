@@ -8,7 +8,8 @@ import typer
 from ...base.errors import CosimError
 from ...base.option import SWEEP
 from ...identification.folder import CERTAINTY, FIT, HISTORY, PAGE, RECORD, SAMPLES, SCENARIO
-from ...identification.plan import LOSSES, load_identification_plan
+from ...identification.loss import LOSSES
+from ...identification.plan import load_identification_plan
 from ...identification.runner import identify
 from ...identification.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
