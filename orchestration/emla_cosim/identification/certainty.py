@@ -5,7 +5,7 @@ Positive Semi-definite, Heteroskedasticity and Autocorrelation Consistent Covari
 (1987).
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +92,7 @@ def judge(
     lengths: Sequence[int],
     change: NDArray[np.float64] | None = None,
     loss: str = LINEAR,
+    blocked: Collection[int] = (),
 ) -> Certainty:
     """Return the certainty of estimates.
 
@@ -104,6 +105,7 @@ def judge(
         change: what another step of the differences changes in the derivatives, shape (n, p). A direction
             whose influence it changes by half or more has none.
         loss: the loss function, a name of `LOSSES`.
+        blocked: positions of parameters whose derivatives are not known, because other runs fail.
     """
     count, total = len(point), len(residuals)
     pulls, factors = scale_for_loss(loss, residuals)
@@ -115,7 +117,9 @@ def judge(
     sizes = np.linalg.norm(jacobian, axis=0)
     noise = max(deviation, np.finfo(float).tiny)
     for i in range(count):
-        if sizes[i] <= np.finfo(float).eps * max(sizes.max(), 1e-300) or noise / sizes[i] > 1.0:
+        if i in blocked:
+            problems[i] = "runs with other values of it fail"
+        elif sizes[i] <= np.finfo(float).eps * max(sizes.max(), 1e-300) or noise / sizes[i] > 1.0:
             problems[i] = "it has no influence on the measured signals"
         elif point[i] < _AT_END or point[i] > 1.0 - _AT_END:
             end = "lower" if point[i] < _AT_END else "upper"

@@ -160,6 +160,14 @@ def _parameter(factor: Factor, preparation: Preparation, label: str) -> Paramete
         )
     if wrong := [t.name for t in factor.targets if t.kind != START]:
         raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
+    for target in factor.targets:
+        component, name = preparation.system.split(target.name)
+        variable = preparation.interfaces[component.name].variables[component.alias(name).variable]
+        if variable.type != "Real":
+            raise CommandError(
+                f"{label} cannot be estimated: {target.name} is of the type {variable.type}.",
+                name=target.name,
+            )
     low, high = _ends(factor.distribution, label)
     ends = [float(x) for x in (factor.value(low), factor.value(high)) if x is not None]  # type: ignore[arg-type]
     low, high = min(ends), max(ends)

@@ -30,12 +30,15 @@ class Problem:
         predictor: predicts the experiments.
         fitted: positions of the experiments that are not held out.
         sigma: standard deviation of each measured signal, in its unit.
+        steps: next steps of differences by parameter, as parts of their ranges.
+        blocked: parameters for which all runs with other values failed at the last differentiation.
     """
 
     predictor: Predictor
     fitted: Sequence[int]
     sigma: dict[str, float]
     steps: dict[int, float] = field(default_factory=dict)
+    blocked: set[int] = field(default_factory=set)
 
     @property
     def samples(self) -> list[MeasuredSignal]:
@@ -103,7 +106,9 @@ class Problem:
             (point[i], values) for point, values in moved if values is not None and point[i] != here[0][i]
         ]
         if not known:
+            self.blocked.add(i)
             return np.zeros_like(here[1])
+        self.blocked.discard(i)
         (at, values), (bt, other) = known[0], known[1] if len(known) > 1 else (here[0][i], here[1])
         change = float(np.sqrt(np.mean((values - other) ** 2))) / abs(at - bt)
         if change > 0.0:

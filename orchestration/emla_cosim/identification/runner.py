@@ -325,7 +325,9 @@ class _Identification:
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
             lengths = [len(one.time) for one in problem.samples]
-            certainty = judge(parameters, best.point, residuals, jacobian, lengths, change, plan.loss)
+            certainty = judge(
+                parameters, best.point, residuals, jacobian, lengths, change, plan.loss, problem.blocked
+            )
             certainty = self._profiled(problem, best.point, certainty)
         except InterruptedRunsError:
             return self._interrupted(estimator, problem)
@@ -425,6 +427,9 @@ class _Identification:
         fits, samples = (self._fits(problem, point)) if complete else ([], _NO_SAMPLES)
         notes = [*notes, *_notes(fits, certainty, self.task)]
         notes += [problem.predictor.lost] if problem.predictor.lost else []
+        if failures := problem.predictor.failures:
+            reason = max(failures, key=failures.__getitem__)
+            notes.append(f"{format_count(sum(failures.values()), 'run')} failed, most because: {reason}")
         plan = self.task.plan
         result = IdentificationResult(
             plan.name,

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from emla_cosim.base.errors import RunError
+from emla_cosim.identification.certainty import judge
 from emla_cosim.identification.estimation import Estimator, draw_starting_points
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.prediction import predict_samples
@@ -141,6 +142,20 @@ def test_sensors_have_offset_gain_and_delay() -> None:
     expected = 0.5 + 1.5 * 2.0 * np.exp(-3.0 * (TIME - 0.1))
     assert got[late] == pytest.approx(expected[late], abs=3e-4)
     assert of.key(np.array([0.1, 0.2, 0.3])) == ()  # sensors need no run
+
+
+def test_a_parameter_whose_other_values_fail_is_not_called_without_influence() -> None:
+    def brittle(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
+        return ["the step failed"] if p["b"] != 3.0 else [*decay(p)]
+
+    space = [parameter("a", 0.0, 5.0), parameter("b", 2.0, 4.0)]
+    solved = problem(space, [[measured(TIME, noisy())]], brittle)
+    point = Parameters(space).start
+    jacobian = solved.jacobian(point, central=True)
+    (residuals,) = solved.residuals([point])
+    assert residuals is not None and solved.blocked == {1}
+    got = judge(Parameters(space), point, residuals, jacobian, [len(TIME)], blocked=solved.blocked)
+    assert [one.problem for one in got.estimates] == [None, "runs with other values of it fail"]
 
 
 @pytest.mark.parametrize("place", [0.0, 1.0, 0.5])

@@ -226,9 +226,15 @@ def test_bad_requests_end_before_any_run(
 def test_runs_that_fail_are_avoided(fmu: Path, cluster: Client) -> None:
     """A negative drag makes the position grow beyond all numbers."""
     found = ec.identify(
-        str(fmu), {"Cart.m": "0.01:10", "Cart.b": "-500:5"}, scheduler=cluster, **data(noisy(c=0.0)), **RUN
+        str(fmu),
+        {"Cart.m": "0.01:10", "Cart.b": "-500:5"},
+        starts=4,
+        scheduler=cluster,
+        **data(noisy(c=0.0)),
+        **RUN,
     )
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert any("failed, most because: " in note for note in found.notes)
     with pytest.raises(RunError, match="runs of all starting points fail"):
         ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=cluster, **data(noisy()), **RUN)
 
