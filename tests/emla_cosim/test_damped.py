@@ -43,6 +43,17 @@ def test_errors_stay_within_their_marks_and_beat_table_vi(scenario: str, fmu_fol
         assert figures[joint]["saturated_after_settling"] == 0.0
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("controller", ["rsba", "foc", "cac", "anatc"])
+def test_noise_lets_nothing_drift(controller: str, fmu_folder: Path) -> None:
+    """With a leakage of 1e-6, ANATC's weights make the telescope oscillate after 14 s."""
+    with ec.load("study-drive", controller=controller, gains="damped", fmus=fmu_folder).prepare() as drive:
+        figures = drive.run(stop_time=20.0, set=CASES["noise of 1 µm"], recorders=[]).metrics["joints"]
+    for joint in JOINTS:
+        assert figures[joint]["held"], figures[joint]["reason"]
+        assert figures[joint]["oscillation"] is None
+
+
 def scaled(factor: float, *names: str) -> dict[str, float]:
     fields = {"J_m": "motor", "M_BS": "screw", "L_d": "motor", "L_q": "motor"}
     return {f"{j}.plant.{fields[n]}.{n}": factor * getattr(EMLAS[j], n) for j in JOINTS for n in names}
