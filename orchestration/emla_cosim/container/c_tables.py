@@ -1,13 +1,12 @@
 """The system as C: the tables of `shim/tables.h`, and the functions of the parts."""
 
-import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from fmublock.compiling import c_number
 
 from .plan import ContainerPlan, Group
-from .variables import _LETTERS, ContainerVariable
+from .variables import LETTERS, ContainerVariable
 
 FUNCTIONS = (
     *("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode"),
@@ -65,7 +64,11 @@ def part_source(folder: str, source: str) -> str:
     prefix = _prefix(folder)
     lines = [f"/* The part {folder}: its functions with a prefix. */", '#include "fmi2Functions.h"', ""]
     for name in (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS, *_OTHERS):
-        lines += [f"#undef fmi2{name}", f"#define fmi2{name} {prefix}fmi2{name}", f"fmi2{name}TYPE fmi2{name};"]
+        lines += [
+            f"#undef fmi2{name}",
+            f"#define fmi2{name} {prefix}fmi2{name}",
+            f"fmi2{name}TYPE fmi2{name};",
+        ]
     return "\n".join([*lines, "", f'#include "{folder}/{source}"', ""])
 
 
@@ -117,7 +120,9 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
     lines += _table("int", "read_signals", map(str, network.read))
     lines += _table("int", "order", map(str, network.order))
     calls = ("SET", "STEP_PART", "GET")
-    lines += _table("Operation", "operations", [f"{{{calls[o.call]}, {o.instance}}}" for o in plan.operations])
+    lines += _table(
+        "Operation", "operations", [f"{{{calls[o.call]}, {o.instance}}}" for o in plan.operations]
+    )
     lines += _table("int", "members", [str(i) for g in groups for i in g.members])
     lines += _table("int", "coupling", map(str, coupling))
     lines += _table("Group", "groups", _groups(groups))
@@ -171,7 +176,7 @@ def _inputs(plan: ContainerPlan) -> list[str]:
             numbers = (network.factors[i][j], network.offsets[i][j], start)
             assert taken.start + j < taken.stop
             rows.append(
-                f"{{{own.valueReference}, '{_LETTERS[str(own.type)]}', {signal}, {int(moves)}, "
+                f"{{{own.valueReference}, '{LETTERS[str(own.type)]}', {signal}, {int(moves)}, "
                 f"{', '.join(c_number(float(x)) for x in numbers)}}}"
             )
     return rows
@@ -183,7 +188,7 @@ def _signals(plan: ContainerPlan) -> list[str]:
         first = plan.network.parts[i].start
         for s, own in enumerate(part.instance.written, first):
             rows.append(
-                f"{{{own.valueReference}, '{_LETTERS[str(own.type)]}', {i}, {int(plan.smooth[s])}, "
+                f"{{{own.valueReference}, '{LETTERS[str(own.type)]}', {i}, {int(plan.smooth[s])}, "
                 f"{c_number(float(plan.floors[s]))}, {_text(plan.network.names[s])}}}"
             )
     return rows
@@ -216,8 +221,6 @@ def _table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
 
 
 def _text(text: str) -> str:
-    """Return a text as a C literal of bytes."""
-    quoted = json.dumps(text, ensure_ascii=True)
-    if "\\u" not in quoted:
-        return quoted
-    return '"' + "".join(c if 32 <= ord(c) < 127 and c not in '"\\' else "".join(f"\\{b:03o}" for b in c.encode()) for c in text) + '"'
+    """Return a text as a C literal of its UTF-8 bytes."""
+    plain = (chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode())
+    return f'"{"".join(plain)}"'

@@ -79,7 +79,8 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
         "providesDirectionalDerivative": False,
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
-    element = SubElement(root, "CoSimulation", modelIdentifier=identifier, maxOutputDerivativeOrder="0", **texts)
+    named = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
+    element = SubElement(root, "CoSimulation", named | texts)
     listed = list(source_files)
     if listed:
         files = SubElement(element, "SourceFiles")
@@ -124,15 +125,17 @@ class _UnitNames:
 
     def of(self, name: str | None) -> str | None:
         """Return the name in the container of a unit; None if the FMU does not define it."""
-        return self._units.name(self._defined[name]) if name in self._defined else None
+        return self._units.name(self._defined[name]) if name and name in self._defined else None
 
 
 def _base_unit(unit: Unit) -> dict[str, str]:
     base: Any = unit.baseUnit
     exponents = {k: str(int(getattr(base, k))) for k in _EXPONENTS if int(getattr(base, k) or 0)}
     factor, offset = float(base.factor or 1.0), float(base.offset or 0.0)
-    return exponents | ({"factor": repr(factor)} if factor != 1.0 else {}) | (
-        {"offset": repr(offset)} if offset != 0.0 else {}
+    return (
+        exponents
+        | ({"factor": repr(factor)} if factor != 1.0 else {})
+        | ({"offset": repr(offset)} if offset != 0.0 else {})
     )
 
 
@@ -157,7 +160,9 @@ class _Enumerations:
             items = SubElement(element, "Enumeration")
             for item in declared.items or ():
                 texts = {"name": str(item.name), "value": str(item.value)}
-                SubElement(items, "Item", texts | ({"description": item.description} if item.description else {}))
+                SubElement(
+                    items, "Item", texts | ({"description": item.description} if item.description else {})
+                )
         return name
 
 

@@ -15,8 +15,8 @@ def container_page(
     """Return the documentation as HTML."""
     lines = [f"# {name}", "", description, ""]
     lines += [
-        f"The system has {len(plan.parts)} components, which exchange values every {plan.times.step:.12g} s. The "
-        "communication step of the host must be a whole number of these steps. An input that is set at a "
+        f"The system has {len(plan.parts)} components, which exchange values every {plan.times.step:.12g} s. "
+        "The communication step of the host must be a whole number of these steps. An input that is set at a "
         "communication point acts from the next step on.",
         "",
         "## Components",

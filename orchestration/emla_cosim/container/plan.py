@@ -141,7 +141,7 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
     others = [name for name, file in assembly.files.items() if file.kind != CO_SIMULATION]
     if others:
         raise CommandError(
-            f"{join_names(others)} would run as Model Exchange; an FMU of a system has co-simulation FMUs only."
+            f"{join_names(others)} would run as Model Exchange; an FMU of a system needs co-simulation FMUs."
         )
     texts = [
         f"{name}.{v.name}"
@@ -150,11 +150,13 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
         if v.type == "String"
     ]
     if texts:
-        raise CommandError(f"{join_names(texts)} are connected Strings, which an FMU of a system cannot pass on.")
+        raise CommandError(
+            f"an FMU of a system cannot pass on Strings; {join_names(texts)} has a connection."
+        )
     python = [n for n, f in assembly.files.items() if (f.folder / "resources/slavemodule.txt").exists()]
     if python:
         raise CommandError(
-            f"the FMUs of {join_names(python)} run in Python; use native ones inside of an FMU (--flavour native)."
+            f"the FMUs of {join_names(python)} run in Python; an FMU of a system needs native ones."
         )
 
 
@@ -240,7 +242,9 @@ def _libraries(files: Sequence[FmuFile]) -> list[Library]:
         while folder.lower() in taken:
             folder, number = f"{file.model_identifier}_{number}", number + 1
         content = {
-            p.relative_to(file.folder).as_posix(): p.read_bytes() for p in file.folder.rglob("*") if p.is_file()
+            p.relative_to(file.folder).as_posix(): p.read_bytes()
+            for p in file.folder.rglob("*")
+            if p.is_file()
         }
         found[file.folder] = Library(file, folder, _source(file, content), content)
     return list(found.values())

@@ -11,7 +11,8 @@ from ..base.errors import CommandError
 from ..base.patterns import matches_pattern
 from .plan import ContainerPlan
 
-_LETTERS = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B", "String": "S"}
+LETTERS = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B", "String": "S"}
+"""The types of variables as letters in C."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ContainerVariable:
     @property
     def letter(self) -> str:
         """Return its type in C: R, I, B or S."""
-        return _LETTERS[str(self.own.type)]
+        return LETTERS[str(self.own.type)]
 
     @property
     def variability(self) -> str:
@@ -117,9 +118,8 @@ def _shown(variable: ContainerVariable, kept: Collection[str]) -> ContainerVaria
 def _select(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:
     for pattern in patterns:
         if not any(matches_pattern(name, pattern) for name in names):
-            have = f"those that nothing drives are {', '.join(names)}." if kind == "input" else "see `emla info`."
-            raise CommandError(
-                f"no {kind} matches '{pattern}'; " + (have if names or kind == "output" else "there is none."),
-                name=pattern,
-            )
+            hint = "see `emla info` for the outputs"
+            if kind == "input":
+                hint = f"nothing drives {', '.join(names)}" if names else "every input is connected"
+            raise CommandError(f"no {kind} matches '{pattern}'; {hint}.", name=pattern)
     return [n for n in names if not patterns or any(matches_pattern(n, p) for p in patterns)]

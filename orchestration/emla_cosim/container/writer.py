@@ -96,7 +96,12 @@ def write_container(
     told.begin("compiling", len(wanted))
     try:
         binaries = compile_libraries(
-            identifier, mains, content, wanted, lambda: told.advance(1), loads=any(not x.source for x in plan.libraries)
+            identifier,
+            mains,
+            content,
+            wanted,
+            lambda: told.advance(1),
+            loads=any(x.source is None for x in plan.libraries),
         )
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
@@ -114,8 +119,8 @@ def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
     missing = [p for p in platforms if p not in have]
     if missing:
         raise CommandError(
-            f"the FMU '{library.file.path}' has no library for {', '.join(missing)}, only for {', '.join(have)}; "
-            "choose other platforms."
+            f"the FMU '{library.file.path}' has no library for {', '.join(missing)}, only for "
+            f"{', '.join(have)}; choose other platforms."
         )
 
 

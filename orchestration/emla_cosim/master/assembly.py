@@ -209,7 +209,7 @@ class Assembly:
         return self._values[name][1]
 
     def names_in_system(self, name: str) -> dict[str, str]:
-        """Return the variables of a component that have another name in the system, by the name in its FMU."""
+        """Return the names in the system of variables that a component's FMU calls otherwise."""
         known = _map_known_names(self.system.component(name))
         return {own: in_system for own, (in_system, _) in known.items()}
 

@@ -279,7 +279,7 @@ class Options:
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
-        commands=(RUN, SWEEP, COMPARE, LINEARIZE, SIZE),
+        commands=(RUN, EXPORT, SWEEP, COMPARE, LINEARIZE, SIZE),
         takes=Algorithm,
     )
     step_size_control: str | StepSizeControl | None = _stepping(

@@ -53,7 +53,7 @@ def settle_initial_values(network: Network, scale: Scale) -> None:
 
 
 def find_initial_loops(network: Network) -> list[tuple[list[int], Indices]]:
-    """Return the groups of instances that are initialized together, in order, and their coupling variables."""
+    """Return the groups that are initialized together, in order, and their coupling variables."""
     groups = network.groups(_is_initial)
     return [(group, network.find_coupling_variables(group, _is_initial)) for group in groups]
 

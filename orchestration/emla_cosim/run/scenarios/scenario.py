@@ -1,6 +1,6 @@
 """A scenario: a system with the options to run it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -170,7 +170,6 @@ class Scenario:
         """Write the prepared system as one FMU."""
         if not options.make_step_size_control().is_regular:
             raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
-        roles = options.roles
         write_container(
             file,
             self.name,
@@ -181,8 +180,14 @@ class Scenario:
             run_times(options, self.name),
             options.inputs,
             options.outputs,
-            lambda names: [s for find in TRACKED.values() for pair in find(names, roles).values() for s in pair],
+            lambda names: _tracked(names, options.roles),
             options.platform,
             options.overwrite,
             progress,
         )
+
+
+def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
+    """Return the signals that are compared with a reference, and the references."""
+    found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
+    return [signal for pair in found for signal in pair]
