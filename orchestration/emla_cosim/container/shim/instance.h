@@ -120,7 +120,9 @@ static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2S
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    snprintf(message, sizeof message, "%s: %s", parts[sender->part].name, text);
+    const char *part = parts[sender->part].name;
+    const int is_named = strncmp(text, part, strlen(part)) == 0;
+    snprintf(message, sizeof message, "%s%s%s", is_named ? "" : part, is_named ? "" : ": ", text);
     send(sender->owner, status, message);
 }
 
