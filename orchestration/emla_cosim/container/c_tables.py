@@ -32,19 +32,14 @@ _OTHERS = (
 
 def functions_header(plan: ContainerPlan) -> str:
     """Return the table of functions, and that of each FMU that is compiled in."""
-    names = FUNCTIONS
-    defined = []
-    if plan.all_can("canGetAndSetFMUstate") or any(part.saved for part in plan.parts):
-        names += STATE_FUNCTIONS
-    if plan.all_can("canGetAndSetFMUstate"):
-        defined.append("#define HAS_STATE")
-        if plan.all_can("canSerializeFMUstate"):
-            names += BYTE_FUNCTIONS
-            defined.append("#define HAS_SERIALIZATION")
-    if not any(part.saved for part in plan.parts) and "GetFMUstate" not in names:
-        defined.append("#define NO_LOOPS")
-    lines = ["/* The functions of a part. */", *defined, "", "#define FUNCTIONS(X) \\"]
-    lines += [f"    X({name}) \\" for name in names[:-1]] + [f"    X({names[-1]})", ""]
+    states = plan.all_can("canGetAndSetFMUstate")
+    has = {"HAS_STATE": states, "HAS_SERIALIZATION": states and plan.all_can("canSerializeFMUstate")}
+    needed = [*FUNCTIONS, *(STATE_FUNCTIONS if states or any(part.saved for part in plan.parts) else ())]
+    needed += BYTE_FUNCTIONS if has["HAS_SERIALIZATION"] else ()
+    names = (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS)
+    lines = ["/* The functions of a part. Libraries may lack those that are not needed. */"]
+    lines += [f"#define {name}" for name, is_so in has.items() if is_so]
+    lines += ["", *_list("FUNCTIONS", names), *_list("NEEDED", needed)]
     lines += ["#define DECLARE(name) fmi2##name##TYPE *name;", "typedef struct {", "    FUNCTIONS(DECLARE)"]
     lines += ["} Functions;", ""]
     for library in (x for x in plan.libraries if x.source):
@@ -53,6 +48,12 @@ def functions_header(plan: ContainerPlan) -> str:
         values = ", ".join(f"{prefix}fmi2{name}" for name in names)
         lines += [f"static const Functions {prefix}functions = {{{values}}};", ""]
     return "\n".join(lines)
+
+
+def _list(name: str, functions: Sequence[str]) -> list[str]:
+    """Return a macro that applies another one to each function."""
+    inner = [f"    X({function}) \\" for function in functions[:-1]]
+    return [f"#define {name}(X) \\", *inner, f"    X({functions[-1]})", ""]
 
 
 def _prefix(folder: str) -> str:

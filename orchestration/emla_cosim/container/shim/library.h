@@ -82,16 +82,18 @@ static void *find_symbol(void *handle, const char *name) {
 #endif
 }
 
-#define LOAD(name)                                                     \
-    {                                                                  \
-        void *found = find_symbol(handle, "fmi2" #name);               \
-        memcpy(&functions->name, &found, sizeof found);                \
-        if (found == NULL) return "fmi2" #name;                        \
+#define LOAD(name)                                          \
+    {                                                       \
+        void *found = find_symbol(handle, "fmi2" #name);    \
+        memcpy(&functions->name, &found, sizeof found);     \
     }
+#define CHECK(name) \
+    if (functions->name == NULL) return "fmi2" #name;
 
-/* Fill the functions from a library; returns the name of a missing one, or NULL. */
+/* Fill the functions from a library; returns the name of a missing one that is needed, or NULL. */
 static const char *load_functions(void *handle, Functions *functions) {
     FUNCTIONS(LOAD)
+    NEEDED(CHECK)
     return NULL;
 }
 
