@@ -400,3 +400,25 @@ def test_every_platform(fmu_folder: Path, tmp_path: Path) -> None:
     fmu = load("lift", fmu_folder).export(tmp_path / "all.fmu", platform=platforms)
     with zipfile.ZipFile(fmu) as archive:
         assert {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")} == set(platforms)
+
+
+def test_hostile_names_stay_text(all_types: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    """Of files from elsewhere, in the page, in C and in XML."""
+    evil = tmp_path / "Evil.fmu"
+    with zipfile.ZipFile(all_types) as archive:
+        content = {n: archive.read(n) for n in archive.namelist()}
+    name = 'x"); system("true"); //<script>alert(1)</script>'
+    escaped = name.replace("<", "&lt;").replace('"', "&quot;").encode()
+    content["modelDescription.xml"] = content["modelDescription.xml"].replace(
+        b'name="twice"', b'name="' + escaped + b'"'
+    )
+    write_archive(evil, content)
+    scenario = load(
+        ec.System.of({"a": evil}), fmu_folder, step_size=0.01, stop_time=0.1, output_interval=0.01
+    )
+    fmu = scenario.export(tmp_path / "evil.fmu", outputs=["*"])
+    with zipfile.ZipFile(fmu) as archive:
+        assert b"<script>" not in archive.read("documentation/index.html")
+    names = [v.name for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables]
+    assert f"a.{name}" in names
+    assert_same(fmu, scenario, 0.01)

@@ -1,5 +1,6 @@
 """What a system as one FMU consists of: its FMUs, and how the master steps them."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -121,7 +122,8 @@ def plan_container(
         CommandError: The system cannot be one FMU.
         RunError: It cannot be initialized.
     """
-    if not isinstance(algorithm, OperationTableAlgorithm) or type(algorithm).step is not Algorithm.step:
+    own_step = next((c._step for c in (Explicit, Strong) if isinstance(algorithm, c)), None)
+    if not isinstance(algorithm, OperationTableAlgorithm) or type(algorithm)._step is not own_step:
         raise CommandError(f"an FMU cannot step with {type(algorithm).__name__}; choose another algorithm.")
     with Assembly(system, fmus) as assembly:
         _refuse_what_does_not_fit(assembly)
@@ -195,8 +197,6 @@ def _plan(
             )
             for g in algorithm.groups
         ]
-    elif not isinstance(algorithm, Explicit):
-        raise CommandError(f"an FMU cannot step with {type(algorithm).__name__}; choose another algorithm.")
     saved = {i for group in groups if group.saved for i in group.members}
     parts = []
     for i, stepped in enumerate(network.instances):
@@ -238,9 +238,10 @@ def _libraries(files: Sequence[FmuFile]) -> list[Library]:
         if file.folder in found:
             continue
         taken = {library.folder.lower() for library in found.values()}
-        folder, number = file.model_identifier, 2
+        name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
+        folder, number = name, 2
         while folder.lower() in taken:
-            folder, number = f"{file.model_identifier}_{number}", number + 1
+            folder, number = f"{name}_{number}", number + 1
         content = {
             p.relative_to(file.folder).as_posix(): p.read_bytes()
             for p in file.folder.rglob("*")

@@ -8,7 +8,6 @@ from typing import Any, Unpack
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.faults import accept_faults
 from ...base.progress import Progress
-from ...container.writer import check_container, write_container
 from ...recorders.metrics import TRACKED
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.model import System
@@ -146,8 +145,12 @@ class Scenario:
         """
         chosen = limit_to_data_end(self.with_options(options).options)
         as_fmu = Path(file).suffix.lower() == ".fmu"
-        check = check_container if as_fmu else check_package
-        check(Path(file), chosen.overwrite)
+        if as_fmu:
+            from ...container.writer import check_container
+
+            check_container(Path(file), chosen.overwrite)
+        else:
+            check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
         times = run_times(chosen, self.name)
         experiment = SystemTimes(times.start, times.stop, times.step)
@@ -168,6 +171,8 @@ class Scenario:
         self, file: Path, system: System, fmus: Mapping[str, Path], options: Options, progress: Progress
     ) -> None:
         """Write the prepared system as one FMU."""
+        from ...container.writer import write_container
+
         if not options.make_step_size_control().is_regular:
             raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
         write_container(
