@@ -35,7 +35,8 @@ typedef struct {
 struct Instance;
 
 /* What a message of a part needs. */
-typedef struct {
+typedef struct Sender {
+    const struct Sender *self;
     struct Instance *owner;
     int part;
 } Sender;
@@ -109,6 +110,14 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
     return status;
 }
 
+/* Whether this is one of our senders. Some FMUs pass other things than their componentEnvironment: small
+   numbers, or their own memory. */
+static int is_sender(fmi2ComponentEnvironment environment) {
+    const uintptr_t address = (uintptr_t)environment;
+    const Sender *sender = environment;
+    return address >= 4096 && address % sizeof(void *) == 0 && sender->self == sender;
+}
+
 /* Pass on a message of a part. */
 static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
                     fmi2String category, fmi2String format, ...) {
@@ -116,7 +125,7 @@ static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2S
     char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
     va_list arguments;
     (void)name, (void)category;
-    if (sender == NULL || format == NULL || !is_logged(sender->owner, status)) return;
+    if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, status)) return;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);

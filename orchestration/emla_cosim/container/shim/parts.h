@@ -14,6 +14,7 @@ static fmi2Status make_part(Instance *instance, int i) {
         if (location == NULL) return report(instance, fmi2Error, "out of memory.");
         snprintf(location, room, "%s/%s/resources", instance->location, library->folder);
     }
+    instance->senders[i].self = &instance->senders[i];
     instance->senders[i].owner = instance;
     instance->senders[i].part = i;
     callbacks->logger = pass_on;
