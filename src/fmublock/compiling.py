@@ -30,19 +30,21 @@ def sources(folder: str) -> dict[str, bytes]:
 
 def compile_libraries(
     name: str,
-    main: str,
+    mains: Sequence[str],
     content: Mapping[str, bytes],
     platforms: Sequence[str],
     advance: Callable[[], None] = lambda: None,
+    loads: bool = False,
 ) -> dict[str, bytes]:
     """Compile the libraries of an FMU.
 
     Args:
         name: The model identifier.
-        main: The one source file to compile; it includes the others.
+        mains: The source files to compile, relative to `sources/`; they include the others.
         content: The FMU's files by path.
         platforms: FMI platforms.
         advance: Called after each library.
+        loads: Whether the library loads others.
 
     Returns:
         The libraries by path.
@@ -56,7 +58,7 @@ def compile_libraries(
     libraries, running = {}, list[subprocess.Popen[str]]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
-            made = pool.map(partial(_compile, name, main, content, running), platforms)
+            made = pool.map(partial(_compile, name, mains, content, running, loads), platforms)
             for platform, library in zip(platforms, made, strict=True):
                 libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
                 advance()
@@ -80,9 +82,10 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 def _compile(
     name: str,
-    main: str,
+    mains: Sequence[str],
     content: Mapping[str, bytes],
     running: list[subprocess.Popen[str]],
+    loads: bool,
     fmi_platform: str,
 ) -> bytes:
     target, suffix = TARGETS[fmi_platform]
@@ -90,12 +93,15 @@ def _compile(
     with tempfile.TemporaryDirectory(prefix=f"emla-build-{mark_of_process()}-") as folder:
         for file, text in content.items():
             if file.startswith("sources/"):
-                Path(folder, Path(file).name).write_bytes(text)
+                place = Path(folder, file.removeprefix("sources/"))
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(text)
         output = f"{name}{suffix}"
         libraries = [] if fmi_platform == "win64" else ["-lm"]
+        libraries += ["-ldl"] if loads and "linux" in fmi_platform else []
         command = [sys.executable, "-m", "fmublock.compiler_process", str(os.getpid())]
         command += [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
-        command += ["-I", str(headers), main, "-o", output, *libraries]
+        command += ["-I", str(headers), *mains, "-o", output, *libraries]
         environment = {**os.environ, **tool_environment()}
         with subprocess.Popen(
             command,

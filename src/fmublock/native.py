@@ -48,7 +48,7 @@ def native_binaries(
     Raises:
         BuildError: The compiler fails, or a platform is not supported.
     """
-    return compile_libraries(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
+    return compile_libraries(type(draft.block).__name__, [_SHIM], draft.files, platforms, advance)
 
 
 def _model_header(block: Block, demands: Sequence[str]) -> str:

@@ -18,6 +18,9 @@ BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
 LINEARIZE, SIZE = "linearize", "size"
 """The commands that take options."""
 
+STEPPED = (RUN, EXPORT, SWEEP, COMPARE)
+"""The commands that decide how components step."""
+
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"
 SHARING = "sharing"
 """What uses an option: building our own FMUs, preparing a system, loading FMUs, running, showing results, and

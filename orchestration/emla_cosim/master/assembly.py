@@ -204,6 +204,15 @@ class Assembly:
             found |= self._parameters[name][1]
         return found
 
+    def start_values(self, name: str) -> list[TypedValue]:
+        """Return the start values of a component, in the names and units of its FMU."""
+        return self._values[name][1]
+
+    def names_in_system(self, name: str) -> dict[str, str]:
+        """Return the names in the system of variables that a component's FMU calls otherwise."""
+        known = _map_known_names(self.system.component(name))
+        return {own: in_system for own, (in_system, _) in known.items()}
+
     def list_non_default_values(self, component: Component) -> dict[str, dict[str, Any]]:
         """Return the start values of a component that differ from its FMU's, with default and unit.
 

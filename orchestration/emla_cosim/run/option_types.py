@@ -69,6 +69,8 @@ class PrepareOptions(RunOptions, total=False):
     flavour: str
     fmus: str | Path | None
     platform: Sequence[str]
+    inputs: Sequence[str]
+    outputs: Sequence[str]
     integrate_together: bool
     isolate: Sequence[str] | bool
     lenient: bool

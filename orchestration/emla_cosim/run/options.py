@@ -206,6 +206,28 @@ class Options:
         recorded=False,
         stage=BUILDING,
     )
+    inputs: Sequence[str] = option(
+        [],
+        group=SYSTEM,
+        help="Input of an exported FMU, among those that nothing drives (repeatable; * matches any text). "
+        "Default: all of these.",
+        metavar="COMPONENT.VARIABLE",
+        commands=(EXPORT,),
+        in_file=False,
+        recorded=False,
+        stage=BUILDING,
+    )
+    outputs: Sequence[str] = option(
+        [],
+        group=SYSTEM,
+        help="Output of an exported FMU (repeatable; * matches any text). Default: position and reference of "
+        "each joint; without joints, all outputs.",
+        metavar="COMPONENT.VARIABLE",
+        commands=(EXPORT,),
+        in_file=False,
+        recorded=False,
+        stage=BUILDING,
+    )
     start_time: float | None = _stepping(
         help="Start time of the simulation. Default: the scenario's, or 0.",
         unit="s",
@@ -257,7 +279,7 @@ class Options:
         help="Master algorithm: the order in which FMUs step and exchange values; see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
-        commands=(RUN, SWEEP, COMPARE, LINEARIZE, SIZE),
+        commands=(RUN, EXPORT, SWEEP, COMPARE, LINEARIZE, SIZE),
         takes=Algorithm,
     )
     step_size_control: str | StepSizeControl | None = _stepping(

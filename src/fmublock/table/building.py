@@ -127,7 +127,7 @@ def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str,
         try:
             found[name] = kept.read_bytes()
         except OSError:
-            found |= compile_libraries(MODEL, _MAIN, content, [platform])
+            found |= compile_libraries(MODEL, [_MAIN], content, [platform])
             kept.parent.mkdir(parents=True, exist_ok=True)
             with write_atomically(kept) as stream:
                 stream.write(found[name])

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.option import option, options_of
+from ...base.option import STEPPED, option, options_of
 from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
@@ -41,6 +41,7 @@ class Algorithm(ABC):
         help="Inputs during a step: held (none), extrapolated by the master, or extrapolated by the FMU.",
         choices=lambda: EXTRAPOLATIONS,
         identity="extrapolation",
+        commands=STEPPED,
     )
 
     network: Network = field(init=False, repr=False)

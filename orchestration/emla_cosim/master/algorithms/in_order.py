@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...base.option import option
+from ...base.option import STEPPED, option
 from ..network import Network
 from .algorithm import Algorithm
 
@@ -22,6 +22,7 @@ class InOrder(Algorithm):
         help="Order in which components step, with commas between. Default: derived from the connections.",
         parse=_names,
         identity="order",
+        commands=STEPPED,
     )
 
     def setup(self, network: Network) -> None:

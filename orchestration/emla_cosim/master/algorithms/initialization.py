@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...base.arrays import Vector
+from ...base.arrays import Indices, Vector
 from ...base.errors import RunError, join_names
 from ..network import Link, Network
 from .newton import Newton, NoSolutionError
@@ -48,15 +48,21 @@ def settle_initial_values(network: Network, scale: Scale) -> None:
         RunError: No solution of a loop was found.
         InstanceError: A call of an FMU failed.
     """
-    for group in network.groups(_is_initial):
-        _settle(network, group, scale)
+    for group, cut in find_initial_loops(network):
+        _settle(network, group, cut, scale)
+
+
+def find_initial_loops(network: Network) -> list[tuple[list[int], Indices]]:
+    """Return the groups that are initialized together, in order, and their coupling variables."""
+    groups = network.groups(_is_initial)
+    return [(group, network.find_coupling_variables(group, _is_initial)) for group in groups]
 
 
 def _is_initial(link: Link) -> bool:
     return link.initial
 
 
-def _settle(network: Network, group: list[int], scale: Scale) -> None:
+def _settle(network: Network, group: list[int], cut: Indices, scale: Scale) -> None:
     """Exchange values within a group until they are consistent."""
 
     def sweep() -> None:
@@ -64,7 +70,6 @@ def _settle(network: Network, group: list[int], scale: Scale) -> None:
             network.pass_inputs(i)
             network.instances[i].get_outputs()
 
-    cut = network.find_coupling_variables(group, _is_initial)
     if not len(cut):
         sweep()
         return

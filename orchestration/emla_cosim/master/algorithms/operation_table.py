@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...base.errors import CommandError
-from ...base.option import option
+from ...base.option import STEPPED, option
 from ..network import Network
 from .algorithm import Algorithm, Span
 from .overlapped_steps import OverlappedSteps
@@ -31,6 +31,7 @@ class OperationTableAlgorithm(Algorithm):
         flag="--step-multiple",
         metavar="COMPONENT=N",
         identity="step multiples",
+        commands=STEPPED,
     )
 
     operations: list[Operation] = field(init=False, repr=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...base.option import option
+from ...base.option import STEPPED, option
 from ..instances.fmu_instance import DiscardedStepError
 from ..network import Link, Network
 from .algorithm import Span, require
@@ -63,6 +63,7 @@ class Strong(InOrder, OperationTableAlgorithm):
         above=0.0,
         below=1.0,
         identity="coupling tolerance",
+        commands=STEPPED,
     )
 
     sweeps: int = field(init=False, repr=False)

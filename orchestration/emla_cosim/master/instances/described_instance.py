@@ -41,8 +41,8 @@ class DescribedInstance(FmuInstance):
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
         self.nominals = np.array([_nominal(v) for v in self.written])
-        self._input_starts = np.array([_start(v) for v in self.read])
-        self.inputs, self.outputs = self._input_starts.copy(), np.zeros(len(self.written))
+        self.input_starts = np.array([_start(v) for v in self.read])
+        self.inputs, self.outputs = self.input_starts.copy(), np.zeros(len(self.written))
         self.tolerance: float | None = None
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
         self.lost_values: list[LostValue] = []

@@ -170,7 +170,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         else:
             self._replace()
         self._stepping, self._no_way_back = False, 1
-        self.inputs[:] = self._input_starts
+        self.inputs[:] = self.input_starts
 
     def _replace(self) -> None:
         """Free the FMU's instance and make a new one."""

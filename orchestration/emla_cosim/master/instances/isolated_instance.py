@@ -104,7 +104,7 @@ class IsolatedInstance(DescribedInstance):
         """Return to the state right after instantiation."""
         self._inputs_to_set = self._slopes_to_set = None
         self._ask("reset")
-        self.inputs[:] = self._input_starts
+        self.inputs[:] = self.input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""

@@ -1,6 +1,6 @@
 """A scenario: a system with the options to run it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -8,6 +8,7 @@ from typing import Any, Unpack
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.faults import accept_faults
 from ...base.progress import Progress
+from ...recorders.metrics import TRACKED
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.model import System
 from ..option_types import PrepareOptions
@@ -121,15 +122,17 @@ class Scenario:
         progress: Progress | None = None,
         **options: Unpack[PrepareOptions],
     ) -> Path:
-        """Write the system and its FMUs as an SSP, with all changes that the options make.
+        """Write the system and its FMUs as an SSP or as one FMU, with all changes that the options make.
+
+        The FMU steps the components as a run of the scenario does; see docs/containers.md.
 
         Args:
-            file: path of the SSP.
+            file: path, which ends in .ssp or .fmu.
             progress: receives the progress of building FMUs.
             **options: values by name. With `overwrite`, a file that emla did not write is replaced.
 
         Returns:
-            The path of the SSP.
+            The path of the file.
 
         Raises:
             CommandError: an option does not fit, or the file must not be replaced.
@@ -141,7 +144,13 @@ class Scenario:
             'lift.ssp'
         """
         chosen = limit_to_data_end(self.with_options(options).options)
-        check_package(Path(file), chosen.overwrite)
+        as_fmu = Path(file).suffix.lower() == ".fmu"
+        if as_fmu:
+            from ...container.writer import check_container
+
+            check_container(Path(file), chosen.overwrite)
+        else:
+            check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
         times = run_times(chosen, self.name)
         experiment = SystemTimes(times.start, times.stop, times.step)
@@ -149,8 +158,41 @@ class Scenario:
             faults.merge(self.accepted)
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
-            write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+            if as_fmu:
+                self._write_fmu(Path(file), system, fmus, chosen, told)
+            else:
+                write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
         for remark in faults.remarks(self.unpacked):
             told.note(f"Note: {remark}")
         told.advance(1)
         return Path(file)
+
+    def _write_fmu(
+        self, file: Path, system: System, fmus: Mapping[str, Path], options: Options, progress: Progress
+    ) -> None:
+        """Write the prepared system as one FMU."""
+        from ...container.writer import write_container
+
+        if not options.make_step_size_control().is_regular:
+            raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
+        write_container(
+            file,
+            self.name,
+            self.description,
+            system,
+            fmus,
+            options.make_algorithm(),
+            run_times(options, self.name),
+            options.inputs,
+            options.outputs,
+            lambda names: _tracked(names, options.roles),
+            options.platform,
+            options.overwrite,
+            progress,
+        )
+
+
+def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
+    """Return the signals that are compared with a reference, and the references."""
+    found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
+    return [signal for pair in found for signal in pair]

@@ -43,7 +43,7 @@ def check_package(path: Path, overwrite: bool = False) -> None:
         CommandError: If it must not be written.
     """
     if path.suffix.lower() != ".ssp":
-        raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+        raise CommandError(f"a scenario is exported to a file that ends in .ssp or .fmu, not to '{path}'.")
     if path.parent.is_dir():  # otherwise it is created later
         check_replaceable(path, "the package", _is_ours, overwrite)
 

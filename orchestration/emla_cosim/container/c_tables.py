@@ -1,0 +1,225 @@
+"""The system as C: the tables of `shim/tables.h`, and the functions of the parts."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from fmublock.compiling import c_number
+
+from .plan import ContainerPlan, Group
+from .variables import LETTERS, ContainerVariable
+
+FUNCTIONS = (
+    *("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode"),
+    *("ExitInitializationMode", "Terminate"),
+    *("GetReal", "GetInteger", "GetBoolean", "GetString"),
+    *("SetReal", "SetInteger", "SetBoolean", "SetString"),
+    *("SetRealInputDerivatives", "DoStep", "GetBooleanStatus"),
+)
+"""Functions of a part that the FMU calls."""
+
+STATE_FUNCTIONS = ("GetFMUstate", "SetFMUstate", "FreeFMUstate")
+BYTE_FUNCTIONS = ("SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate")
+
+_OTHERS = (
+    *("GetTypesPlatform", "GetVersion", "SetDebugLogging", "Reset", "GetDirectionalDerivative"),
+    *("GetRealOutputDerivatives", "CancelStep", "GetStatus", "GetRealStatus", "GetIntegerStatus"),
+    *("GetStringStatus", "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode"),
+    *("CompletedIntegratorStep", "SetTime", "SetContinuousStates", "GetDerivatives", "GetEventIndicators"),
+    *("GetContinuousStates", "GetNominalsOfContinuousStates"),
+)
+"""Further functions of the standard, which a part that is compiled in has, too."""
+
+
+def functions_header(plan: ContainerPlan) -> str:
+    """Return the table of functions, and that of each FMU that is compiled in."""
+    states = plan.all_can("canGetAndSetFMUstate")
+    has = {"HAS_STATE": states, "HAS_SERIALIZATION": states and plan.all_can("canSerializeFMUstate")}
+    needed = [*FUNCTIONS, *(STATE_FUNCTIONS if states or any(part.saved for part in plan.parts) else ())]
+    needed += BYTE_FUNCTIONS if has["HAS_SERIALIZATION"] else ()
+    names = (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS)
+    lines = ["/* The functions of a part. Libraries may lack those that are not needed. */"]
+    lines += [f"#define {name}" for name, is_so in has.items() if is_so]
+    lines += ["", *_list("FUNCTIONS", names), *_list("NEEDED", needed)]
+    lines += ["#define DECLARE(name) fmi2##name##TYPE *name;", "typedef struct {", "    FUNCTIONS(DECLARE)"]
+    lines += ["} Functions;", ""]
+    for library in (x for x in plan.libraries if x.source):
+        prefix = _prefix(library.folder)
+        lines += [f"fmi2{name}TYPE {prefix}fmi2{name};" for name in names]
+        values = ", ".join(f"{prefix}fmi2{name}" for name in names)
+        lines += [f"static const Functions {prefix}functions = {{{values}}};", ""]
+    return "\n".join(lines)
+
+
+def _list(name: str, functions: Sequence[str]) -> list[str]:
+    """Return a macro that applies another one to each function."""
+    inner = [f"    X({function}) \\" for function in functions[:-1]]
+    return [f"#define {name}(X) \\", *inner, f"    X({functions[-1]})", ""]
+
+
+def _prefix(folder: str) -> str:
+    return f"{folder}_"
+
+
+def part_source(folder: str, source: str) -> str:
+    """Return the C file that compiles one part in, with a prefix before its functions."""
+    prefix = _prefix(folder)
+    lines = [f"/* The part {folder}: its functions with a prefix. */", '#include "fmi2Functions.h"', ""]
+    for name in (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS, *_OTHERS):
+        lines += [
+            f"#undef fmi2{name}",
+            f"#define fmi2{name} {prefix}fmi2{name}",
+            f"fmi2{name}TYPE fmi2{name};",
+        ]
+    return "\n".join([*lines, "", f'#include "{folder}/{source}"', ""])
+
+
+def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable]) -> str:
+    """Return the tables of a system."""
+    network, parts, groups, loops = plan.network, plan.parts, plan.groups, plan.initial_groups
+    clock = plan.times.clock
+    reads = [v for part in parts for v in part.instance.read]
+    writes = [v for part in parts for v in part.instance.written]
+    coupling = [c for g in groups for c in g.coupling]
+    initial_coupling = [c for g in loops for c in g.coupling]
+    starts = [(v, x) for v, x in enumerate(variables) if x.changed and x.settable]
+    numbers = {
+        "N_LIBRARIES": len(plan.libraries),
+        "N_PARTS": len(parts),
+        "N_INPUTS": len(reads),
+        "N_SIGNALS": len(writes),
+        "N_READ": len(network.read),
+        "N_OPERATIONS": len(plan.operations),
+        "N_GROUPS": len(groups),
+        "N_JACOBIANS": sum(len(g.values) for g in groups),
+        "N_INITIAL_GROUPS": len(loops),
+        "N_INITIAL": len(initial_coupling),
+        "N_VARIABLES": len(variables),
+        "N_STARTS": len(starts),
+        "MOST_INPUTS": max((len(p.instance.read) for p in parts), default=0),
+        "MOST_OUTPUTS": max((len(p.instance.written) for p in parts), default=0),
+        "MOST_COUPLING": max((len(g.coupling) for g in groups), default=0),
+        "MOST_INITIAL": max((len(g.coupling) for g in loops), default=0),
+    }
+    reals = {
+        "START_TIME": plan.times.start,
+        "STEP_SIZE": plan.times.step,
+        "CLOCK_FIRST": clock.first,
+        "CLOCK_PER_STEP": clock.per_step,
+        "CLOCK_DENOMINATOR": clock.denominator,
+        "COUPLING_TOLERANCE": plan.coupling_tolerance,
+    }
+    orders = ", ".join("1" for _ in range(max(numbers["MOST_INPUTS"], 1)))
+    lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39"]
+    lines += [f"#define {name} {value}" for name, value in numbers.items()]
+    lines += [f"#define {name} {c_number(value)}" for name, value in reals.items()]
+    lines += [f"#define FIRST_ORDERS {{{orders}}}", ""]
+    lines += _libraries(plan) + _parts(plan)
+    lines += _table("Input", "inputs", _inputs(plan))
+    lines += _table("fmi2ValueReference", "input_references", [str(v.valueReference) for v in reads])
+    lines += _table("Signal", "signals", _signals(plan))
+    lines += _table("fmi2ValueReference", "output_references", [str(v.valueReference) for v in writes])
+    lines += _table("int", "read_signals", map(str, network.read))
+    lines += _table("int", "order", map(str, network.order))
+    calls = ("SET", "STEP_PART", "GET")
+    lines += _table(
+        "Operation", "operations", [f"{{{calls[o.call]}, {o.instance}}}" for o in plan.operations]
+    )
+    lines += _table("int", "members", [str(i) for g in groups for i in g.members])
+    lines += _table("int", "coupling", map(str, coupling))
+    lines += _table("Group", "groups", _groups(groups))
+    lines += _table("double", "first_jacobians", [c_number(x) for g in groups for x in g.values])
+    lines += _table("int", "initial_members", [str(i) for g in loops for i in g.members])
+    lines += _table("int", "initial_coupling", map(str, initial_coupling))
+    lines += _table("Group", "initial_groups", _groups(loops))
+    lines += _table("double", "initial_guesses", [c_number(x) for g in loops for x in g.values])
+    rows = [
+        f"{{{_text(v.name)}, '{v.letter}', {int(v.settable)}, {v.part}, {v.own.valueReference}, {v.signal}}}"
+        for v in variables
+    ]
+    lines += _table("Variable", "variables", rows)
+    lines += _table("Start", "starts", [_start(v, x) for v, x in starts])
+    return "\n".join(lines)
+
+
+def _libraries(plan: ContainerPlan) -> list[str]:
+    rows = []
+    for library in plan.libraries:
+        functions = f"&{_prefix(library.folder)}functions" if library.source else "NULL"
+        file = "NULL" if library.source else _text(library.file.model_identifier)
+        guid = _text(str(library.file.description.guid))
+        rows.append(f"{{{guid}, {_text(library.folder)}, {file}, {functions}}}")
+    return _table("Library", "libraries", rows)
+
+
+def _parts(plan: ContainerPlan) -> list[str]:
+    rows = []
+    modes = ("HOLD", "MIDDLE", "LINE")
+    for i, part in enumerate(plan.parts):
+        taken, written = plan.network.input_parts[i], plan.network.parts[i]
+        tolerance = part.instance.file.interface.tolerance or 0.0
+        cells: list[Any] = [
+            *(_text(part.name), part.library, taken.start, taken.stop - taken.start),
+            *(written.start, written.stop - written.start, modes[part.mode], part.multiple),
+            *(int(part.rare), int(part.instance.typed), int(part.saved), c_number(tolerance)),
+        ]
+        rows.append(f"{{{', '.join(map(str, cells))}}}")
+    return _table("Part", "parts", rows)
+
+
+def _inputs(plan: ContainerPlan) -> list[str]:
+    network, rows = plan.network, []
+    for i, part in enumerate(plan.parts):
+        for j, own in enumerate(part.instance.read):
+            signal = int(network.sources[i][j])
+            moves = plan.smooth[signal] and bool(part.instance.continuous_inputs[j])
+            start = part.instance.input_starts[j]
+            numbers = (network.factors[i][j], network.offsets[i][j], start)
+            rows.append(
+                f"{{{own.valueReference}, '{LETTERS[str(own.type)]}', {signal}, {int(moves)}, "
+                f"{', '.join(c_number(float(x)) for x in numbers)}}}"
+            )
+    return rows
+
+
+def _signals(plan: ContainerPlan) -> list[str]:
+    rows = []
+    for i, part in enumerate(plan.parts):
+        first = plan.network.parts[i].start
+        for s, own in enumerate(part.instance.written, first):
+            rows.append(
+                f"{{{own.valueReference}, '{LETTERS[str(own.type)]}', {i}, {int(plan.smooth[s])}, "
+                f"{c_number(float(plan.floors[s]))}, {_text(plan.network.names[s])}}}"
+            )
+    return rows
+
+
+def _groups(groups: Iterable[Group]) -> list[str]:
+    rows, members, coupling, values = [], 0, 0, 0
+    for g in groups:
+        rows.append(
+            f"{{{members}, {len(g.members)}, {coupling}, {len(g.coupling)}, {values}, {int(g.saved)}, "
+            f"{int(g.halves)}}}"
+        )
+        members, coupling = members + len(g.members), coupling + len(g.coupling)
+        values += len(g.values)
+    return rows
+
+
+def _start(place: int, variable: ContainerVariable) -> str:
+    if variable.letter == "S":
+        return f"{{{place}, 0.0, {_text(str(variable.start))}}}"
+    value = variable.start
+    number = float(value) if not isinstance(value, str) else float({"true": 1, "false": 0}.get(value, value))
+    return f"{{{place}, {c_number(number)}, NULL}}"
+
+
+def _table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
+    """Return an array, with one empty element if it has none: C has no empty arrays."""
+    listed = list(rows)
+    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in listed or ["0"]), "};", ""]
+
+
+def _text(text: str) -> str:
+    """Return a text as a C literal of its UTF-8 bytes."""
+    plain = (chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode())
+    return f'"{"".join(plain)}"'

@@ -1,0 +1,181 @@
+/* One instance of the system: its memory, and its messages to the host. */
+
+#define MESSAGE_LENGTH 1024
+#define TIME_TOLERANCE 1e-6 /* of times of the host, as a fraction of the step */
+
+enum { INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, TERMINATED = 8, FAILED = 16, DEAD = 32 };
+
+/* Communication point k is (first + k * per_step) / denominator, so that only the division rounds. */
+typedef struct {
+    double first, per_step, denominator;
+} Clock;
+
+/* What a repeated step restores. */
+typedef struct {
+    double signals[ROOM(N_SIGNALS)];
+    double previous[ROOM(N_SIGNALS)]; /* signals one communication point earlier */
+    double largest[ROOM(N_SIGNALS)];  /* absolute values so far */
+    double at[ROOM(N_PARTS)];         /* time of the signals of each part */
+    double before[ROOM(N_PARTS)];     /* time of the previous ones */
+    double taken[ROOM(N_INPUTS)];     /* signal that an input with a rare reader read last */
+    double taken_at[ROOM(N_INPUTS)];
+} Exchange;
+
+/* All that evolves outside of the parts. */
+typedef struct {
+    char guid[GUID_SIZE];
+    int phase;
+    double steps; /* communication steps so far */
+    double start_time, stop_time;
+    Clock clock;
+    Exchange now;
+    double jacobians[ROOM(N_JACOBIANS)];
+} Memory;
+
+struct Instance;
+
+/* What a message of a part needs. */
+typedef struct Sender {
+    const struct Sender *self;
+    struct Instance *owner;
+    int part;
+} Sender;
+
+typedef struct Instance {
+    Memory memory;
+    fmi2Component parts[ROOM(N_PARTS)];
+    fmi2FMUstate begin[ROOM(N_PARTS)]; /* states at the begin of the present step, of groups */
+    Exchange kept;                     /* the exchange at the begin of the present step */
+    Functions functions[ROOM(N_LIBRARIES)];
+    void *handles[ROOM(N_LIBRARIES)];
+    double chosen[ROOM(N_VARIABLES)]; /* start values of numbers */
+    unsigned char is_chosen[ROOM(N_VARIABLES)];
+    double inputs[ROOM(N_INPUTS)], derivatives[ROOM(N_INPUTS)];
+    char *name, *location;
+    fmi2CallbackFunctions callbacks[ROOM(N_PARTS)];
+    Sender senders[ROOM(N_PARTS)];
+    fmi2CallbackLogger logger;
+    fmi2ComponentEnvironment environment;
+    unsigned logged; /* categories that are switched on, as bits */
+    int settled;     /* whether initial values agree with the values that were set */
+    int ended;       /* a part asked to end the simulation */
+    int defines_tolerance;
+    double tolerance;
+} Instance;
+
+/* ---- messages -------------------------------------------------------------------------- */
+
+enum { LOG_EVENTS, LOG_WARNING, LOG_DISCARD, LOG_ERROR, LOG_FATAL, LOG_ALL, N_CATEGORIES };
+
+static const char *const categories[N_CATEGORIES] = {
+    "logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"};
+
+#define CATEGORY(category) (1u << (category))
+#define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
+#define PROBLEMS (CATEGORY(LOG_WARNING) | CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
+
+static int category_of(fmi2Status status) {
+    switch (status) {
+        case fmi2OK: return LOG_EVENTS;
+        case fmi2Warning: return LOG_WARNING;
+        case fmi2Discard: return LOG_DISCARD;
+        case fmi2Error: return LOG_ERROR;
+        default: return LOG_FATAL;
+    }
+}
+
+static void send(const Instance *instance, fmi2Status status, char *message) {
+    const int category = category_of(status);
+    for (char *c = message; *c; c++)
+        if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
+    instance->logger(instance->environment, instance->name, status, categories[category], message);
+}
+
+static int is_logged(const Instance *instance, fmi2Status status) {
+    return instance->logger != NULL && (instance->logged & CATEGORY(category_of(status)));
+}
+
+/* Log a message, if its category is on; returns the status. */
+static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
+    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
+    va_list arguments;
+    if (!is_logged(instance, status)) return status;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    /* a name that is too long is omitted completely, so that no UTF-8 character is cut */
+    const int fits = strlen(instance->name) < MESSAGE_LENGTH;
+    snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
+    send(instance, status, message);
+    return status;
+}
+
+/* Whether this is one of our senders. Some FMUs pass other things than their componentEnvironment: small
+   numbers, or their own memory. */
+static int is_sender(fmi2ComponentEnvironment environment) {
+    const uintptr_t address = (uintptr_t)environment;
+    const Sender *sender = environment;
+    return address >= 4096 && address % sizeof(void *) == 0 && sender->self == sender;
+}
+
+/* Pass on a message of a part. */
+static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
+                    fmi2String category, fmi2String format, ...) {
+    const Sender *sender = environment;
+    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
+    va_list arguments;
+    (void)name, (void)category;
+    if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, status)) return;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    const char *part = parts[sender->part].name;
+    const int is_named = strncmp(text, part, strlen(part)) == 0;
+    snprintf(message, sizeof message, "%s%s%s", is_named ? "" : part, is_named ? "" : ": ", text);
+    send(sender->owner, status, message);
+}
+
+static const char *phase_name(int phase) {
+    switch (phase) {
+        case INSTANTIATED: return "instantiated";
+        case INITIALIZATION: return "initialization";
+        case STEP: return "step";
+        case TERMINATED: return "terminated";
+        default: return "error";
+    }
+}
+
+static fmi2Status require(const Instance *instance, int phases, const char *action) {
+    if (instance->memory.phase & phases) return fmi2OK;
+    return report(instance, fmi2Error, "cannot %s in phase %s.", action, phase_name(instance->memory.phase));
+}
+
+static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
+    if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
+    return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
+}
+
+/* Check the pointer to which a call writes its result. */
+static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
+    if (place != NULL) return fmi2OK;
+    return report(instance, fmi2Error, "the pointer to %s is NULL.", what);
+}
+
+/* What a call returns whose reason is logged: fmi2Fatal after that of a part. */
+static fmi2Status failed(const Instance *instance) {
+    return instance->memory.phase == DEAD ? fmi2Fatal : fmi2Error;
+}
+
+/* Whether a status is worse than a warning. */
+static int is_bad(fmi2Status status) { return status > fmi2Warning || status < fmi2OK; }
+
+/* Report what a part answered. After an error the instance can only be reset, after fmi2Fatal not even that. */
+static fmi2Status blame(Instance *instance, int part, const char *call, fmi2Status status) {
+    static const char *const names[] = {"fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal",
+                                        "fmi2Pending"};
+    const char *name = status >= fmi2OK && status <= fmi2Pending ? names[status] : "an unknown status";
+    const int fatal = status == fmi2Fatal;
+    instance->memory.phase = fatal ? DEAD : FAILED;
+    return report(instance, fatal ? fmi2Fatal : fmi2Error, "%s answered %s with %s.", parts[part].name, call,
+                  name);
+}

@@ -1,0 +1,132 @@
+/* Libraries of parts that are not compiled in, from the resources of this FMU. */
+
+#ifdef _WIN32
+#define SUFFIX ".dll"
+#elif defined __APPLE__
+#define SUFFIX ".dylib"
+#else
+#define SUFFIX ".so"
+#endif
+
+#if defined __aarch64__ && defined __APPLE__
+#define PLATFORM "aarch64-darwin"
+#elif defined __aarch64__
+#define PLATFORM "aarch64-linux"
+#elif defined _WIN32
+#define PLATFORM "win64"
+#elif defined __APPLE__
+#define PLATFORM "darwin64"
+#else
+#define PLATFORM "linux64"
+#endif
+
+static int hexadecimal(char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+}
+
+/* Return a new text: the path of a file: URI, or a copy of a text that is none. */
+static char *path_of(const char *uri, const char *more) {
+    char *path = malloc(strlen(uri) + strlen(more) + 1), *end = path;
+    if (path == NULL) return NULL;
+    const int is_uri = strncmp(uri, "file:", 5) == 0;
+    if (is_uri) {
+        uri += 5;
+        if (strncmp(uri, "//", 2) == 0) {
+            uri += 2;
+            if (strncmp(uri, "localhost/", 10) == 0) uri += 9;
+        }
+#ifdef _WIN32
+        if (uri[0] == '/' && uri[1] != '\0' && uri[2] == ':') uri++;
+#endif
+    }
+    for (; *uri; uri++) {
+        const int high = is_uri && *uri == '%' ? hexadecimal(uri[1]) : -1;
+        const int low = high >= 0 ? hexadecimal(uri[2]) : -1;
+        if (low >= 0) {
+            *end++ = (char)(16 * high + low);
+            uri += 2;
+        } else {
+            *end++ = *uri;
+        }
+    }
+    strcpy(end, more);
+    return path;
+}
+
+static void *open_library(const char *path) {
+#ifdef _WIN32
+    wchar_t wide[2048];
+    if (MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, 2048) == 0) return NULL;
+    return (void *)LoadLibraryExW(wide, NULL, LOAD_WITH_ALTERED_SEARCH_PATH);
+#else
+    return dlopen(path, RTLD_NOW | RTLD_LOCAL);
+#endif
+}
+
+static void close_library(void *handle) {
+#ifdef _WIN32
+    FreeLibrary((HMODULE)handle);
+#else
+    dlclose(handle);
+#endif
+}
+
+static void *find_symbol(void *handle, const char *name) {
+#ifdef _WIN32
+    return (void *)GetProcAddress((HMODULE)handle, name);
+#else
+    return dlsym(handle, name);
+#endif
+}
+
+#define LOAD(name)                                          \
+    {                                                       \
+        void *found = find_symbol(handle, "fmi2" #name);    \
+        memcpy(&functions->name, &found, sizeof found);     \
+    }
+#define CHECK(name) \
+    if (functions->name == NULL) return "fmi2" #name;
+
+/* Fill the functions from a library; returns the name of a missing one that is needed, or NULL. */
+static const char *load_functions(void *handle, Functions *functions) {
+    FUNCTIONS(LOAD)
+    NEEDED(CHECK)
+    return NULL;
+}
+
+/* Make the functions of all libraries callable. */
+static fmi2Status open_libraries(Instance *instance) {
+    for (int i = 0; i < N_LIBRARIES; i++) {
+        const Library *library = &libraries[i];
+        char more[512];
+        if (library->functions != NULL) {
+            instance->functions[i] = *library->functions;
+            continue;
+        }
+        if (instance->location == NULL)
+            return report(instance, fmi2Error, "the host gave no place of the resources, where %s is.",
+                          library->folder);
+        snprintf(more, sizeof more, "/%s/binaries/" PLATFORM "/%s" SUFFIX, library->folder, library->file);
+        char *path = path_of(instance->location, more);
+        if (path == NULL) return report(instance, fmi2Error, "out of memory.");
+        instance->handles[i] = open_library(path);
+        if (instance->handles[i] == NULL) {
+            report(instance, fmi2Error, "the library %s cannot be loaded.", path);
+            free(path);
+            return fmi2Error;
+        }
+        free(path);
+        const char *missing = load_functions(instance->handles[i], &instance->functions[i]);
+        if (missing != NULL)
+            return report(instance, fmi2Error, "the library of %s has no function %s.", library->folder, missing);
+    }
+    return fmi2OK;
+}
+
+static void close_libraries(Instance *instance) {
+    for (int i = 0; i < N_LIBRARIES; i++)
+        if (instance->handles[i] != NULL) close_library(instance->handles[i]);
+}

@@ -1,0 +1,128 @@
+/* The communication step: any whole number of steps of the system. */
+
+static fmi2Status operate(Instance *instance, const Operation *operation, double k, double time,
+                          double length) {
+    const int i = operation->part, multiple = parts[i].multiple;
+    double begin = time, span = length;
+    if (multiple > 1) {
+        if (fmod(k + 1.0, multiple) != 0.0) return fmi2OK;
+        begin = point(&instance->memory.clock, k + 1.0 - multiple);
+        span = point(&instance->memory.clock, k + 1.0) - begin;
+    }
+    if (operation->call == SET) return set_inputs(instance, i, begin, span);
+    if (operation->call == STEP_PART) return step_part(instance, i, begin, span);
+    shift(&instance->memory.now, i, time + length);
+    return get_outputs(instance, i);
+}
+
+/* Do step k of the system. */
+static fmi2Status advance(Instance *instance, double k) {
+    const double time = point(&instance->memory.clock, k);
+    const double length = point(&instance->memory.clock, k + 1.0) - time;
+    Exchange *now = &instance->memory.now;
+    fmi2Status status = fmi2OK;
+    if (N_GROUPS > 0) see(now);
+    for (int g = 0; g < N_GROUPS && status == fmi2OK; g++)
+        status = advance_group(instance, &groups[g], time, length, HALVINGS);
+    for (int o = 0; o < N_OPERATIONS && status == fmi2OK; o++)
+        status = operate(instance, &operations[o], k, time, length);
+    if (status != fmi2OK) return status;
+    const int bad = find_not_finite(now);
+    if (bad < 0) return fmi2OK;
+    return report(instance, fmi2Error, "%s became %g at t = %.9g s.", signals[bad].name, now->signals[bad],
+                  time + length);
+}
+
+/* The number of the system's steps in a step of the host; 0 for one that exists only through rounding, and
+   negative if there is none. */
+static double count_steps(const Instance *instance, double time, double length) {
+    const Memory *memory = &instance->memory;
+    const double now = point(&memory->clock, memory->steps), rounding = 1e-12 * fabs(time);
+    if (!isfinite(time) || !isfinite(length) || length < 0.0) {
+        report(instance, fmi2Error, "the step from t = %g s of %g s is not possible.", time, length);
+        return -1.0;
+    }
+    if (fabs(time - now) > TIME_TOLERANCE * STEP_SIZE + rounding) {
+        report(instance, fmi2Error, "the step starts at t = %.9g s, but the system is at t = %.9g s.", time, now);
+        return -1.0;
+    }
+    const double end = time + length;
+    if (end > memory->stop_time + TIME_TOLERANCE * STEP_SIZE + rounding) {
+        report(instance, fmi2Error, "the step to t = %.9g s goes past the stop time %.9g s.", end,
+               memory->stop_time);
+        return -1.0;
+    }
+    const double count = rint((end - now) / STEP_SIZE);
+    const double there = point(&memory->clock, memory->steps + count);
+    if (fabs(end - there) > TIME_TOLERANCE * STEP_SIZE + rounding) {
+        report(instance, fmi2Error,
+               "the step of %.9g s is not a multiple of the system's step of %.9g s; set one in the host.",
+               length, STEP_SIZE);
+        return -1.0;
+    }
+    return count;
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
+                      fmi2Boolean noSetFMUStatePriorToCurrentPoint) {
+    Instance *instance = c;
+    Memory *memory = &instance->memory;
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
+    if (instance->ended) return report(instance, fmi2Error, "the simulation has ended.");
+    const double count = count_steps(instance, currentCommunicationPoint, communicationStepSize);
+    if (count < 0.0) return fmi2Error;
+    for (double k = 0.0; k < count; k++) {
+        const fmi2Status status = advance(instance, memory->steps);
+        if (status == fmi2OK) {
+            memory->steps += 1.0;
+            continue;
+        }
+        if (instance->ended) return fmi2Discard;
+        if (memory->phase == STEP) { /* some parts have done the step, others have not */
+            memory->phase = FAILED;
+            return report(instance, fmi2Error, "the step from t = %.9g s failed, and the parts are apart.",
+                          point(&memory->clock, memory->steps));
+        }
+        return status == fmi2Fatal ? fmi2Fatal : fmi2Error;
+    }
+    return fmi2OK;
+}
+
+/* Steps are never asynchronous, so there is nothing to cancel and no pending status. */
+fmi2Status fmi2CancelStep(fmi2Component c) { return report(c, fmi2Error, "no step is pending."); }
+
+static fmi2Status no_status(fmi2Component c) {
+    return report(c, fmi2Discard, "this status is not available.");
+}
+
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
+    const Instance *instance = c;
+    if (s != fmi2LastSuccessfulTime) return no_status(c);
+    if (check_place(instance, value, "the status") != fmi2OK) return fmi2Error;
+    *value = point(&instance->memory.clock, instance->memory.steps);
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
+    const Instance *instance = c;
+    if (s != fmi2Terminated) return no_status(c);
+    if (check_place(instance, value, "the status") != fmi2OK) return fmi2Error;
+    *value = instance->ended ? fmi2True : fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}

@@ -1,0 +1,125 @@
+"""The variables that the FMU of a system shows."""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from ..base.errors import CommandError
+from ..base.patterns import matches_pattern
+from .plan import ContainerPlan
+
+LETTERS = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B", "String": "S"}
+"""The types of variables as letters in C."""
+
+
+@dataclass(frozen=True)
+class ContainerVariable:
+    """A variable of the FMU, and that of the part which it stands for.
+
+    Attributes:
+        name: its name in the system.
+        part: position of the component.
+        own: the variable of the component's FMU.
+        causality: input, output, parameter, calculatedParameter or local.
+        start: its start value, None if it has none.
+        changed: whether the start value is another one than the FMU's own.
+        signal: position among the signals; -1 without one.
+    """
+
+    name: str
+    part: int
+    own: ModelVariable
+    causality: str
+    start: Any
+    changed: bool
+    signal: int
+
+    @property
+    def letter(self) -> str:
+        """Return its type in C: R, I, B or S."""
+        return LETTERS[str(self.own.type)]
+
+    @property
+    def variability(self) -> str:
+        """Return its variability; that of an input that became a parameter is `tunable`."""
+        if self.causality == "parameter" and self.own.causality == "input":
+            return "tunable"
+        return str(self.own.variability)
+
+    @property
+    def initial(self) -> str | None:
+        """Return how it is initialized."""
+        if self.causality == "input":
+            return None
+        return "exact" if self.causality == "parameter" else self.own.initial or "calculated"
+
+    @property
+    def settable(self) -> bool:
+        """Return whether a host may set it."""
+        if self.variability == "constant":
+            return False
+        return self.causality in ("input", "parameter") or self.initial in ("exact", "approx")
+
+
+def list_variables(
+    plan: ContainerPlan, inputs: Collection[str], outputs: Collection[str], shown: Sequence[str]
+) -> list[ContainerVariable]:
+    """Return all variables, in the order of the components.
+
+    Args:
+        plan: The system.
+        inputs: Names or patterns of the inputs, among those that nothing drives. Default: all of these.
+        outputs: Names or patterns of the outputs, among those of the components.
+        shown: The outputs without `outputs`. Default: all.
+
+    Raises:
+        CommandError: A name or pattern matches nothing.
+    """
+    found = list[ContainerVariable]()
+    names = plan.network.names
+    for p, part in enumerate(plan.parts):
+        driven = {v.name for v in part.instance.read}
+        first = plan.network.parts[p].start
+        signal_of = {v.name: first + k for k, v in enumerate(part.instance.written)}
+        values = {v.name: value for v, value in part.starts}
+        for own in part.instance.file.variables.values():
+            if own.name in driven or own.causality == "independent":
+                continue
+            signal = signal_of.get(own.name, -1)
+            own_name = plan.known[part.name].get(own.name, own.name)
+            name = names[signal] if signal >= 0 else _full_name(part.name, own_name)
+            start = values.get(own.name, own.start)
+            found.append(
+                ContainerVariable(name, p, own, str(own.causality), start, own.name in values, signal)
+            )
+    open_inputs = [v.name for v in found if v.causality == "input"]
+    all_outputs = [v.name for v in found if v.causality == "output"]
+    kept = {*_select("input", inputs, open_inputs), *_select("output", outputs or shown, all_outputs)}
+    return [_shown(v, kept) for v in found]
+
+
+def _full_name(part: str, name: str) -> str:
+    """Return the name of a variable in the container; the derivative of a.x is der(a.x)."""
+    inner = re.fullmatch(r"der\((.*)\)", name)
+    return f"{part}.{name}" if inner is None else f"der({part}.{inner[1]})"
+
+
+def _shown(variable: ContainerVariable, kept: Collection[str]) -> ContainerVariable:
+    """Return the variable; an output that is not shown becomes local, such an input a parameter."""
+    if variable.causality not in ("input", "output") or variable.name in kept:
+        return variable
+    causality = "local" if variable.causality == "output" else "parameter"
+    return ContainerVariable(**{**vars(variable), "causality": causality})
+
+
+def _select(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:
+    for pattern in patterns:
+        if not any(matches_pattern(name, pattern) for name in names):
+            hint = "see `emla info` for the outputs"
+            if kind == "input":
+                hint = f"nothing drives {', '.join(names)}" if names else "every input is connected"
+            raise CommandError(f"no {kind} matches '{pattern}'; {hint}.", name=pattern)
+    return [n for n in names if not patterns or any(matches_pattern(n, p) for p in patterns)]

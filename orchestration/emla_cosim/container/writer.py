@@ -1,0 +1,153 @@
+"""Write a system as one FMU."""
+
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from fmublock.archive import content_guid, key_comment, read_built, write_archive
+from fmublock.compiling import compile_libraries
+from fmublock.errors import BuildError
+from fmublock.platforms import host_platform
+
+from ..base.errors import CommandError, RunError
+from ..base.ownership import check_replaceable, refuse_others
+from ..base.progress import Progress
+from ..master.algorithms.algorithm import Algorithm
+from ..master.stepping.timing import CommunicationPoints
+from ..system.model import System
+from .c_tables import functions_header, part_source, system_header
+from .description import describe_container
+from .page import container_page
+from .plan import ContainerPlan, Library, plan_container
+from .variables import ContainerVariable, list_variables
+
+_MAIN = "fmi2_container.c"
+
+
+def check_container(path: Path, overwrite: bool = False) -> None:
+    """Check that an FMU may be written; see `check_replaceable`.
+
+    Raises:
+        CommandError: If it must not be written.
+    """
+    if path.parent.is_dir():  # otherwise it is created later
+        check_replaceable(path, "the FMU", _is_ours, overwrite)
+
+
+def _is_ours(path: Path) -> bool:
+    return read_built(path).key is not None
+
+
+def write_container(
+    path: Path,
+    name: str,
+    description: str,
+    system: System,
+    fmus: Mapping[str, Path],
+    algorithm: Algorithm,
+    times: CommunicationPoints,
+    inputs: Collection[str] = (),
+    outputs: Collection[str] = (),
+    shown: Callable[[Collection[str]], Sequence[str]] = lambda names: [],
+    platforms: Sequence[str] = (),
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Write a system as one co-simulation FMU, which steps its FMUs as the algorithm does.
+
+    FMUs of this project are compiled in, for any platform. Others are carried along with their libraries.
+    Equal content gives equal bytes.
+
+    Args:
+        path: The file.
+        name: The name of the model.
+        description: Its description.
+        system: The system, with its start values.
+        fmus: FMU file of every component.
+        algorithm: The algorithm that steps it.
+        times: Start, stop and step size.
+        inputs: Names or patterns of the inputs, among those that nothing drives. Default: all of these.
+        outputs: Names or patterns of the outputs. Default: `shown`.
+        shown: Returns the outputs without `outputs` from the names of all signals. None means all outputs.
+        platforms: FMI platforms. Default: that of this machine.
+        overwrite: Whether to replace a file that emla did not write.
+        progress: Receives the progress of compiling.
+
+    Raises:
+        CommandError: The system cannot be one FMU, or the file must not be replaced.
+        RunError: It cannot be initialized or compiled, or the file cannot be written.
+    """
+    plan, told = plan_container(system, fmus, algorithm, times), progress or Progress()
+    wanted = list(platforms) or [host_platform()]
+    for library in plan.libraries:
+        _check_platforms(library, wanted)
+    variables = list_variables(plan, inputs, outputs, shown(plan.network.names))
+    identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    identifier = identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
+    content, mains = _content(plan, identifier, variables, wanted)
+    content["documentation/index.html"] = container_page(plan, name, description, variables, system).encode()
+    listed = mains if all(x.source for x in plan.libraries) else []
+    described = (plan, name, identifier, description)
+    anonymous = describe_container(*described, "", variables, listed)
+    guid = content_guid({**content, "modelDescription.xml": anonymous})
+    content["modelDescription.xml"] = describe_container(*described, guid, variables, listed)
+    content["sources/guid.h"] = f'#define MODEL_GUID "{guid}"\n'.encode()
+    told.begin("compiling", len(wanted))
+    try:
+        binaries = compile_libraries(
+            identifier,
+            mains,
+            content,
+            wanted,
+            lambda: told.advance(1),
+            loads=any(x.source is None for x in plan.libraries),
+        )
+    except BuildError as error:
+        raise RunError(f"{name} could not be built: {error}") from error
+    try:
+        check = refuse_others(_is_ours, overwrite)
+        write_archive(path, {**content, **binaries}, key_comment(guid.strip("{}")), check=check)
+    except OSError as error:
+        raise RunError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+
+
+def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
+    if library.source is not None:
+        return
+    have = sorted({p.split("/")[0] for p in library.files_in("binaries")})
+    missing = [p for p in platforms if p not in have]
+    if missing:
+        raise CommandError(
+            f"the FMU '{library.file.path}' has no library for {', '.join(missing)}, only for "
+            f"{', '.join(have)}; choose other platforms."
+        )
+
+
+def _content(
+    plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], platforms: Sequence[str]
+) -> tuple[dict[str, bytes], list[str]]:
+    """Return the files of the FMU by path, and the C files to compile."""
+    shim = files("emla_cosim.container").joinpath("shim")
+    content = {f"sources/{f.name}": f.read_bytes() for f in shim.iterdir() if f.name.endswith((".c", ".h"))}
+    content["sources/functions.h"] = functions_header(plan).encode()
+    content["sources/system.h"] = system_header(plan, identifier, variables).encode()
+    mains = [_MAIN]
+    for library in plan.libraries:
+        folder = library.folder
+        if library.source is not None:
+            content[f"sources/{folder}.c"] = part_source(folder, library.source).encode()
+            mains.append(f"{folder}.c")
+            content |= _moved(library, "sources", f"sources/{folder}")
+        else:
+            content[f"resources/{folder}/modelDescription.xml"] = library.content["modelDescription.xml"]
+            for platform in platforms:
+                content |= _moved(library, f"binaries/{platform}", f"resources/{folder}/binaries/{platform}")
+        content |= _moved(library, "resources", f"resources/{folder}/resources")
+        content |= _moved(library, "documentation/licenses", f"documentation/licenses/{folder}")
+    return content, mains
+
+
+def _moved(library: Library, folder: str, inside: str) -> dict[str, bytes]:
+    """Return the files in a folder of an FMU by their path in the container."""
+    return {f"{inside}/{path}": content for path, content in library.files_in(folder).items()}
