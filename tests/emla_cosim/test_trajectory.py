@@ -135,7 +135,7 @@ def test_bounds_of_accelerations_are_drawn_recorded_and_can_be_off(emla: Emla) -
 
 
 def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\n[machine]\nlift_a = 1.2\n")
+    (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\nground = -1.7\n[machine]\nlift_a = 1.2\n")
     changes = ("--set", "q_E[3]=0.4", "--set", "v_E=0,0,0", "--set", "machine.tilt_b=0.46")
     shown = emla("trajectory", "mine.toml", *changes, *COARSE, "--no-plots", "--output", "m.json")
     assert shown.exit_code == 0, shown.output

@@ -19,7 +19,7 @@ _MACHINE = "machine"
 _OFF = "off"
 """Value of what does not limit the motion."""
 
-_CAN_BE_OFF = ("a_LB", "a_UB", "j_LB", "j_UB")
+_CAN_BE_OFF = ("a_LB", "a_UB", "j_LB", "j_UB", "ground_clearance", "body_clearance")
 _ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
 
 

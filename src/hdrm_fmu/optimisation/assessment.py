@@ -10,12 +10,16 @@ from ..spline import Spline
 from ..trajectory import JOINTS
 from .grid import lobatto
 from .problem import MotionProblem
+from .surroundings import Approach, body_approach, ground_approach
 from .transcription import bound_width, least_cost, stage
 
 Bound = TypeVar("Bound", bound=float | None)
 
 _POINTS = 101
 """Number of grid points in each span between knots."""
+
+GROUND, BODY = "ground", "body"
+"""Names of the obstacles."""
 
 _ROUNDING = 1e-6
 """Fraction of a bound that counts as rounding."""
@@ -60,6 +64,25 @@ class Peak:
 
 
 @dataclass(frozen=True)
+class Clearance:
+    """The smallest distance from an obstacle, GROUND or BODY, and the one that is required in m."""
+
+    obstacle: str
+    required: float
+    smallest: Approach
+
+    @property
+    def shortfall(self) -> float:
+        """Return by how much the distance is too small in m; 0 if it is not."""
+        return max(self.required - self.smallest.distance, 0.0)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the distance is large enough, except for rounding of 1 µm."""
+        return self.shortfall <= _ROUNDING
+
+
+@dataclass(frozen=True)
 class Assessment:
     """A motion's figures: costs in W2 s, work in J, duration in s.
 
@@ -75,11 +98,13 @@ class Assessment:
     gross_work: float
     net_work: float
     peaks: tuple[Peak, ...]
+    clearances: tuple[Clearance, ...]
 
     @property
     def within_bounds(self) -> bool:
         """Whether all bounds are kept, except for rounding."""
-        return all(peak.excess <= _ROUNDING for peak in self.peaks)
+        kept = all(clearance.is_kept for clearance in self.clearances)
+        return kept and all(peak.excess <= _ROUNDING for peak in self.peaks)
 
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
@@ -87,6 +112,18 @@ def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
     q, v, a, j = (spline.evaluated(times, d) for d in range(4))
     forces, _ = stage(problem, 0.0).map(len(times))(q.T, v.T, a.T)
     return Course(times, q, v, a, forces.full().T, j)
+
+
+def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
+    """Return the smallest distances of a motion from ground and body, if they limit it."""
+    times, _ = lobatto(np.unique(spline.knots), _POINTS)
+    machine, q, found = problem.machine, spline.evaluated(times), list[Clearance]()
+    if problem.ground_clearance is not None:
+        nearest = ground_approach(machine, problem.ground_height, times, q)
+        found.append(Clearance(GROUND, problem.ground_clearance, nearest))
+    if problem.body_clearance is not None:
+        found.append(Clearance(BODY, problem.body_clearance, body_approach(machine, times, q)))
+    return tuple(found)
 
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
@@ -103,6 +140,7 @@ def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assess
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
         tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(3)),
+        measure_clearances(spline, problem),
     )
 
 

@@ -5,10 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 
+import numpy as np
+
 from ..dynamics import bias
 from ..parameters import HDRM, PAYLOAD, HdrmParameters, Three
 from ..spline import TrajectoryError
 from ..trajectory import JOINTS
+from .surroundings import body_approach, ground_approach, lowest_ground
 
 
 class EndSpeed(StrEnum):
@@ -56,6 +59,12 @@ class MotionProblem:
     """Lower bounds of the jerks, m/s3; None is no bound."""
     j_UB: Three | None = None
     """Upper bounds of the jerks, m/s3; None is no bound."""
+    ground: float | None = None
+    """Height of the ground above O1, m; None is the foot of the base, where pictures draw it."""
+    ground_clearance: float | None = 0.2
+    """Smallest height of tip, elbow and pins above the ground, m; None is no ground."""
+    body_clearance: float | None = 0.2
+    """Smallest distance of the outer and inner boom from base and lift actuator, m; None is no limit."""
     t_M: float = 37.7
     """The longest time that the motion may take, s."""
     payload: float = PAYLOAD
@@ -67,6 +76,9 @@ class MotionProblem:
         for part in fields(self):
             if part.name != "machine":
                 _check(part.name, getattr(self, part.name), part.type)
+        for name in ("ground_clearance", "body_clearance"):
+            if (getattr(self, name) or 0.0) < 0.0:
+                raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be 0 m or more, or off.")
         for name, least in (("t_M", "more than 0 s"), ("payload", "0 kg or more")):
             if getattr(self, name) < 0.0 or (name == "t_M" and self.t_M == 0.0):
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be {least}.")
@@ -75,7 +87,13 @@ class MotionProblem:
         """Return a message for each contradiction found in the data."""
         empty = self._empty_bounds()
         gentle = [] if empty else self._too_gentle()
-        return [*empty, *self._broken_bounds(), *self._too_late(), *gentle, *self._too_heavy()]
+        others = (self._broken_bounds(), self._too_late(), gentle, self._too_heavy(), self._too_near())
+        return [*empty, *(message for found in others for message in found)]
+
+    @property
+    def ground_height(self) -> float:
+        """Height of the ground in m from O1."""
+        return lowest_ground(self.machine) if self.ground is None else self.ground
 
     def beyond_bounds(self) -> list[int]:
         """Return the joints, counted from 0, whose v_E is beyond its own bound."""
@@ -163,7 +181,7 @@ class MotionProblem:
         found, at_rest = [], (0.0, 0.0, 0.0)
         for name in ("q_S", "q_E"):
             q = getattr(self, name)
-            if not all(a <= x <= b for a, x, b in zip(self.machine.q_LB, q, self.machine.q_UB, strict=True)):
+            if not self._within_strokes(q):
                 continue  # reported before, and triangles may not close there
             for i, force in enumerate(bias(self.machine, q, at_rest, self.payload)):
                 if not self.f_LB[i] <= force <= self.f_UB[i]:
@@ -172,6 +190,32 @@ class MotionProblem:
                         f"{self.f_LB[i] / 1e3:g} to {self.f_UB[i] / 1e3:g} kN"
                     )
         return found
+
+    def _too_near(self) -> list[str]:
+        """Return messages for postures at the start or end that are too close to the ground or the body."""
+        found, machine = [], self.machine
+        for name in ("q_S", "q_E"):
+            q, time = np.array([getattr(self, name)]), np.zeros(1)
+            if not self._within_strokes(q[0]):
+                continue
+            ground = ground_approach(machine, self.ground_height, time, q)
+            if self.ground_clearance is not None and ground.distance < self.ground_clearance:
+                side = "above" if ground.distance >= 0.0 else "below"
+                found.append(
+                    f"{name} puts {ground.part} {abs(ground.distance):.3g} m {side} the ground, which is at "
+                    f"y = {self.ground_height:.4g} m; ground_clearance = {self.ground_clearance:g} m "
+                    "is required"
+                )
+            body = body_approach(machine, time, q)
+            if self.body_clearance is not None and body.distance < self.body_clearance:
+                found.append(
+                    f"{name} puts {body.part} {body.distance:.3g} m from the base or the lift actuator; "
+                    f"body_clearance = {self.body_clearance:g} m is required"
+                )
+        return found
+
+    def _within_strokes(self, q: Sequence[float] | np.ndarray) -> bool:
+        return all(a <= x <= b for a, x, b in zip(self.machine.q_LB, q, self.machine.q_UB, strict=True))
 
 
 def _way(first: float, last: float, gain: float, duration: float) -> float:
@@ -187,7 +231,7 @@ def _times(x: float, low: float, high: float) -> str:
 
 
 def _check(name: str, value: object, kind: object) -> None:
-    if value is None and kind == Three | None:
+    if value is None and kind in (Three | None, float | None):
         return
     count = 3 if kind in (Three, Three | None) else 1
     values: Sequence[object] = value if count == 3 and isinstance(value, (tuple, list)) else [value]

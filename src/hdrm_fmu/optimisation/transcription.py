@@ -17,6 +17,7 @@ from ..trajectory import JOINTS
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
 from .problem import MotionProblem
+from .surroundings import heights
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,11 @@ SLACKS = (
     "the end speeds v_E",
     *(f"the acceleration bounds of the {joint}" for joint in JOINTS),
     *(f"the jerk bounds of the {joint}" for joint in JOINTS),
+    "the clearance from the ground",
 )
 """Bounds that an elastic programme relaxes: not those of strokes, as triangles may not close beyond them."""
 
-_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK = 0, 3, 6, 7, 8, 9, 12
+_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK, _GROUND = 0, 3, 6, 7, 8, 9, 12, 15
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class Programme:
     how: Discretisation
     elastic: bool = False
     """Whether the groups of SLACKS are relaxed; their slacks are minimised then."""
+    grounded: bool = False
+    """Whether the collocation points keep the clearance from the ground."""
 
     @cached_property
     def basis(self) -> SplineBasis:
@@ -96,6 +100,8 @@ class Programme:
         self._strokes(constraints)
         self._speeds(constraints)
         self._accelerations_and_jerks(constraints)
+        if self.grounded:
+            self._heights(constraints)
         for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
             scale = max(high - low, 1.0)
             constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, self._slack(_FORCE + i))
@@ -219,6 +225,13 @@ class Programme:
             constraints.between((points - high * relative) / scale - extra, -np.inf, 0.0)
         if low is not None:
             constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
+
+    def _heights(self, constraints: Constraints) -> None:
+        """Require the clearance from the ground at the collocation points."""
+        problem, slack = self.problem, self._slack(_GROUND)
+        above = heights(problem.machine).map(len(self.points[0]))(self.symbols[2]) - problem.ground_height
+        extra = 0.0 if slack is None else slack
+        constraints.between(casadi.vec(above) + extra, problem.ground_clearance, np.inf)
 
     def _slack(self, group: int) -> casadi.MX | None:
         return self.symbols[-1][group] if self.elastic else None

@@ -10,7 +10,7 @@ from ...base.option import TRAJECTORY
 from ...trajectories.pictures import picture_places
 from ...trajectories.problem import load_problem, override_values
 from ...trajectories.runner import trajectory
-from ...trajectories.summary import format_costs, format_lines, format_peaks, remarks
+from ...trajectories.summary import format_clearances, format_costs, format_lines, format_peaks, remarks
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
@@ -121,7 +121,7 @@ def command(
     show(format_costs(result))
     show(format_peaks(result))
     files = ", ".join((str(place), *(path.name for path in pictures)))
-    for line in (*format_lines(result), f"Wrote {files}"):
+    for line in (*format_clearances(result), *format_lines(result), f"Wrote {files}"):
         print_line(line)
 
 
