@@ -144,6 +144,7 @@ def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: 
     problem = {
         "payload": 200.0,
         "t_M": 20.0,
+        "ground": -1.7,
         "q_E": [0.270, 0.442, 0.4],
         "v_E": np.zeros(3),
         "machine": {"lift_a": 1.2, "tilt_b": 0.46},
