@@ -155,6 +155,30 @@ def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: 
     assert result.problem.machine.lift_a == 1.2
 
 
+def test_positions_of_the_tip_by_value_by_file_and_from_python(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("tip_E = [3.2, 0.4]\n[[via]]\ntip = [2.7, -0.4]\n")
+    changes = ("--set", "tip_E=3.2,0.5", "--set", "via[1].at=0.3", "--set", "via[2].tip=3,0.2")
+    shown = emla(
+        "trajectory",
+        "mine.toml",
+        *changes,
+        *COARSE,
+        "--no-plots",
+        "--output",
+        "m.json",
+        "--end-speed",
+        "rest",
+    )
+    assert shown.exit_code == 0, shown.output
+    document = json.loads((tmp_path / "m.json").read_text())["problem"]
+    assert document["tip_E"] == [3.2, 0.5]
+    assert document["via"] == [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": [3, 0.2], "at": None}]
+    problem = {"tip_E": np.array([3.2, 0.5]), "via": [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": (3.0, 0.2)}]}
+    result = ec.trajectory(problem, end_speed="rest", **FAST)
+    assert result.spline == ec.read_trajectory(tmp_path / "m.json")
+    assert ec.trajectory(result.given, end_speed="rest", **FAST).spline == result.spline
+
+
 def test_readings_are_chosen_by_name(emla: Emla) -> None:
     shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", "--end-speed", "rest")
     assert "replaced by rest for all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
@@ -189,10 +213,21 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--set", "machine.x.y=3"), "a problem has no 'machine.x.y'"),
         (("--set", "q_E[4]=3"), "a problem has no 'q_E[4]'"),
         (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of three numbers"),
+        (("--set", "via[2].tip=3,0"), "via[2] has no predecessor; the next way-point is via[1]"),
+        (("--set", "via[1].at=0.3"), "has no tip; write tip = [x, y], in m from O1"),
+        (("--set", "via[1].tipp=0.3"), "unknown name 'tipp'; did you mean 'tip'?"),
+        (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x and y from O1, or off"),
+        (("--set", "tip_E=5,1"), "tip_E = 5,1 m is out of the tip's reach by 0.674 m"),
+        (
+            ("--set", "a_UB=nan"),
+            "a_UB is nan; it must be three finite numbers: lift, tilt, telescope, or off",
+        ),
+        (("--set", "ground_clearance=-1"), "ground_clearance is -1; it must be 0 m or more, or off"),
+        (("--set", "ground_clearance=inf"), "ground_clearance is inf; it must be a finite number, or off"),
         (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write three, a_UB=1,1,1"),
         (("--set", "t_M=off"), "t_M is 'off'; it must be a finite number"),
         (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
-        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or three"),
+        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or several with commas"),
         (("--set", "t_M=inf"), "t_M is inf; it must be a finite number"),
         (("--set", "machine.lift_a=1,2,3"), "'machine.lift_a' of the problem is [1.0, 2.0, 3.0]"),
         (("--set", "machine.lift_a=-1"), "'machine' of the problem: lift_a = -1 is outside its range"),

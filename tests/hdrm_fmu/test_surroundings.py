@@ -1,6 +1,5 @@
 """Motions keep clear of the ground and of the machine's body, by geometry that is written here again."""
 
-import cmath
 import math
 from dataclasses import replace
 from typing import Any
@@ -16,9 +15,10 @@ from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.optimisation.solving import NoMotionError, solved
 from hdrm_fmu.optimisation.surroundings import base_corners, body_approach, ground_approach, lowest_ground
 from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.parameters import HDRM, HdrmParameters
+from hdrm_fmu.parameters import HDRM
 from hdrm_fmu.spline import Spline
 from tests.support.long import examples
+from tests.support.manipulator_geometry import points
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
@@ -31,28 +31,6 @@ LOW_AND_SINKING = MotionProblem(
     ground=-1.352,
 )
 """Without the ground, the tip would be 9 mm too low after 0.2 s."""
-
-
-def points(p: HdrmParameters, q: Any) -> dict[str, complex]:
-    """The moving points in the complex plane, from the law of cosines."""
-
-    def angle(a: float, b: float, L: float) -> float:
-        return math.acos((a * a + b * b - L * L) / (2.0 * a * b))
-
-    theta_1 = p.lift_delta + angle(p.lift_a, p.lift_b, p.lift_L_0 + q[0]) - p.lift_epsilon
-    along = cmath.exp(1j * theta_1)
-    boom = along * cmath.exp(
-        1j * (p.tilt_delta + angle(p.tilt_a, p.tilt_b, p.tilt_L_0 + q[1]) - p.tilt_epsilon)
-    )
-    elbow = p.lift_length * along
-    return {
-        "A_1": p.lift_a * cmath.exp(1j * p.lift_delta),
-        "B_1": p.lift_b * along * cmath.exp(1j * p.lift_epsilon),
-        "O_2": elbow,
-        "A_2": elbow + p.tilt_a * along * cmath.exp(1j * p.tilt_delta),
-        "B_2": elbow + p.tilt_b * boom * cmath.exp(1j * p.tilt_epsilon),
-        "tip": elbow + (p.reach + q[2]) * boom,
-    }
 
 
 def height(problem: MotionProblem, q: Any) -> float:

@@ -1,6 +1,6 @@
 """Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -135,13 +135,17 @@ def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assess
     return Assessment(
         duration,
         0.5 * float(weights @ power.sum(axis=1) ** 2),
-        least_cost(problem, duration),
+        least_cost(problem if problem.tip_E is None else _ended(problem, seen.q[-1]), duration),
         0.5 * tie_break * float(weights @ (power**2).sum(axis=1)),
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
         tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(3)),
         measure_clearances(spline, problem),
     )
+
+
+def _ended(problem: MotionProblem, q_E: np.ndarray) -> MotionProblem:
+    return replace(problem, tip_E=None, q_E=tuple(q_E.tolist()))
 
 
 def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:

@@ -95,9 +95,12 @@ def _solved(programme: Programme, begin: np.ndarray, heard: Callable[[], None]) 
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
-    """Return the coefficients of the straight line from start to end."""
-    start, end = np.array(problem.q_S), np.array(problem.q_E)
-    return start + (end - start) * how.basis.means[:, None]
+    """Return the coefficients of the straight line from start to end, by way of the guesses of way-points."""
+    start, end = np.array(problem.q_S), np.array(problem.guesses[-1])
+    if not problem.via:
+        return start + (end - start) * how.basis.means[:, None]
+    moments, strokes = [0.0, *problem.moments, 1.0], np.array([problem.q_S, *problem.guesses])
+    return np.column_stack([np.interp(how.basis.means, moments, column) for column in strokes.T])
 
 
 def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray:

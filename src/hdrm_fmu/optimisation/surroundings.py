@@ -6,12 +6,13 @@ booms and actuators, so they must cover half of their widths.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import casadi
 import numpy as np
 
-from ..kinematics import Posture, posture
+from ..kinematics import posture
 from ..parameters import HdrmParameters
 from ..plane import Vector, scaled, unit
 
@@ -73,12 +74,18 @@ def heights(p: HdrmParameters) -> casadi.Function:
 
 
 def postures(p: HdrmParameters, strokes: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the points of the machine by name, one row (x, y) in m for each row of strokes."""
-    q, names = casadi.SX.sym("q", 3), [name for name in Posture._fields if name in (*GROUND_POINTS, "A_1")]
+    """Return the points of GROUND_POINTS by name, one row (x, y) in m for each row of strokes."""
+    found = _points(p).map(len(strokes))(strokes.T).full()
+    return {name: found[2 * i : 2 * i + 2].T for i, name in enumerate(GROUND_POINTS)}
+
+
+@cache
+def _points(p: HdrmParameters) -> casadi.Function:
+    q = casadi.SX.sym("q", 3)
     at = posture(p, casadi.vertsplit(q))
-    points = casadi.vertcat(*(casadi.vertcat(*getattr(at, name)) for name in names))
-    found = casadi.Function("points", [q], [points]).map(len(strokes))(strokes.T).full()
-    return {name: found[2 * i : 2 * i + 2].T for i, name in enumerate(names)}
+    return casadi.Function(
+        "points", [q], [casadi.vertcat(*(casadi.vertcat(*getattr(at, n)) for n in GROUND_POINTS))]
+    )
 
 
 def ground_approach(p: HdrmParameters, ground: float, times: np.ndarray, strokes: np.ndarray) -> Approach:

@@ -5,6 +5,7 @@ latter are "lifted": c and t_M determine them. As unknowns they allow one functi
 points, and its exact second derivatives stay small and sparse.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,7 @@ import casadi
 import numpy as np
 
 from ..dynamics import energy, inverse_dynamics
+from ..kinematics import tip
 from ..parameters import Three
 from ..trajectory import JOINTS
 from .constraints import Constraints
@@ -100,6 +102,7 @@ class Programme:
         self._strokes(constraints)
         self._speeds(constraints)
         self._accelerations_and_jerks(constraints)
+        self._positions(constraints)
         if self.grounded:
             self._heights(constraints)
         for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
@@ -114,19 +117,25 @@ class Programme:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
-        inner, problem = self.basis.size - 2, self.problem
-        columns = zip(problem.q_S, problem.machine.q_LB, problem.machine.q_UB, problem.q_E, strict=True)
-        if self.how.subdivisions > 1:
-            columns = [(s, -np.inf, np.inf, e) for s, _, _, e in columns]
-        ends = [(s, [low] * inner, [high] * inner, e) for s, low, high, e in columns]
-        low = [x for s, lows, _, e in ends for x in (s, *lows, e)]
-        high = [x for s, _, highs, e in ends for x in (s, *highs, e)]
-        free = np.full(9 * len(self.points[0]), np.inf)
+        problem = self.problem
+        q_LB, q_UB = problem.machine.q_LB, problem.machine.q_UB
+        lasts = (q_LB, q_UB) if problem.tip_E is not None else (problem.q_E, problem.q_E)
+        free = self.how.subdivisions > 1
+        low = self._in_columns(problem.q_S, [-np.inf] * 3 if free else q_LB, lasts[0])
+        high = self._in_columns(problem.q_S, [np.inf] * 3 if free else q_UB, lasts[1])
+        anywhere = np.full(9 * len(self.points[0]), np.inf)
         longest = np.inf if self.elastic else problem.t_M
         return (
-            np.concatenate([low, [1e-3 * problem.t_M], -free, np.zeros(self.slacks)]),
-            np.concatenate([high, [longest], free, np.full(self.slacks, np.inf)]),
+            np.concatenate([low, [1e-3 * problem.t_M], -anywhere, np.zeros(self.slacks)]),
+            np.concatenate([high, [longest], anywhere, np.full(self.slacks, np.inf)]),
         )
+
+    def _in_columns(
+        self, first: Sequence[float], inner: Sequence[float], last: Sequence[float]
+    ) -> list[float]:
+        """Return values for all coefficients from those of each joint."""
+        count = self.basis.size - 2
+        return [x for s, mid, e in zip(first, inner, last, strict=True) for x in (s, *[mid] * count, e)]
 
     def start(self, coefficients: np.ndarray) -> np.ndarray:
         """Return initial unknowns: a curve with these coefficients, one column per joint, of duration t_M."""
@@ -155,6 +164,15 @@ class Programme:
             rows = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(self.points[0], order)), 1e-14))
             scale = self.problem.t_M**order
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
+
+    def _positions(self, constraints: Constraints) -> None:
+        """Require positions of the tip at way-points and at the end."""
+        problem, q = self.problem, casadi.SX.sym("q", 3)
+        place = casadi.Function("tip", [q], [casadi.vertcat(*tip(problem.machine, casadi.vertsplit(q)))])
+        aims = [(moment, via.tip) for moment, via in zip(problem.moments, problem.via, strict=True)]
+        for moment, position in aims if problem.tip_E is None else [*aims, (1.0, problem.tip_E)]:
+            row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
+            constraints.equal(place(casadi.mtimes(row, self.symbols[0]).T) - casadi.DM(position))
 
     def _strokes(self, constraints: Constraints) -> None:
         """Require bounds of the strokes' subdivided control points."""
@@ -259,6 +277,6 @@ def least_cost(problem: MotionProblem, duration: float) -> float:
     """
     start, end = (
         energy(problem.machine, q, v, problem.payload)
-        for q, v in ((problem.q_S, problem.v_S), (problem.q_E, problem.v_E))
+        for q, v in ((problem.q_S, problem.v_S), (problem.guesses[-1], problem.v_E))
     )
     return (end - start) ** 2 / (2.0 * duration)

@@ -40,7 +40,8 @@ def command(
     set: Annotated[
         list[str] | None,
         typer.Option(
-            help="Set a value of the problem, such as t_M=20, q_E[3]=0.4 or machine.lift_a=1.2 (repeatable).",
+            help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift_a=1.2, "
+            "tip_E=3.2,0.5 or via[1].tip=2.6,-0.4 (repeatable).",
             metavar="NAME=VALUE",
             rich_help_panel=_WHAT,
         ),
