@@ -179,6 +179,39 @@ def test_positions_of_the_tip_by_value_by_file_and_from_python(emla: Emla, tmp_p
     assert ec.trajectory(result.given, end_speed="rest", **FAST).spline == result.spline
 
 
+def test_a_payload_that_changes_is_written_for_scenarios(emla: Emla, tmp_path: Path) -> None:
+    changes = (
+        "--set",
+        "via[1].tip=3,-0.6",
+        "--set",
+        "via[1].payload=50",
+        "--set",
+        "t_M=20",
+        "--end-speed",
+        "rest",
+    )
+    shown = emla("trajectory", *changes, *COARSE, "--no-plots", "--output", "m.json")
+    assert shown.exit_code == 0, shown.output
+    assert "Wrote m.json, m-payload.csv" in shown.stdout
+    lines = (tmp_path / "m-payload.csv").read_text().splitlines()
+    assert lines[1:] == ["time [s],payload [kg]", "0.0,470.0", "10.0,50.0"]
+    assert emla("trajectory", *changes, *COARSE, "--no-plots", "--output", "m.json").exit_code == 0
+    (tmp_path / "m-payload.csv").write_text("mine\n")
+    assert "was not written by emla" in emla("trajectory", *changes, *COARSE, "--output", "m.json").output
+    run = (
+        "run",
+        "hdrm-coupled",
+        "--trajectory",
+        "m.json",
+        "--start-time",
+        "9.9995",
+        "--stop-time",
+        "10.0005",
+    )
+    noted = emla(*run, "--output", "r", "--no-plots")
+    assert "its payload changes; use --input NAME-payload.csv:machine.manipulator.payload.m" in noted.output
+
+
 def test_readings_are_chosen_by_name(emla: Emla) -> None:
     shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", "--end-speed", "rest")
     assert "replaced by rest for all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
@@ -320,6 +353,9 @@ def test_a_motion_for_another_machine_is_reported(tmp_path: Path) -> None:
 
     document = json.loads(DEFAULT_FILE.read_text(encoding="utf-8"))
     (tmp_path / "same.json").write_text(json.dumps(document))
+    document["problem"]["via"] = [{"payload": 50.0}]
+    (tmp_path / "changing.json").write_text(json.dumps(document))
+    document["problem"]["via"] = [{"payload": None}]
     document["problem"]["payload"] = 200.0
     document["problem"]["machine"]["motor_m"][1] = 35.0
     (tmp_path / "other.json").write_text(json.dumps(document))
@@ -327,12 +363,14 @@ def test_a_motion_for_another_machine_is_reported(tmp_path: Path) -> None:
     (tmp_path / "bare.json").write_text(json.dumps(document))
     for scenario, machine in (("hdrm-replay", "machine.manipulator"), ("hdrm-merged", "machine.plant")):
         systems = {
-            n: ec.load(scenario, trajectory=tmp_path / f"{n}.json").system for n in ("same", "other", "bare")
+            n: ec.load(scenario, trajectory=tmp_path / f"{n}.json").system
+            for n in ("same", "other", "bare", "changing")
         }
         assert note(systems["same"]) == note(systems["bare"]) == note(ec.load(scenario).system) == ""
         told = note(systems["other"])
         assert f"{machine}.payload.m is 470 kg, but 200 kg there" in told
         assert "motor.m[2] is 30 kg, but 35 kg there." in told and told.count(";") == 1
+        assert f"-payload.csv:{machine}.payload.m=payload,interpolation=held" in note(systems["changing"])
         changed = systems["other"].with_parameters({f"{machine}.payload.m": 200.0})
         assert "payload" not in note(changed) and "motor.m[2]" in note(changed)
         heavier = systems["same"].with_parameters({f"{machine}.payload.m": 500.0})

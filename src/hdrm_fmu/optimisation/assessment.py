@@ -1,6 +1,7 @@
 """Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -108,10 +109,37 @@ class Assessment:
 
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
-    """Return the motion along a spline at times in s."""
+    """Return the motion along a spline at times in s; where the payload changes, with the later one."""
+    parts = (times - spline.start) / (spline.end - spline.start)
+    which = np.searchsorted([load.first for load in problem.loads[1:]], parts, side="right")
+    return _course(spline, problem, times, which)
+
+
+def _course(spline: Spline, problem: MotionProblem, times: np.ndarray, which: np.ndarray) -> Course:
+    """Return the motion along a spline at times in s, each with one of the problem's loads."""
     q, v, a, j = (spline.evaluated(times, d) for d in range(4))
-    forces, _ = stage(problem, 0.0).map(len(times))(q.T, v.T, a.T)
-    return Course(times, q, v, a, forces.full().T, j)
+    force = np.empty_like(q)
+    for i, load in enumerate(problem.loads):
+        rows = which == i
+        if np.any(rows):
+            forces, _ = stage(problem, 0.0, load.payload).map(int(rows.sum()))(
+                q[rows].T, v[rows].T, a[rows].T
+            )
+            force[rows] = forces.full().T
+    return Course(times, q, v, a, force, j)
+
+
+def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times of a dense grid in s, their weights, and the load of each; a change has both loads."""
+    places, duration = np.unique(spline.knots), spline.end - spline.start
+    found = []
+    for i, load in enumerate(problem.loads):
+        first, last = (spline.start + x * duration for x in (load.first, load.last))
+        inside = places[(places > first + _ROUNDING * duration) & (places < last - _ROUNDING * duration)]
+        times, weights = lobatto(np.concatenate([[first], inside, [last]]), _POINTS)
+        found.append((times, weights, np.full(len(times), i)))
+    times, weights, which = zip(*found, strict=True)
+    return np.concatenate(times), np.concatenate(weights), np.concatenate(which)
 
 
 def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
@@ -128,14 +156,14 @@ def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearanc
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
     """Return the figures of the motion along a spline."""
-    times, weights = lobatto(np.unique(spline.knots), _POINTS)
-    seen = course(spline, problem, times)
+    times, weights, which = _grid(spline, problem)
+    seen = _course(spline, problem, times, which)
     power = seen.v * seen.force
     duration = spline.end - spline.start
     return Assessment(
         duration,
         0.5 * float(weights @ power.sum(axis=1) ** 2),
-        least_cost(problem if problem.tip_E is None else _ended(problem, seen.q[-1]), duration),
+        least_cost(problem, duration, _strokes_at_aims(spline, problem)),
         0.5 * tie_break * float(weights @ (power**2).sum(axis=1)),
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
@@ -144,8 +172,11 @@ def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assess
     )
 
 
-def _ended(problem: MotionProblem, q_E: np.ndarray) -> MotionProblem:
-    return replace(problem, tip_E=None, q_E=tuple(q_E.tolist()))
+def _strokes_at_aims(spline: Spline, problem: MotionProblem) -> list[Sequence[float]]:
+    """Return the strokes in m at way-points and at the end."""
+    duration = spline.end - spline.start
+    found = spline.evaluated([spline.start + x * duration for x in (*problem.moments, 1.0)]).tolist()
+    return found if problem.tip_E is not None else [*found[:-1], problem.q_E]
 
 
 def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -35,6 +35,14 @@ Two = tuple[float, float]
 """A position in the plane: x horizontal, y up, in m from O1."""
 
 
+class Load(NamedTuple):
+    """A payload in kg between two moments, which are fractions of the duration."""
+
+    first: float
+    last: float
+    payload: float
+
+
 @dataclass(frozen=True)
 class Via:
     """A position that the tip passes on its way.
@@ -47,11 +55,15 @@ class Via:
     """Position of the tip from O1, m."""
     at: float | None = None
     """When it is there, as a fraction of the duration; None spreads all way-points evenly."""
+    payload: float | None = None
+    """Mass at the tip from here on, kg: the machine stops here. None is the mass before."""
 
     def __post_init__(self) -> None:
         _check("tip of a way-point", self.tip, Two)
         if self.at is not None and (not _is_number(self.at) or not 0.0 < self.at < 1.0):
             raise TrajectoryError(f"at of a way-point is {self.at!r}; it must be between 0 and 1.")
+        if self.payload is not None and (not _is_number(self.payload) or self.payload < 0.0):
+            raise TrajectoryError(f"payload of a way-point is {self.payload!r}; it must be 0 kg or more.")
 
 
 @dataclass(frozen=True)
@@ -99,7 +111,7 @@ class MotionProblem:
     t_M: float = 37.7
     """The longest time that the motion may take, s."""
     payload: float = PAYLOAD
-    """Mass at the tip, kg."""
+    """Mass at the tip, kg; way-points can change it."""
     machine: HdrmParameters = HDRM
     """The manipulator; its strokes q_LB and q_UB bound the positions."""
 
@@ -128,12 +140,26 @@ class MotionProblem:
         evenly = [(i + 1) / (len(self.via) + 1) for i in range(len(self.via))]
         return [x if via.at is None else via.at for via, x in zip(self.via, evenly, strict=True)]
 
-    @cached_property
-    def guesses(self) -> list[Three | None]:
-        """Strokes at way-points and at the end from which a solution is sought; None is out of reach.
+    @property
+    def loads(self) -> list[Load]:
+        """Payloads on the way, in order."""
+        found = [Load(0.0, 1.0, self.payload)]
+        for moment, via in zip(self.moments, self.via, strict=True):
+            if via.payload is not None:
+                found[-1:] = [found[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
+        return found
+
+    @property
+    def guesses(self) -> list[Three]:
+        """Strokes at way-points and at the end from which a solution is sought.
 
         Each one is the posture nearest to the one before that is above the ground.
         """
+        return [found or self.q_S for found in self._guesses]
+
+    @cached_property
+    def _guesses(self) -> list[Three | None]:
+        """Guesses, None for a position that is out of reach."""
         found, last = list[Three | None](), self.q_S
         for _, position in self._aims():
             found.append(nearest_posture(self.machine, position, last, self._is_high))
@@ -163,7 +189,7 @@ class MotionProblem:
     def _out_of_reach(self) -> list[str]:
         """Return messages for positions that no posture reaches above the ground."""
         found = []
-        for (name, position), guess in zip(self._aims(), self.guesses, strict=False):
+        for (name, position), guess in zip(self._aims(), self._guesses, strict=False):
             here, above = f"{name} = {position[0]:g},{position[1]:g} m", position[1] - self.ground_height
             if self.ground_clearance is not None and above < self.ground_clearance:
                 side = "above" if above >= 0.0 else "below"
@@ -283,7 +309,8 @@ class MotionProblem:
             q = getattr(self, name)
             if not self._within_strokes(q):
                 continue  # reported before, and triangles may not close there
-            for i, force in enumerate(bias(self.machine, q, at_rest, self.payload)):
+            payload = self.loads[0 if name == "q_S" else -1].payload
+            for i, force in enumerate(bias(self.machine, q, at_rest, payload)):
                 if not self.f_LB[i] <= force <= self.f_UB[i]:
                     found.append(
                         f"holding {name} takes {force / 1e3:.4g} kN of the {JOINTS[i]}, beyond its bounds, "

@@ -33,17 +33,18 @@ def nearest_posture(
     """
     low, high = p.q_LB[2], p.q_UB[2]
     width = np.array(p.q_UB) - np.array(p.q_LB)
-    best: np.ndarray | None = None
+    best = None
     for _ in range(2):
         tried = np.linspace(low, high, _STROKES)
         found = _reaching(p, position, tried)
         found = found[is_allowed(found)] if len(found) else found
         if not len(found):
             break
-        best = found[np.argmin(np.sum(((found - start) / width) ** 2, axis=1))]
+        lift, tilt, telescope = found[np.argmin(np.sum(((found - start) / width) ** 2, axis=1))].tolist()
+        best = (lift, tilt, telescope)
         step = tried[1] - tried[0]
-        low, high = max(p.q_LB[2], best[2] - step), min(p.q_UB[2], best[2] + step)
-    return None if best is None else (float(best[0]), float(best[1]), float(best[2]))
+        low, high = max(p.q_LB[2], telescope - step), min(p.q_UB[2], telescope + step)
+    return best
 
 
 def _reaching(p: HdrmParameters, position: Sequence[float], telescope: np.ndarray) -> np.ndarray:

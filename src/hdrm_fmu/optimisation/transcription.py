@@ -8,6 +8,7 @@ points, and its exact second derivatives stay small and sparse.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi
 import numpy as np
@@ -18,7 +19,7 @@ from ..parameters import Three
 from ..trajectory import JOINTS
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
-from .problem import MotionProblem
+from .problem import Load, MotionProblem
 from .surroundings import heights
 
 
@@ -43,6 +44,9 @@ class Discretisation:
         """Return the spline's basis on [0, 1]."""
         return SplineBasis.cosine(self.degree, self.knots)
 
+
+_APART = 1e-9
+"""Smallest distance of two places, as a fraction of the duration."""
 
 SLACKS = (
     *(f"the force bounds of the {joint}" for joint in JOINTS),
@@ -76,9 +80,16 @@ class Programme:
         return self.how.basis
 
     @cached_property
+    def parts(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Collocation points on [0, 1] and weights for each payload; a change of it is a point of both."""
+        places = self.basis.places
+        return [lobatto(_between(places, load), self.how.points) for load in self.problem.loads]
+
+    @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Collocation points on [0, 1], and their weights."""
-        return lobatto(self.basis.places, self.how.points)
+        points, weights = zip(*self.parts, strict=True)
+        return np.concatenate(points), np.concatenate(weights)
 
     @property
     def slacks(self) -> int:
@@ -96,7 +107,7 @@ class Programme:
     def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
         """Return the programme for CasADi, and the bounds of its constraints."""
         _, t_M, q, v, a, slack = self.symbols
-        forces, cost = stage(self.problem, self.how.tie_break).map(len(self.points[0]))(q, v, a)
+        forces, cost = self._forces(q, v, a)
         constraints = Constraints()
         self._on_spline(constraints)
         self._strokes(constraints)
@@ -114,6 +125,17 @@ class Programme:
             constraints.between(t_M / self.problem.t_M - slack[_TIME], -np.inf, 1.0)
         unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
+
+    def _forces(self, q: casadi.MX, v: casadi.MX, a: casadi.MX) -> tuple[casadi.MX, casadi.MX]:
+        """Return forces in N and the cost's integrand in W2 at all points, each with its payload."""
+        found, first = [], 0
+        for load, (points, _) in zip(self.problem.loads, self.parts, strict=True):
+            rows = slice(first, first + len(points))
+            at_once = stage(self.problem, self.how.tie_break, load.payload).map(len(points))
+            found.append(at_once(q[:, rows], v[:, rows], a[:, rows]))
+            first = rows.stop
+        forces, costs = zip(*found, strict=True)
+        return casadi.horzcat(*forces), casadi.horzcat(*costs)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
@@ -166,13 +188,16 @@ class Programme:
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
 
     def _positions(self, constraints: Constraints) -> None:
-        """Require positions of the tip at way-points and at the end."""
+        """Require positions of the tip at way-points and at the end, and rest where the payload changes."""
         problem, q = self.problem, casadi.SX.sym("q", 3)
         place = casadi.Function("tip", [q], [casadi.vertcat(*tip(problem.machine, casadi.vertsplit(q)))])
         aims = [(moment, via.tip) for moment, via in zip(problem.moments, problem.via, strict=True)]
         for moment, position in aims if problem.tip_E is None else [*aims, (1.0, problem.tip_E)]:
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
             constraints.equal(place(casadi.mtimes(row, self.symbols[0]).T) - casadi.DM(position))
+        for load in problem.loads[1:]:
+            row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([load.first]), 1)), 1e-14))
+            constraints.equal(casadi.mtimes(row, self.symbols[0]) / problem.t_M)
 
     def _strokes(self, constraints: Constraints) -> None:
         """Require bounds of the strokes' subdivided control points."""
@@ -261,22 +286,37 @@ def bound_width(low: float | None, high: float | None) -> float:
     return max(both, 1e-3)
 
 
-def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
+def _between(places: np.ndarray, load: Load) -> np.ndarray:
+    """Return the places within a load, with its ends."""
+    inside = places[(places > load.first + _APART) & (places < load.last - _APART)]
+    return np.concatenate([[load.first], inside, [load.last]])
+
+
+def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Function:
     """Return a function from q, q', q'' at one point to the forces in N and the cost's integrand in W2."""
     q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
     parts = casadi.vertsplit(q), casadi.vertsplit(v), casadi.vertsplit(a)
-    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, problem.payload))
+    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, payload))
     power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
     return casadi.Function("stage", [q, v, a], [force, power])
 
 
-def least_cost(problem: MotionProblem, duration: float) -> float:
+def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Sequence[float]] = ()) -> float:
     """Return the lower bound of the cost of motions of this duration in s, in W2 s: dE^2 / (2 t_M).
 
-    All power goes into energy, and constant power has the least square.
+    All power goes into energy, and constant power has the least square. `strokes` are those at the way-points
+    and at the end; by default, the guesses. A payload that changes brings or takes its own energy.
     """
-    start, end = (
-        energy(problem.machine, q, v, problem.payload)
-        for q, v in ((problem.q_S, problem.v_S), (problem.guesses[-1], problem.v_E))
+    strokes, machine, loads, rest = (
+        strokes or problem.guesses,
+        problem.machine,
+        problem.loads,
+        (0.0, 0.0, 0.0),
     )
-    return (end - start) ** 2 / (2.0 * duration)
+    start = energy(machine, problem.q_S, problem.v_S, problem.payload)
+    gained = energy(machine, strokes[-1], problem.v_E, loads[-1].payload) - start
+    here = dict(zip(problem.moments, strokes, strict=False))
+    for before, load in pairwise(loads):
+        q = here[load.first]
+        gained -= energy(machine, q, rest, load.payload) - energy(machine, q, rest, before.payload)
+    return gained**2 / (2.0 * duration)

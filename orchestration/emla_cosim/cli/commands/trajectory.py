@@ -7,6 +7,7 @@ import typer
 
 from ...base.errors import CosimError
 from ...base.option import TRAJECTORY
+from ...trajectories.payload_file import payload_place
 from ...trajectories.pictures import picture_places
 from ...trajectories.problem import load_problem, override_values
 from ...trajectories.runner import trajectory
@@ -102,6 +103,7 @@ def command(
     overwrite = given.get("overwrite", False)
     place = output or _default_path()
     pictures = picture_places(place, plots, problem, overwrite)
+    payload = payload_place(place, asked, overwrite)
     with BarProgress() as progress:
         result = trajectory(
             asked,
@@ -121,7 +123,7 @@ def command(
         print_line(remark)
     show(format_costs(result))
     show(format_peaks(result))
-    files = ", ".join((str(place), *(path.name for path in pictures)))
+    files = ", ".join((str(place), *(path.name for path in (payload, *pictures) if path is not None)))
     for line in (*format_clearances(result), *format_lines(result), f"Wrote {files}"):
         print_line(line)
 
