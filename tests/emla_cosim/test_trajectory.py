@@ -16,9 +16,11 @@ from emla_cosim.cli.app import app
 from emla_cosim.system.model import System
 from emla_cosim.trajectories import runner
 from emla_cosim.trajectories.file import DEFAULT_FILE
+from emla_cosim.trajectories.pictures import PICTURES
 from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
+from tests.support.manipulator_geometry import points
 
 COARSE = ("--knots", "10", "--points", "5")
 FAST: dict[str, Any] = {"knots": 10, "points": 5}
@@ -55,7 +57,7 @@ def test_the_command_says_what_it_found_and_writes_it(emla: Emla, tmp_path: Path
         "Wrote motion.json, motion-forces-and-speeds.png, motion-positions-and-accelerations.png",
     ):
         assert words in shown.stdout, words
-    names = ("motion.json", "motion-forces-and-speeds.png", "motion-positions-and-accelerations.png")
+    names = ["motion.json", *(f"motion-{name}.png" for name in PICTURES)]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     for name in names[1:]:
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
@@ -113,8 +115,13 @@ def test_pictures_show_what_the_papers_figures_show(coarse: ec.TrajectoryResult)
     peak = np.abs(np.asarray(forces[0].lines[0].get_ydata())).max()
     assert peak == pytest.approx(abs(coarse.assessment.peaks[0].force) / 1e3, rel=2e-2)
     positions = figures["positions-and-accelerations"].axes
-    assert [a.get_ylabel() for a in positions[::3]] == ["stroke / m", "acceleration / mm/s²"]
+    assert [a.get_ylabel() for a in positions[::3]] == ["stroke / m", "acceleration / mm/s²", "jerk / mm/s³"]
     assert np.asarray(positions[1].lines[0].get_ydata())[[0, -1]] == pytest.approx([0.389, 0.442])
+    path = {line.get_label(): np.column_stack(line.get_data()) for line in figures["path"].axes[0].lines}
+    for row, q in ((0, coarse.problem.q_S), (-1, coarse.problem.q_E)):
+        at = points(coarse.problem.machine, q)["tip"]
+        assert path["path of the tip"][row] == pytest.approx([at.real, at.imag])
+    assert path["clearance"][0, 1] == pytest.approx(-1.381 + 0.2, abs=1e-3)
 
 
 def test_bounds_of_accelerations_are_drawn_recorded_and_can_be_off(emla: Emla) -> None:
@@ -172,7 +179,8 @@ def test_positions_of_the_tip_by_value_by_file_and_from_python(emla: Emla, tmp_p
     assert shown.exit_code == 0, shown.output
     document = json.loads((tmp_path / "m.json").read_text())["problem"]
     assert document["tip_E"] == [3.2, 0.5]
-    assert document["via"] == [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": [3, 0.2], "at": None}]
+    assert [via["tip"] for via in document["via"]] == [[2.7, -0.4], [3, 0.2]]
+    assert [via["at"] for via in document["via"]] == [0.3, None]
     problem = {"tip_E": np.array([3.2, 0.5]), "via": [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": (3.0, 0.2)}]}
     result = ec.trajectory(problem, end_speed="rest", **FAST)
     assert result.spline == ec.read_trajectory(tmp_path / "m.json")
