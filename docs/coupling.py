@@ -93,7 +93,7 @@ def main() -> None:
         merged.close()
     for label, values in found.items():
         print(label, *(f"{value:.2e}" for value in values))
-    figure = Figure(figsize=(9.6, 4.0), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.6, 4.0), dpi=150, layout="constrained")
     left, right = figure.subplots(1, 2)
     draw_errors(left, found)
     draw_forces(right, late)
