@@ -49,7 +49,8 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     array, bracket, _ = name.partition("[")
     if bracket and (elements := [n for n in variables if n.startswith(f"{array}[")]):
         raise CommandError(
-            f"{component} has no variable '{name}'; the elements of {array} are {elements[0]} to {elements[-1]}.",
+            f"{component} has no variable '{name}'; "
+            f"the elements of {array} are {elements[0]} to {elements[-1]}.",
             component=component,
             variable=name,
             near=elements[:1],
