@@ -102,7 +102,7 @@ def _table(found: Rates) -> str:
 
 def _draw(found: Rates) -> None:
     """Ratios to one thread, load by load."""
-    figure = Figure(figsize=(9.6, 3.4), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.6, 3.4), dpi=150, layout="constrained")
     for axes, (load, rates) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
         ratios = [_ratio(rates, way) for way in WAYS]
         colors = [OURS if way.startswith("EMLA") else OTHERS for way in WAYS]

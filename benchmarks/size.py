@@ -83,7 +83,7 @@ def _table(found: Mapping[int, Figures]) -> str:
 
 def _draw(found: Mapping[int, Figures]) -> None:
     """Preparation and rate against the number of FMUs."""
-    figure = Figure(figsize=(9.6, 3.6), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.6, 3.6), dpi=150, layout="constrained")
     left, right = figure.subplots(1, 2)
     preparation = [f["preparation_s"] for f in found.values()]
     left.plot(SIZES, preparation, marker="o", markersize=4, color=COLOR, label="measured")

@@ -40,7 +40,7 @@ class _Reduced:
         t_M = problem.t_M * x[-1]
         places, weights = programme.points
         q, v, a = (casadi.mtimes(casadi.DM(basis.at(places, d)), c).T / t_M**d for d in range(3))
-        forces, power = stage(problem, programme.how.tie_break).map(len(places))(q, v, a)
+        forces, power = stage(problem, programme.how.tie_break, problem.payload).map(len(places))(q, v, a)
         cost = 0.5 * t_M * casadi.mtimes(power, casadi.DM(weights)) / programme.cost_scale
         spans = casadi.repmat(casadi.DM(basis.speed_spans), 1, 3)
         speeds = ((c[1:, :] - c[:-1, :]) / spans / t_M).T

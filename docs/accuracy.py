@@ -80,7 +80,7 @@ def counted() -> Iterator[list[int]]:
 
 def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[Point]], path: Path) -> None:
     """Draw two panels: error against step, and error against calls."""
-    figure = Figure(figsize=(9.6, 4.4), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.6, 4.4), dpi=150, layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     steps = 1e6 * np.array(STEPS)
     for (name, extrapolation), points in fixed.items():

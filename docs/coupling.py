@@ -55,7 +55,9 @@ def draw_errors(axes: Axes, found: Mapping[str, list[float]]) -> None:
     for order, label in ((1, "inputs held"), (2, "followed, without d_2")):
         line = 0.4 * found[label][2] * (steps / steps[2]) ** order
         axes.plot(steps[1:4], line[1:4], color="black", linewidth=0.7, alpha=0.6)
-        axes.annotate(f"order {order}", (steps[2], line[2]), (5, -10), textcoords="offset points", fontsize=8)
+        axes.annotate(
+            f"order {order}", (steps[3], line[3]), (-40, -4), textcoords="offset points", fontsize=8
+        )
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks(steps, [f"{step:g}" for step in steps])
@@ -93,7 +95,7 @@ def main() -> None:
         merged.close()
     for label, values in found.items():
         print(label, *(f"{value:.2e}" for value in values))
-    figure = Figure(figsize=(9.6, 4.0), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.6, 4.0), dpi=150, layout="constrained")
     left, right = figure.subplots(1, 2)
     draw_errors(left, found)
     draw_forces(right, late)

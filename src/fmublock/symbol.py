@@ -27,7 +27,7 @@ _BRANCH = (
     "branches on a value that is known only in a run; "
     "use where, logical_and, logical_or, logical_not, minimum or maximum"
 )
-_NUMBER = "needs a number that is known only in a run; use fmublock's own functions (sin, sqrt, floor, ...)"
+_NUMBER = "needs a number that is known only in a run; use fmublock's own functions (sin, sqrt, dot, ...)"
 
 
 def _refused(message: str) -> Callable[..., NoReturn]:

@@ -78,6 +78,8 @@ def rows(delimiter: str = ";", force: float = 1.0) -> str:
         ("Kraft - kN", "Kraft", "kN", False),
         ("Kraft in lb", "Kraft", "lb", False),
         ("Kraft in Tonnen", "Kraft", "Tonnen", False),
+        ("Kraft.kN", "Kraft", "kN", False),
+        ("Zeit.min", "Zeit", "min", True),
     ],
 )
 def test_a_header_may_end_with_a_unit(header: str, name: str, unit: str, short: bool) -> None:
@@ -88,7 +90,25 @@ def test_a_header_may_end_with_a_unit(header: str, name: str, unit: str, short: 
 
 @pytest.mark.parametrize(
     "header",
-    ["x", "x_1", "der(s)", "Speed in the motor", "Speed motor", "a/b", "F [kN]", "x_max", "p_2", "_N"],
+    [
+        "v1.2",
+        "x.m",
+        "motor.A",
+        "lift.plant.mm",
+        "KraftkN",
+        "F.kNn",
+        ".kN",
+        "x",
+        "x_1",
+        "der(s)",
+        "Speed in the motor",
+        "Speed motor",
+        "a/b",
+        "F [kN]",
+        "x_max",
+        "p_2",
+        "_N",
+    ],
 )
 def test_other_headers_have_no_unit_at_their_end(header: str) -> None:
     assert Header.of(header).suffix is None
@@ -106,6 +126,7 @@ def test_other_headers_have_no_unit_at_their_end(header: str) -> None:
         "Zeit in ms;Force in N\n" + rows(force=1e3),
         "Zeit in ms;Force_N\n" + rows(force=1e3),
         f"Zeit in ms;{LOAD} in kN\n" + rows(),
+        "Zeit.ms;Force.kN\n" + rows(),
         "Zeit in msec;Force {kN}\n" + rows(),
         "Zeit <ms>;Force <kN>\n" + rows(),
         "Zeit: ms;Force: kN\n" + rows(),
@@ -138,6 +159,11 @@ def test_a_column_without_a_unit_is_noted(fmu_folder: Path, tmp_path: Path) -> N
         ("F_kN", POSITION, r"may have the unit 'kN' at its end, or be called so; .* such as 'F_kN \[m\]'"),
         ("x_min", POSITION, r"may have the unit 'min'"),
         ("Kraft in kN", POSITION, r"may have the unit 'kN'"),
+        ("pump.hA", POSITION, None),
+        ("pump.kN", POSITION, None),
+        ("motor.A", POSITION, None),
+        ("lift.plant.F_L", POSITION, None),
+        ("x.min", POSITION, None),
         ("Weg in Zoll", POSITION, r"'Weg in Zoll' .* has the unknown unit 'Zoll'"),
         ("T_h", "lift.plant.T_h", None),
         ("x_d", POSITION, None),
@@ -152,6 +178,10 @@ def test_what_a_unit_may_be_is_refused_unless_it_is_none(
         assert found.times.tolist() == [0.0, 1.0]
         with pytest.raises(CommandError, match="the time 't_h' of the input of data may have the unit 'h'"):
             LoadedInput.of(Input(data={"t_h": [0.0, 1.0], "x": [0.0, 1.0]}))
+        with pytest.raises(
+            CommandError, match=r"the time 't\.min' of the input of data may have the unit 'min'"
+        ):
+            LoadedInput.of(Input(data={"t.min": [0.0, 1.0], "x": [0.0, 1.0]}))
         return
     file = tmp_path / "data.csv"
     file.write_text(f"t;{header}\n0;0.24\n0.01;0.24\n")

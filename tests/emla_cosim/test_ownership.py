@@ -163,7 +163,7 @@ READ = {
 }
 """Paths that are only read and that are not in the table of options, by command and parameter."""
 
-BESIDE_TRAJECTORY = ("place-forces-and-speeds.png", "place-positions-and-accelerations.png")
+BESIDE_TRAJECTORY = ("place-forces-and-speeds.png", "place-positions-and-accelerations.png", "place-path.png")
 
 
 def paths_of_commands() -> set[str]:

@@ -123,3 +123,7 @@ def test_every_scenario_starts_with_all_gains(fmu_folder: Path, tmp_path: Path) 
             step, count = (max(delays), 3) if any(delays) else (1e-6, 10)
             scenario = load(name, gains=gains, step_size=step, stop_time=count * step)
             assert run_scenario(scenario, tmp_path, fmus=fmu_folder).problem is None
+
+
+def test_a_notebook_shows_a_scenario_as_one_line() -> None:
+    assert repr(load("lift")) == "<Scenario lift: 5 components; The lift joint of the study alone>"

@@ -100,6 +100,10 @@ def test_arrays_have_brackets_and_patterns_in_them(lift: ec.Simulation) -> None:
         ({"lift.disturbance.load.level[1]": "30 qN"}, "has the unknown unit 'qN'"),
         ({"lift.disturbance.load.level[1]": "1e999 kN"}, "out of range"),
         ({"lift.observer.rate": "30 kN"}, "has no variable"),
+        (
+            {"lift.reference.waypoint": [0.25] * 10},
+            "no variable 'waypoint[10]'; the elements of waypoint are waypoint[1] to waypoint[9]",
+        ),
     ],
 )
 def test_what_does_not_fit_is_told_in_one_sentence(

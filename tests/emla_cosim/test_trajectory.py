@@ -16,9 +16,11 @@ from emla_cosim.cli.app import app
 from emla_cosim.system.model import System
 from emla_cosim.trajectories import runner
 from emla_cosim.trajectories.file import DEFAULT_FILE
+from emla_cosim.trajectories.pictures import PICTURES
 from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
+from tests.support.manipulator_geometry import points
 
 COARSE = ("--knots", "10", "--points", "5")
 FAST: dict[str, Any] = {"knots": 10, "points": 5}
@@ -55,7 +57,7 @@ def test_the_command_says_what_it_found_and_writes_it(emla: Emla, tmp_path: Path
         "Wrote motion.json, motion-forces-and-speeds.png, motion-positions-and-accelerations.png",
     ):
         assert words in shown.stdout, words
-    names = ("motion.json", "motion-forces-and-speeds.png", "motion-positions-and-accelerations.png")
+    names = ["motion.json", *(f"motion-{name}.png" for name in PICTURES)]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     for name in names[1:]:
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
@@ -113,8 +115,13 @@ def test_pictures_show_what_the_papers_figures_show(coarse: ec.TrajectoryResult)
     peak = np.abs(np.asarray(forces[0].lines[0].get_ydata())).max()
     assert peak == pytest.approx(abs(coarse.assessment.peaks[0].force) / 1e3, rel=2e-2)
     positions = figures["positions-and-accelerations"].axes
-    assert [a.get_ylabel() for a in positions[::3]] == ["stroke / m", "acceleration / mm/s²"]
+    assert [a.get_ylabel() for a in positions[::3]] == ["stroke / m", "acceleration / mm/s²", "jerk / mm/s³"]
     assert np.asarray(positions[1].lines[0].get_ydata())[[0, -1]] == pytest.approx([0.389, 0.442])
+    path = {line.get_label(): np.column_stack(line.get_data()) for line in figures["path"].axes[0].lines}
+    for row, q in ((0, coarse.problem.q_S), (-1, coarse.problem.q_E)):
+        at = points(coarse.problem.machine, q)["tip"]
+        assert path["path of the tip"][row] == pytest.approx([at.real, at.imag])
+    assert path["clearance"][0, 1] == pytest.approx(-1.381 + 0.2, abs=1e-3)
 
 
 def test_bounds_of_accelerations_are_drawn_recorded_and_can_be_off(emla: Emla) -> None:
@@ -135,7 +142,7 @@ def test_bounds_of_accelerations_are_drawn_recorded_and_can_be_off(emla: Emla) -
 
 
 def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\n[machine]\nlift_a = 1.2\n")
+    (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\nground = -1.7\n[machine]\nlift_a = 1.2\n")
     changes = ("--set", "q_E[3]=0.4", "--set", "v_E=0,0,0", "--set", "machine.tilt_b=0.46")
     shown = emla("trajectory", "mine.toml", *changes, *COARSE, "--no-plots", "--output", "m.json")
     assert shown.exit_code == 0, shown.output
@@ -144,6 +151,7 @@ def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: 
     problem = {
         "payload": 200.0,
         "t_M": 20.0,
+        "ground": -1.7,
         "q_E": [0.270, 0.442, 0.4],
         "v_E": np.zeros(3),
         "machine": {"lift_a": 1.2, "tilt_b": 0.46},
@@ -152,6 +160,64 @@ def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: 
     assert result.spline.end == 20.0
     assert result.spline == by_command
     assert result.problem.machine.lift_a == 1.2
+
+
+def test_positions_of_the_tip_by_value_by_file_and_from_python(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("tip_E = [3.2, 0.4]\n[[via]]\ntip = [2.7, -0.4]\n")
+    changes = ("--set", "tip_E=3.2,0.5", "--set", "via[1].at=0.3", "--set", "via[2].tip=3,0.2")
+    shown = emla(
+        "trajectory",
+        "mine.toml",
+        *changes,
+        *COARSE,
+        "--no-plots",
+        "--output",
+        "m.json",
+        "--end-speed",
+        "rest",
+    )
+    assert shown.exit_code == 0, shown.output
+    document = json.loads((tmp_path / "m.json").read_text())["problem"]
+    assert document["tip_E"] == [3.2, 0.5]
+    assert [via["tip"] for via in document["via"]] == [[2.7, -0.4], [3, 0.2]]
+    assert [via["at"] for via in document["via"]] == [0.3, None]
+    problem = {"tip_E": np.array([3.2, 0.5]), "via": [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": (3.0, 0.2)}]}
+    result = ec.trajectory(problem, end_speed="rest", **FAST)
+    assert result.spline == ec.read_trajectory(tmp_path / "m.json")
+    assert ec.trajectory(result.given, end_speed="rest", **FAST).spline == result.spline
+
+
+def test_a_payload_that_changes_is_written_for_scenarios(emla: Emla, tmp_path: Path) -> None:
+    changes = (
+        "--set",
+        "via[1].tip=3,-0.6",
+        "--set",
+        "via[1].payload=50",
+        "--set",
+        "t_M=20",
+        "--end-speed",
+        "rest",
+    )
+    shown = emla("trajectory", *changes, *COARSE, "--no-plots", "--output", "m.json")
+    assert shown.exit_code == 0, shown.output
+    assert "Wrote m.json, m-payload.csv" in shown.stdout
+    lines = (tmp_path / "m-payload.csv").read_text().splitlines()
+    assert lines[1:] == ["time [s],payload [kg]", "0.0,470.0", "10.0,50.0"]
+    assert emla("trajectory", *changes, *COARSE, "--no-plots", "--output", "m.json").exit_code == 0
+    (tmp_path / "m-payload.csv").write_text("mine\n")
+    assert "was not written by emla" in emla("trajectory", *changes, *COARSE, "--output", "m.json").output
+    run = (
+        "run",
+        "hdrm-coupled",
+        "--trajectory",
+        "m.json",
+        "--start-time",
+        "9.9995",
+        "--stop-time",
+        "10.0005",
+    )
+    noted = emla(*run, "--output", "r", "--no-plots")
+    assert "its payload changes; use --input NAME-payload.csv:machine.manipulator.payload.m" in noted.output
 
 
 def test_readings_are_chosen_by_name(emla: Emla) -> None:
@@ -188,10 +254,21 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--set", "machine.x.y=3"), "a problem has no 'machine.x.y'"),
         (("--set", "q_E[4]=3"), "a problem has no 'q_E[4]'"),
         (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of three numbers"),
+        (("--set", "via[2].tip=3,0"), "via[2] has no predecessor; the next way-point is via[1]"),
+        (("--set", "via[1].at=0.3"), "has no tip; write tip = [x, y], in m from O1"),
+        (("--set", "via[1].tipp=0.3"), "unknown name 'tipp'; did you mean 'tip'?"),
+        (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x and y from O1, or off"),
+        (("--set", "tip_E=5,1"), "tip_E = 5,1 m is out of the tip's reach by 0.674 m"),
+        (
+            ("--set", "a_UB=nan"),
+            "a_UB is nan; it must be three finite numbers: lift, tilt, telescope, or off",
+        ),
+        (("--set", "ground_clearance=-1"), "ground_clearance is -1; it must be 0 m or more, or off"),
+        (("--set", "ground_clearance=inf"), "ground_clearance is inf; it must be a finite number, or off"),
         (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write three, a_UB=1,1,1"),
         (("--set", "t_M=off"), "t_M is 'off'; it must be a finite number"),
         (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
-        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or three"),
+        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number, or several with commas"),
         (("--set", "t_M=inf"), "t_M is inf; it must be a finite number"),
         (("--set", "machine.lift_a=1,2,3"), "'machine.lift_a' of the problem is [1.0, 2.0, 3.0]"),
         (("--set", "machine.lift_a=-1"), "'machine' of the problem: lift_a = -1 is outside its range"),
@@ -284,6 +361,9 @@ def test_a_motion_for_another_machine_is_reported(tmp_path: Path) -> None:
 
     document = json.loads(DEFAULT_FILE.read_text(encoding="utf-8"))
     (tmp_path / "same.json").write_text(json.dumps(document))
+    document["problem"]["via"] = [{"payload": 50.0}]
+    (tmp_path / "changing.json").write_text(json.dumps(document))
+    document["problem"]["via"] = [{"payload": None}]
     document["problem"]["payload"] = 200.0
     document["problem"]["machine"]["motor_m"][1] = 35.0
     (tmp_path / "other.json").write_text(json.dumps(document))
@@ -291,12 +371,14 @@ def test_a_motion_for_another_machine_is_reported(tmp_path: Path) -> None:
     (tmp_path / "bare.json").write_text(json.dumps(document))
     for scenario, machine in (("hdrm-replay", "machine.manipulator"), ("hdrm-merged", "machine.plant")):
         systems = {
-            n: ec.load(scenario, trajectory=tmp_path / f"{n}.json").system for n in ("same", "other", "bare")
+            n: ec.load(scenario, trajectory=tmp_path / f"{n}.json").system
+            for n in ("same", "other", "bare", "changing")
         }
         assert note(systems["same"]) == note(systems["bare"]) == note(ec.load(scenario).system) == ""
         told = note(systems["other"])
         assert f"{machine}.payload.m is 470 kg, but 200 kg there" in told
         assert "motor.m[2] is 30 kg, but 35 kg there." in told and told.count(";") == 1
+        assert f"-payload.csv:{machine}.payload.m=payload,interpolation=held" in note(systems["changing"])
         changed = systems["other"].with_parameters({f"{machine}.payload.m": 200.0})
         assert "payload" not in note(changed) and "motor.m[2]" in note(changed)
         heavier = systems["same"].with_parameters({f"{machine}.payload.m": 500.0})

@@ -46,6 +46,15 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     """
     if name in variables:
         return variables[name]
+    array, bracket, _ = name.partition("[")
+    if bracket and (elements := [n for n in variables if n.startswith(f"{array}[")]):
+        raise CommandError(
+            f"{component} has no variable '{name}'; "
+            f"the elements of {array} are {elements[0]} to {elements[-1]}.",
+            component=component,
+            variable=name,
+            near=elements[:1],
+        )
     near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
     meant = f"; did you mean {' or '.join(near)}?" if near else "."
     raise CommandError(

@@ -39,11 +39,13 @@ class Suffix:
         name: The header without it.
         unit: The name of the unit.
         is_short: Whether it has one letter, and may be an index, as in `x_d` and `F_L`.
+        is_dotted: Whether it stands after a dot, as in `F.kN`, and may be a part of a name, as in `pump.hA`.
     """
 
     name: str
     unit: str
     is_short: bool
+    is_dotted: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,14 @@ class Header:
             if not is_unit(bare) and not (found[0].strip() == "in" and len(bare.split()) == 1):
                 continue  # after `in`, a word that is no unit is an error
             return Suffix(name, bare, len(letters) == 1 and found[0].strip() in ("", "/", "_"))
-        return None
+        return self._dotted_suffix()
+
+    def _dotted_suffix(self) -> Suffix | None:
+        """Return the unit after the only dot, of two letters or more: `motor.A` and `a.b.mm` are signals."""
+        name, _, unit = self.name.partition(".")
+        if not name or "." in unit or sum(c.isalpha() for c in unit) < 2 or not is_unit(unit):
+            return None
+        return Suffix(name, unit, unit == "min", is_dotted=True)  # a minimum or minutes
 
     @classmethod
     def of(cls, text: str, unit: str | None = None) -> "Header":
@@ -153,7 +162,7 @@ def read_suffix(suffix: Suffix, target: SiUnit | None, label: str, header: str) 
     try:
         between = find_conversion(unit, target)
     except ValueError:
-        if suffix.is_short:
+        if suffix.is_short or suffix.is_dotted:
             return None
     else:
         if between == IDENTITY or not suffix.is_short:

@@ -89,6 +89,11 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
             if scalar.name not in driven and not math.isclose(ours, theirs, rel_tol=1e-9):
                 unit = f" {variable.unit}" if variable.unit else ""
                 shown.append(f"{name}.{scalar.name} is {ours:.6g}{unit}, but {theirs:.6g}{unit} there")
+    if any(x.get("payload") is not None for x in problem.get("via") or ()) and "payload.m" not in driven:
+        shown.insert(
+            0,
+            f"its payload changes; use --input NAME-payload.csv:{name}.payload.m=payload,interpolation=held",
+        )
     more = f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
     return f"the motion was found for another machine: {'; '.join(shown[:_SHOWN])}{more}." if shown else ""
 

@@ -1,4 +1,4 @@
-"""Pictures of a motion, laid out as the figures of the paper."""
+"""Pictures of a motion: those of the paper, jerks, and the path of the tip."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +17,13 @@ from ..base.ownership import check_replaceable, refuse_others
 from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
 from .file import check_trajectory
 from .motion import OptimisedMotion
+from .path_picture import draw_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PICTURES = ("forces-and-speeds", "positions-and-accelerations")
+PICTURES = ("forces-and-speeds", "positions-and-accelerations", "path")
 """Names of the pictures."""
 
 _POINTS = 1501
@@ -41,7 +42,9 @@ def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     seen, problem = result.course(times), result.problem
     rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
-    return {name: _picture(times, two) for name, two in zip(PICTURES, rows, strict=True)}
+    *by_joint, path = PICTURES
+    figures = {name: _picture(times, some) for name, some in zip(by_joint, rows, strict=True)}
+    return {**figures, path: draw_path(result, times)}
 
 
 def picture_places(
@@ -89,12 +92,16 @@ def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow,
     )
 
 
-def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
+def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, ...]:
     machine = problem.machine
-    limits = [[x * 1e3 for x in bounds] for bounds in (problem.a_LB, problem.a_UB) if bounds is not None]
+    accelerations, jerks = (
+        [[x * 1e3 for x in bounds] for bounds in pair if bounds is not None]
+        for pair in ((problem.a_LB, problem.a_UB), (problem.j_LB, problem.j_UB))
+    )
     return (
         _PanelRow("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
-        _PanelRow("acceleration / mm/s²", seen.a * 1e3, limits),
+        _PanelRow("acceleration / mm/s²", seen.a * 1e3, accelerations),
+        _PanelRow("jerk / mm/s³", seen.j * 1e3, jerks),
     )
 
 
@@ -108,6 +115,7 @@ def _picture(times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
             if i == len(rows) - 1:
                 axes[i, j].set_xlabel("time / s", fontsize=9)
         axes[i, 0].set_ylabel(row.label, fontsize=9)
+    figure.align_ylabels(axes[:, 0])
     return figure
 
 

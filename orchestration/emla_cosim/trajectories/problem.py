@@ -3,12 +3,12 @@
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from hdrm_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.optimisation.problem import MotionProblem, Via
 from hdrm_fmu.parameters import HdrmParameters
 from hdrm_fmu.spline import TrajectoryError
 
@@ -19,7 +19,8 @@ _MACHINE = "machine"
 _OFF = "off"
 """Value of what does not limit the motion."""
 
-_CAN_BE_OFF = ("a_LB", "a_UB", "j_LB", "j_UB")
+_VIA = re.compile(r"via\[(?P<number>[1-9][0-9]?)\]\.(?P<field>\w+)", re.ASCII)
+_CAN_BE_OFF = ("tip_E", "a_LB", "a_UB", "j_LB", "j_UB", "ground_clearance", "body_clearance")
 _ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
 
 
@@ -44,16 +45,21 @@ def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionP
 
     Args:
         problem: The problem.
-        texts: Values by name (q_E, q_E[3] or machine.lift_a): one number, or three with commas.
+        texts: Values by name (q_E, q_E[3], machine.lift_a, via[1].tip): a number, or several with commas.
 
     Raises:
         CommandError: A name does not exist, or a value is invalid.
     """
     table = asdict(problem)
     for name, text in texts.items():
+        if passed := _VIA.fullmatch(name):
+            table["via"] = _with_via(
+                table["via"], int(passed["number"]), {passed["field"]: _numbers(name, text)}
+            )
+            continue
         found = _ELEMENT.fullmatch(name)
         if found is None:
-            raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3] or machine.lift_a.")
+            raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3], machine.lift_a or via[1].tip.")
         inside, field = _place(table, found["name"])
         value = _numbers(name, text)
         if found["element"] is None:
@@ -67,6 +73,14 @@ def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionP
         i = int(found["element"]) - 1
         inside[field] = [*before[:i], value, *before[i + 1 :]]
     return _of_table(table, "the problem")
+
+
+def _with_via(before: Sequence[Mapping[str, Any]], number: int, values: Mapping[str, Any]) -> list[Any]:
+    """Return way-points with other values of one of them, counted from 1, or with a further one."""
+    if number > len(before) + 1:
+        raise CommandError(f"via[{number}] has no predecessor; the next way-point is via[{len(before) + 1}].")
+    old = before[number - 1] if number <= len(before) else {}
+    return [*before[: number - 1], {**old, **values}, *before[number:]]
 
 
 def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
@@ -85,7 +99,7 @@ def _numbers(name: str, text: str) -> Any:
     try:
         values = [float(x) for x in text.split(",")]
     except ValueError as error:
-        raise CommandError(f"'{name}' = {text}; it must be a number, or three with commas.") from error
+        raise CommandError(f"'{name}' = {text}; it must be a number, or several with commas.") from error
     return values[0] if len(values) == 1 else values
 
 
@@ -97,9 +111,28 @@ def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
     try:
         if _MACHINE in table:
             values[_MACHINE] = _machine(table[_MACHINE], where)
+        if "via" in table:
+            values["via"] = _via(table["via"], where)
         return MotionProblem(**values)
     except TrajectoryError as error:
         raise CommandError(f"{where}: {error}") from error
+
+
+def _via(given: object, where: str) -> tuple[Via, ...]:
+    if not isinstance(given, (list, tuple)) or not all(isinstance(x, (Via, Mapping)) for x in given):
+        raise CommandError(
+            f"'via' of {where} is {given!r}; it must be a list of tables, each with tip = [x, y]."
+        )
+    found = list[Via]()
+    for i, one in enumerate(given):
+        if isinstance(one, Via):
+            found.append(one)
+            continue
+        _check_names(one, Via, f"'via[{i + 1}]' of {where}")
+        if "tip" not in one:
+            raise CommandError(f"'via[{i + 1}]' of {where} has no tip; write tip = [x, y], in m from O1.")
+        found.append(Via(**{name: _value(value) for name, value in one.items()}))
+    return tuple(found)
 
 
 def _machine(given: object, where: str) -> HdrmParameters:

@@ -41,5 +41,5 @@ class TrajectoryResult(OptimisedMotion):
         write_trajectory(self, Path(path), overwrite)
 
     def plot(self) -> "dict[str, Figure]":
-        """Return figures of forces and speeds, and of positions and accelerations, by name."""
+        """Return figures of forces and speeds, positions and their derivatives, and the path, by name."""
         return draw_pictures(self)

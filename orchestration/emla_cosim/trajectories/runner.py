@@ -20,6 +20,7 @@ from hdrm_fmu.spline_window import COEFFICIENTS
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.progress import Progress
 from ..base.values import convert_value
+from .payload_file import payload_place, save_payload
 from .pictures import picture_places, save_pictures
 from .problem import load_problem
 from .result import TrajectoryResult
@@ -60,7 +61,7 @@ def trajectory(
         subdivisions: number of parts of each span between knots, 1 to 64. Strokes and speeds are bounded at
             the control points of these parts. More parts cost less power, and more time to solve.
         starts: number of initial guesses, 1 to 100. The best motion counts.
-        output: file to write the motion to.
+        output: file to write the motion to. A payload that changes is written beside it.
         overwrite: replace files that emla did not write.
         plots: draw pictures beside the file.
         progress: receives the progress of the optimization.
@@ -79,12 +80,14 @@ def trajectory(
     place = None if output is None else convert_value(output, Path, "the output file")
     if place is not None:
         picture_places(place, plots, problem, overwrite)
+        payload_place(place, given, overwrite)
     read = _resolve_contradictions(given, reading)
     best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), given.contradictions()
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if place is not None:
         result.save(place, overwrite)
+        save_payload(result, place, overwrite)
         if plots:
             save_pictures(result, place, overwrite)
     return result

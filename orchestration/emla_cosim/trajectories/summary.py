@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from hdrm_fmu.optimisation.assessment import Peak
+from hdrm_fmu.optimisation.assessment import BODY, Clearance, Peak
 from hdrm_fmu.optimisation.problem import EndSpeed
 
 from .motion import OptimisedMotion
@@ -44,6 +44,16 @@ def format_peaks(result: OptimisedMotion) -> Table:
     return table
 
 
+def format_clearances(result: OptimisedMotion) -> Iterator[str]:
+    """Return the smallest distances from ground and body."""
+    for found in result.assessment.clearances:
+        near = found.smallest
+        yield (
+            f"Smallest distance from the {found.obstacle}: {near.distance:.3g} m, "
+            f"required {found.required:g} m, {near.part} after {near.time:.3g} s"
+        )
+
+
 def format_costs(result: OptimisedMotion) -> Table:
     """Return a table of the costs of the motion."""
     figures = result.assessment
@@ -70,14 +80,25 @@ def format_lines(result: OptimisedMotion) -> Iterator[str]:
         f"{solution.iterations} iterations in {solution.wall_s:.2f} s ({solution.cpu_s:.2f} s CPU){of}"
     )
     beyond = [p for p in result.assessment.peaks if p.excess > 0.0]
+    near = [clearance for clearance in result.assessment.clearances if not clearance.is_kept]
     if result.assessment.within_bounds:
         yield "All bounds hold on the dense grid."
     else:
-        yield "; ".join(map(_excess, beyond)) + "; use more --points or --knots"
+        if beyond:
+            yield "; ".join(map(_excess, beyond)) + "; use more --points or --knots"
+        yield from map(_shortfall, near)
 
 
 def _excess(peak: Peak) -> str:
     return f"The {peak.joint} exceeds a bound between points by {100.0 * peak.excess:.2g} % of its width"
+
+
+def _shortfall(clearance: Clearance) -> str:
+    near, what = clearance.smallest, clearance.obstacle
+    where = f"{near.part} at x = {near.x:.3g}, y = {near.y:.3g} m after {near.time:.3g} s"
+    aid = "move start or end" if what == BODY else "use more --points or --knots"
+    too_small = f"{near.distance:.3g} m, required {clearance.required:g} m"
+    return f"The distance from the {what} is {too_small}: {where}; {aid}"
 
 
 def _in_mm(bound: float | None) -> float | None:

@@ -1,5 +1,6 @@
 """Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -10,12 +11,16 @@ from ..spline import Spline
 from ..trajectory import JOINTS
 from .grid import lobatto
 from .problem import MotionProblem
+from .surroundings import Approach, body_approach, ground_approach
 from .transcription import bound_width, least_cost, stage
 
 Bound = TypeVar("Bound", bound=float | None)
 
 _POINTS = 101
 """Number of grid points in each span between knots."""
+
+GROUND, BODY = "ground", "body"
+"""Names of the obstacles."""
 
 _ROUNDING = 1e-6
 """Fraction of a bound that counts as rounding."""
@@ -60,6 +65,25 @@ class Peak:
 
 
 @dataclass(frozen=True)
+class Clearance:
+    """The smallest distance from an obstacle, GROUND or BODY, and the one that is required in m."""
+
+    obstacle: str
+    required: float
+    smallest: Approach
+
+    @property
+    def shortfall(self) -> float:
+        """Return by how much the distance is too small in m; 0 if it is not."""
+        return max(self.required - self.smallest.distance, 0.0)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the distance is large enough, except for rounding of 1 µm."""
+        return self.shortfall <= _ROUNDING
+
+
+@dataclass(frozen=True)
 class Assessment:
     """A motion's figures: costs in W2 s, work in J, duration in s.
 
@@ -75,35 +99,84 @@ class Assessment:
     gross_work: float
     net_work: float
     peaks: tuple[Peak, ...]
+    clearances: tuple[Clearance, ...]
 
     @property
     def within_bounds(self) -> bool:
         """Whether all bounds are kept, except for rounding."""
-        return all(peak.excess <= _ROUNDING for peak in self.peaks)
+        kept = all(clearance.is_kept for clearance in self.clearances)
+        return kept and all(peak.excess <= _ROUNDING for peak in self.peaks)
 
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
-    """Return the motion along a spline at times in s."""
+    """Return the motion along a spline at times in s; where the payload changes, with the later one."""
+    parts = (times - spline.start) / (spline.end - spline.start)
+    which = np.searchsorted([load.first for load in problem.loads[1:]], parts, side="right")
+    return _course(spline, problem, times, which)
+
+
+def _course(spline: Spline, problem: MotionProblem, times: np.ndarray, which: np.ndarray) -> Course:
+    """Return the motion along a spline at times in s, each with one of the problem's loads."""
     q, v, a, j = (spline.evaluated(times, d) for d in range(4))
-    forces, _ = stage(problem, 0.0).map(len(times))(q.T, v.T, a.T)
-    return Course(times, q, v, a, forces.full().T, j)
+    force = np.empty_like(q)
+    for i, load in enumerate(problem.loads):
+        rows = which == i
+        if np.any(rows):
+            forces, _ = stage(problem, 0.0, load.payload).map(int(rows.sum()))(
+                q[rows].T, v[rows].T, a[rows].T
+            )
+            force[rows] = forces.full().T
+    return Course(times, q, v, a, force, j)
+
+
+def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times of a dense grid in s, their weights, and the load of each; a change has both loads."""
+    places, duration = np.unique(spline.knots), spline.end - spline.start
+    found = []
+    for i, load in enumerate(problem.loads):
+        first, last = (spline.start + x * duration for x in (load.first, load.last))
+        inside = places[(places > first + _ROUNDING * duration) & (places < last - _ROUNDING * duration)]
+        times, weights = lobatto(np.concatenate([[first], inside, [last]]), _POINTS)
+        found.append((times, weights, np.full(len(times), i)))
+    times, weights, which = zip(*found, strict=True)
+    return np.concatenate(times), np.concatenate(weights), np.concatenate(which)
+
+
+def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
+    """Return the smallest distances of a motion from ground and body, if they limit it."""
+    times, _ = lobatto(np.unique(spline.knots), _POINTS)
+    machine, q, found = problem.machine, spline.evaluated(times), list[Clearance]()
+    if problem.ground_clearance is not None:
+        nearest = ground_approach(machine, problem.ground_height, times, q)
+        found.append(Clearance(GROUND, problem.ground_clearance, nearest))
+    if problem.body_clearance is not None:
+        found.append(Clearance(BODY, problem.body_clearance, body_approach(machine, times, q)))
+    return tuple(found)
 
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
     """Return the figures of the motion along a spline."""
-    times, weights = lobatto(np.unique(spline.knots), _POINTS)
-    seen = course(spline, problem, times)
+    times, weights, which = _grid(spline, problem)
+    seen = _course(spline, problem, times, which)
     power = seen.v * seen.force
     duration = spline.end - spline.start
     return Assessment(
         duration,
         0.5 * float(weights @ power.sum(axis=1) ** 2),
-        least_cost(problem, duration),
+        least_cost(problem, duration, _strokes_at_aims(spline, problem)),
         0.5 * tie_break * float(weights @ (power**2).sum(axis=1)),
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
         tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(3)),
+        measure_clearances(spline, problem),
     )
+
+
+def _strokes_at_aims(spline: Spline, problem: MotionProblem) -> list[Sequence[float]]:
+    """Return the strokes in m at way-points and at the end."""
+    duration = spline.end - spline.start
+    found = spline.evaluated([spline.start + x * duration for x in (*problem.moments, 1.0)]).tolist()
+    return found if problem.tip_E is not None else [*found[:-1], problem.q_E]
 
 
 def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:

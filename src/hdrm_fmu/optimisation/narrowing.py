@@ -1,18 +1,21 @@
-"""Make forces keep their bounds between the collocation points, too."""
+"""Make forces and the height above the ground keep their bounds between the collocation points, too."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
-from .assessment import Assessment, assessed
+from .assessment import GROUND, Assessment, assessed
 from .problem import MotionProblem
 from .solving import NoMotionError, Solution, solved
 from .transcription import Discretisation
 
-_ROUNDS = 3
+_ROUNDS = 6
 """Largest number of times that bounds are narrowed; once is usually enough."""
 
 _MORE = 1.5
 """Factor by which bounds are narrowed more than forces exceeded them."""
+
+_LEAST_RISE = 1e-4
+"""Smallest height in m by which the clearance from the ground is raised."""
 
 
 def narrowed(
@@ -20,8 +23,9 @@ def narrowed(
 ) -> tuple[Solution, Assessment]:
     """Find a motion near a given one that keeps its bounds on the dense grid, and return it with its figures.
 
-    Positions and speeds keep their bounds everywhere, forces only at the collocation points. If forces exceed
-    them between these, the optimisation is repeated with bounds that are narrower by the excess.
+    Strokes and their derivatives keep their bounds everywhere, forces and the height above the ground only
+    at the collocation points. If these exceed them between, the optimisation is repeated with bounds that are
+    narrower by the excess.
     """
     figures, within = assessed(found.spline(how), problem, how.tie_break), problem
     for _ in range(_ROUNDS):
@@ -49,4 +53,8 @@ def _narrower(problem: MotionProblem, figures: Assessment) -> MotionProblem:
         tuple(x + sign * d for x, d in zip(values, by, strict=True))
         for sign, values in ((1.0, problem.f_LB), (-1.0, problem.f_UB))
     )
-    return replace(problem, f_LB=low, f_UB=high)
+    height = problem.ground_clearance
+    for clearance in figures.clearances:
+        if height is not None and clearance.obstacle == GROUND and not clearance.is_kept:
+            height += _MORE * clearance.shortfall + _LEAST_RISE
+    return replace(problem, f_LB=low, f_UB=high, ground_clearance=height)

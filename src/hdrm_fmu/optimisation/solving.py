@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi
 import numpy as np
 
 from ..spline import Spline, TrajectoryError
 from ..trajectory import JOINTS
+from .assessment import GROUND, measure_clearances
 from .problem import MotionProblem
 from .transcription import SLACKS, Discretisation, Programme
 
@@ -61,28 +62,45 @@ def solved(
     """Return the motion of least cost near a start.
 
     The start is a straight line, or has the form of `Solution.coefficients`. `heard` is called after every
-    iteration; an exception there ends the search.
+    iteration; an exception there ends the search. The ground becomes a constraint only if the motion without
+    it comes too close; otherwise that motion is the best one with the ground, too.
 
     Raises:
         NoMotionError: No motion is found.
     """
-    programme = Programme(problem, how)
     begin = straight(problem, how) if start is None else start
+    free = _solved(Programme(problem, how), begin, heard)
+    clearances = measure_clearances(free.spline(how), problem)
+    if all(clearance.is_kept for clearance in clearances if clearance.obstacle == GROUND):
+        return free
+    clear = _solved(Programme(problem, how, grounded=True), begin, heard)
+    return replace(
+        clear,
+        iterations=free.iterations + clear.iterations,
+        wall_s=free.wall_s + clear.wall_s,
+        cpu_s=free.cpu_s + clear.cpu_s,
+    )
+
+
+def _solved(programme: Programme, begin: np.ndarray, heard: Callable[[], None]) -> Solution:
     before = time.perf_counter(), time.process_time()
     ended = _run(programme, begin, heard)
     if not ended.well:
-        raise NoMotionError(_blame(problem, how, begin, heard, ended.status))
+        raise NoMotionError(_blame(programme, begin, heard, ended.status))
     coefficients, duration = programme.found(ended.unknowns)
-    if duration > (1.0 - _NEGLIGIBLE) * problem.t_M:
-        duration = problem.t_M  # an interior-point method only approaches it
+    if duration > (1.0 - _NEGLIGIBLE) * programme.problem.t_M:
+        duration = programme.problem.t_M  # an interior-point method only approaches it
     wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
     return Solution(coefficients, duration, ended.cost * programme.cost_scale, ended.iterations, wall, cpu)
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
-    """Return the coefficients of the straight line from start to end."""
-    start, end = np.array(problem.q_S), np.array(problem.q_E)
-    return start + (end - start) * how.basis.means[:, None]
+    """Return the coefficients of the straight line from start to end, by way of the guesses of way-points."""
+    start, end = np.array(problem.q_S), np.array(problem.guesses[-1])
+    if not problem.via:
+        return start + (end - start) * how.basis.means[:, None]
+    moments, strokes = [0.0, *problem.moments, 1.0], np.array([problem.q_S, *problem.guesses])
+    return np.column_stack([np.interp(how.basis.means, moments, column) for column in strokes.T])
 
 
 def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray:
@@ -158,20 +176,21 @@ def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> 
     return _Ended(unknowns, cost, int(stats["iter_count"]), str(stats["return_status"]))
 
 
-def _blame(
-    problem: MotionProblem, how: Discretisation, start: np.ndarray, heard: Callable[[], None], status: str
-) -> str:
+def _blame(tried: Programme, start: np.ndarray, heard: Callable[[], None], status: str) -> str:
     """Return a message with the bounds that prevent a solution."""
-    programme = Programme(problem, how, elastic=True)
-    ended = _run(programme, start, heard)
+    ended = _run(replace(tried, elastic=True), start, heard)
     if not ended.well:
         return f"no motion was found: IPOPT ended with {status}, and with {ended.status} for relaxed bounds."
     slacks = dict(zip(SLACKS, ended.unknowns[-len(SLACKS) :], strict=True))
     guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
     if not guilty:
         return f"no motion was found: IPOPT ended with {status}, although no bound prevents a motion."
-    named = " and ".join(f"{name} by {100.0 * x:.2g} % of {_WIDTHS[name]}" for x, name in reversed(guilty))
+    named = " and ".join(f"{name} by {_amount(x, name)}" for x, name in reversed(guilty))
     return f"no motion keeps all bounds; the smallest relaxation that would allow one: {named}."
+
+
+def _amount(x: float, name: str) -> str:
+    return f"{x:.2g} m" if "clearance" in name else f"{100.0 * x:.2g} % of {_WIDTHS[name]}"
 
 
 _WIDTHS = {name: "their width" if "bounds" in name else "the speed bounds' width" for name in SLACKS} | {

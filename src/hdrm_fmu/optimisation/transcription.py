@@ -5,18 +5,22 @@ latter are "lifted": c and t_M determine them. As unknowns they allow one functi
 points, and its exact second derivatives stay small and sparse.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi
 import numpy as np
 
 from ..dynamics import energy, inverse_dynamics
+from ..kinematics import tip
 from ..parameters import Three
 from ..trajectory import JOINTS
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
-from .problem import MotionProblem
+from .problem import Load, MotionProblem
+from .surroundings import heights
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,9 @@ class Discretisation:
         return SplineBasis.cosine(self.degree, self.knots)
 
 
+_APART = 1e-9
+"""Smallest distance of two places, as a fraction of the duration."""
+
 SLACKS = (
     *(f"the force bounds of the {joint}" for joint in JOINTS),
     *(f"the speed bounds of the {joint}" for joint in JOINTS),
@@ -49,10 +56,11 @@ SLACKS = (
     "the end speeds v_E",
     *(f"the acceleration bounds of the {joint}" for joint in JOINTS),
     *(f"the jerk bounds of the {joint}" for joint in JOINTS),
+    "the clearance from the ground",
 )
 """Bounds that an elastic programme relaxes: not those of strokes, as triangles may not close beyond them."""
 
-_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK = 0, 3, 6, 7, 8, 9, 12
+_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK, _GROUND = 0, 3, 6, 7, 8, 9, 12, 15
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,8 @@ class Programme:
     how: Discretisation
     elastic: bool = False
     """Whether the groups of SLACKS are relaxed; their slacks are minimised then."""
+    grounded: bool = False
+    """Whether the collocation points keep the clearance from the ground."""
 
     @cached_property
     def basis(self) -> SplineBasis:
@@ -70,9 +80,16 @@ class Programme:
         return self.how.basis
 
     @cached_property
+    def parts(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Collocation points on [0, 1] and weights for each payload; a change of it is a point of both."""
+        places = self.basis.places
+        return [lobatto(_between(places, load), self.how.points) for load in self.problem.loads]
+
+    @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Collocation points on [0, 1], and their weights."""
-        return lobatto(self.basis.places, self.how.points)
+        points, weights = zip(*self.parts, strict=True)
+        return np.concatenate(points), np.concatenate(weights)
 
     @property
     def slacks(self) -> int:
@@ -90,12 +107,15 @@ class Programme:
     def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
         """Return the programme for CasADi, and the bounds of its constraints."""
         _, t_M, q, v, a, slack = self.symbols
-        forces, cost = stage(self.problem, self.how.tie_break).map(len(self.points[0]))(q, v, a)
+        forces, cost = self._forces(q, v, a)
         constraints = Constraints()
         self._on_spline(constraints)
         self._strokes(constraints)
         self._speeds(constraints)
         self._accelerations_and_jerks(constraints)
+        self._positions(constraints)
+        if self.grounded:
+            self._heights(constraints)
         for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
             scale = max(high - low, 1.0)
             constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, self._slack(_FORCE + i))
@@ -106,21 +126,38 @@ class Programme:
         unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
+    def _forces(self, q: casadi.MX, v: casadi.MX, a: casadi.MX) -> tuple[casadi.MX, casadi.MX]:
+        """Return forces in N and the cost's integrand in W2 at all points, each with its payload."""
+        found, first = [], 0
+        for load, (points, _) in zip(self.problem.loads, self.parts, strict=True):
+            rows = slice(first, first + len(points))
+            at_once = stage(self.problem, self.how.tie_break, load.payload).map(len(points))
+            found.append(at_once(q[:, rows], v[:, rows], a[:, rows]))
+            first = rows.stop
+        forces, costs = zip(*found, strict=True)
+        return casadi.horzcat(*forces), casadi.horzcat(*costs)
+
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
-        inner, problem = self.basis.size - 2, self.problem
-        columns = zip(problem.q_S, problem.machine.q_LB, problem.machine.q_UB, problem.q_E, strict=True)
-        if self.how.subdivisions > 1:
-            columns = [(s, -np.inf, np.inf, e) for s, _, _, e in columns]
-        ends = [(s, [low] * inner, [high] * inner, e) for s, low, high, e in columns]
-        low = [x for s, lows, _, e in ends for x in (s, *lows, e)]
-        high = [x for s, _, highs, e in ends for x in (s, *highs, e)]
-        free = np.full(9 * len(self.points[0]), np.inf)
+        problem = self.problem
+        q_LB, q_UB = problem.machine.q_LB, problem.machine.q_UB
+        lasts = (q_LB, q_UB) if problem.tip_E is not None else (problem.q_E, problem.q_E)
+        free = self.how.subdivisions > 1
+        low = self._in_columns(problem.q_S, [-np.inf] * 3 if free else q_LB, lasts[0])
+        high = self._in_columns(problem.q_S, [np.inf] * 3 if free else q_UB, lasts[1])
+        anywhere = np.full(9 * len(self.points[0]), np.inf)
         longest = np.inf if self.elastic else problem.t_M
         return (
-            np.concatenate([low, [1e-3 * problem.t_M], -free, np.zeros(self.slacks)]),
-            np.concatenate([high, [longest], free, np.full(self.slacks, np.inf)]),
+            np.concatenate([low, [1e-3 * problem.t_M], -anywhere, np.zeros(self.slacks)]),
+            np.concatenate([high, [longest], anywhere, np.full(self.slacks, np.inf)]),
         )
+
+    def _in_columns(
+        self, first: Sequence[float], inner: Sequence[float], last: Sequence[float]
+    ) -> list[float]:
+        """Return values for all coefficients from those of each joint."""
+        count = self.basis.size - 2
+        return [x for s, mid, e in zip(first, inner, last, strict=True) for x in (s, *[mid] * count, e)]
 
     def start(self, coefficients: np.ndarray) -> np.ndarray:
         """Return initial unknowns: a curve with these coefficients, one column per joint, of duration t_M."""
@@ -149,6 +186,18 @@ class Programme:
             rows = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(self.points[0], order)), 1e-14))
             scale = self.problem.t_M**order
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
+
+    def _positions(self, constraints: Constraints) -> None:
+        """Require positions of the tip at way-points and at the end, and rest where the payload changes."""
+        problem, q = self.problem, casadi.SX.sym("q", 3)
+        place = casadi.Function("tip", [q], [casadi.vertcat(*tip(problem.machine, casadi.vertsplit(q)))])
+        aims = [(moment, via.tip) for moment, via in zip(problem.moments, problem.via, strict=True)]
+        for moment, position in aims if problem.tip_E is None else [*aims, (1.0, problem.tip_E)]:
+            row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
+            constraints.equal(place(casadi.mtimes(row, self.symbols[0]).T) - casadi.DM(position))
+        for load in problem.loads[1:]:
+            row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([load.first]), 1)), 1e-14))
+            constraints.equal(casadi.mtimes(row, self.symbols[0]) / problem.t_M)
 
     def _strokes(self, constraints: Constraints) -> None:
         """Require bounds of the strokes' subdivided control points."""
@@ -220,6 +269,13 @@ class Programme:
         if low is not None:
             constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
 
+    def _heights(self, constraints: Constraints) -> None:
+        """Require the clearance from the ground at the collocation points."""
+        problem, slack = self.problem, self._slack(_GROUND)
+        above = heights(problem.machine).map(len(self.points[0]))(self.symbols[2]) - problem.ground_height
+        extra = 0.0 if slack is None else slack
+        constraints.between(casadi.vec(above) + extra, problem.ground_clearance, np.inf)
+
     def _slack(self, group: int) -> casadi.MX | None:
         return self.symbols[-1][group] if self.elastic else None
 
@@ -230,22 +286,37 @@ def bound_width(low: float | None, high: float | None) -> float:
     return max(both, 1e-3)
 
 
-def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
+def _between(places: np.ndarray, load: Load) -> np.ndarray:
+    """Return the places within a load, with its ends."""
+    inside = places[(places > load.first + _APART) & (places < load.last - _APART)]
+    return np.concatenate([[load.first], inside, [load.last]])
+
+
+def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Function:
     """Return a function from q, q', q'' at one point to the forces in N and the cost's integrand in W2."""
     q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
     parts = casadi.vertsplit(q), casadi.vertsplit(v), casadi.vertsplit(a)
-    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, problem.payload))
+    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, payload))
     power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
     return casadi.Function("stage", [q, v, a], [force, power])
 
 
-def least_cost(problem: MotionProblem, duration: float) -> float:
+def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Sequence[float]] = ()) -> float:
     """Return the lower bound of the cost of motions of this duration in s, in W2 s: dE^2 / (2 t_M).
 
-    All power goes into energy, and constant power has the least square.
+    All power goes into energy, and constant power has the least square. `strokes` are those at the way-points
+    and at the end; by default, the guesses. A payload that changes brings or takes its own energy.
     """
-    start, end = (
-        energy(problem.machine, q, v, problem.payload)
-        for q, v in ((problem.q_S, problem.v_S), (problem.q_E, problem.v_E))
+    strokes, machine, loads, rest = (
+        strokes or problem.guesses,
+        problem.machine,
+        problem.loads,
+        (0.0, 0.0, 0.0),
     )
-    return (end - start) ** 2 / (2.0 * duration)
+    start = energy(machine, problem.q_S, problem.v_S, problem.payload)
+    gained = energy(machine, strokes[-1], problem.v_E, loads[-1].payload) - start
+    here = dict(zip(problem.moments, strokes, strict=False))
+    for before, load in pairwise(loads):
+        q = here[load.first]
+        gained -= energy(machine, q, rest, load.payload) - energy(machine, q, rest, before.payload)
+    return gained**2 / (2.0 * duration)

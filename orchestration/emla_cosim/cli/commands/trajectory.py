@@ -7,10 +7,11 @@ import typer
 
 from ...base.errors import CosimError
 from ...base.option import TRAJECTORY
+from ...trajectories.payload_file import payload_place
 from ...trajectories.pictures import picture_places
 from ...trajectories.problem import load_problem, override_values
 from ...trajectories.runner import trajectory
-from ...trajectories.summary import format_costs, format_lines, format_peaks, remarks
+from ...trajectories.summary import format_clearances, format_costs, format_lines, format_peaks, remarks
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
@@ -40,7 +41,8 @@ def command(
     set: Annotated[
         list[str] | None,
         typer.Option(
-            help="Set a value of the problem, such as t_M=20, q_E[3]=0.4 or machine.lift_a=1.2 (repeatable).",
+            help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift_a=1.2, "
+            "tip_E=3.2,0.5 or via[1].tip=2.6,-0.4 (repeatable).",
             metavar="NAME=VALUE",
             rich_help_panel=_WHAT,
         ),
@@ -101,6 +103,7 @@ def command(
     overwrite = given.get("overwrite", False)
     place = output or _default_path()
     pictures = picture_places(place, plots, problem, overwrite)
+    payload = payload_place(place, asked, overwrite)
     with BarProgress() as progress:
         result = trajectory(
             asked,
@@ -120,8 +123,8 @@ def command(
         print_line(remark)
     show(format_costs(result))
     show(format_peaks(result))
-    files = ", ".join((str(place), *(path.name for path in pictures)))
-    for line in (*format_lines(result), f"Wrote {files}"):
+    files = ", ".join((str(place), *(path.name for path in (payload, *pictures) if path is not None)))
+    for line in (*format_clearances(result), *format_lines(result), f"Wrote {files}"):
         print_line(line)
 
 

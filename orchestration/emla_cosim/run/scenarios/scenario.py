@@ -55,6 +55,10 @@ class Scenario:
     )
     accepted: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        """Return one line: name, number of components and description."""
+        return f"<Scenario {self.name}: {len(self.system.components)} components; {self.description}>"
+
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
         """Return the scenario with other options, and with the notes that belong to them.
 
