@@ -81,10 +81,12 @@ def test_the_published_parameters_of_emps_are_found(tmp_path: Path) -> None:
     found = ec.identify(
         str(path),
         {"Emps.M": "30:300", "Emps.F_v": "20:2000", "Emps.F_C": "2:200", "Emps.offset": "-30:30"},
-        measured=[ec.Input(data={"time": data["time"], "x": data["x"]}, signals={"Emps.x": "x"})],
+        measured=[ec.Input(data={"time": data["time"], "x": data["x"]}, signals={"Emps.x": ec.Column("x")})],
         input=[
             ec.Input(
-                data={"time": data["time"], "F": data["F"]}, signals={"Emps.F": "F"}, interpolation="held"
+                data={"time": data["time"], "F": data["F"]},
+                signals={"Emps.F": ec.Column("F")},
+                interpolation="held",
             )
         ],
         step_size=STEP,
