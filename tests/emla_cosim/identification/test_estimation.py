@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from emla_cosim.base.errors import RunError
 from emla_cosim.identification.certainty import judge
-from emla_cosim.identification.estimation import Estimator, draw_starting_points
+from emla_cosim.identification.estimation import Estimator, _find_offset, draw_starting_points
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.prediction import predict_samples
 from tests.support.known_predictions import measured, parameter, problem
@@ -137,6 +137,7 @@ def test_intervals_contain_the_truth_also_if_the_response_is_uneven(kind: str, s
         searching = search(solved)
         found, slopes = searching.differentiate(searching.estimate([Parameters(space).start], free=["y"]))
         excess.append(slopes.unevenness)
+        assert solved.fixed_steps.keys() >= slopes.steps.keys()
         for counted, unevenness in ((inside, slopes.unevenness), (naive, 0.0)):
             got = judge(
                 Parameters(space), found.point, found.residuals, slopes.matrix, [len(TIME)], slopes.change,
@@ -177,6 +178,23 @@ def test_a_smooth_response_keeps_its_steps() -> None:
     by_b = -a * TIME * np.exp(-b * TIME) / 0.01 * (b * np.log(200.0))
     exact = np.column_stack([5.0 * np.exp(-b * TIME) / 0.01, by_b])
     assert found.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
+
+
+def test_a_perfect_fit_is_even() -> None:
+    space = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
+    values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem(space, [[measured(TIME, values)]], decay)
+    assert solved.differentiate(Parameters(space).start).unevenness == 0.0
+
+
+def test_the_minimum_at_an_end_of_a_range_does_not_count() -> None:
+    slopes = np.column_stack([np.ones_like(TIME), TIME - TIME.mean()])
+    noise = np.random.default_rng(0).standard_normal(len(TIME))
+    noise -= slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0]
+    residuals = noise + slopes[:, 0]  # the first parameter would have to become smaller
+    assert _find_offset(np.array([0.0, 0.5]), residuals, slopes) < 1e-9
+    assert _find_offset(np.array([1.0, 0.5]), residuals, slopes) > 1.0
+    assert _find_offset(np.array([0.5, 0.5]), residuals, slopes) > 1.0
 
 
 def test_at_a_corner_there_is_no_derivative() -> None:
