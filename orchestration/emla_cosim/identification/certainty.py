@@ -93,6 +93,7 @@ def judge(
     change: NDArray[np.float64] | None = None,
     loss: str = LINEAR,
     blocked: Collection[int] = (),
+    unevenness: float = 0.0,
 ) -> Certainty:
     """Return the certainty of estimates.
 
@@ -106,6 +107,8 @@ def judge(
             whose influence it changes by half or more has none.
         loss: the loss function, a name of `LOSSES`.
         blocked: positions of parameters whose derivatives are not known, because other runs fail.
+        unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
+            residuals. The search may have ended wherever the cost is larger by less than this.
     """
     count, total = len(point), len(residuals)
     pulls, factors = scale_for_loss(loss, residuals)
@@ -134,11 +137,12 @@ def judge(
         if change is not None:
             changed = np.linalg.norm(change[:, free] / sizes[free] @ directions.T, axis=0)
             limit = np.maximum(limit, changed / _SURE)
-        for direction in directions[singular < limit]:
+        for direction, size in zip(directions[singular < limit], singular[singular < limit], strict=True):
+            why = "" if size < singular[0] / _CONDITION else "; runs with almost equal values differ too much"
             names = [parameters.items[free[k]].name for k in np.flatnonzero(np.abs(direction) > _PART)]
             for k in np.flatnonzero(np.abs(direction) > _PART):
                 others = ", ".join(n for n in names if n != parameters.items[free[k]].name)
-                problems[free[k]] = f"the data do not tell it from a combination of {others}"
+                problems[free[k]] = f"the data do not tell it from a combination of {others}{why}"
         free = [i for i in free if i not in problems]
     if free:
         certain = _covariance(jacobian[:, free], scores[:, free], pulls, lengths)
@@ -148,7 +152,7 @@ def judge(
             certain = wider @ certain @ wider.T
         covariance[np.ix_(free, free)] = certain
         independent = max(_count_independent(pulls, lengths), len(free) + 1.0)
-        covariance *= independent / (independent - len(free))
+        covariance *= (1.0 + 2.0 * unevenness) * independent / (independent - len(free))
         freedom = independent - len(free)
     errors = np.sqrt(np.diag(covariance))
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))

@@ -1,4 +1,8 @@
-"""Estimate parameters by least squares from several starting points (`scipy.optimize.least_squares`)."""
+"""Estimate parameters by least squares from several starting points (`scipy.optimize.least_squares`).
+
+Source of the criterion at which a search ends: D. M. Bates and D. G. Watts, "A Relative Offset Orthogonality
+Convergence Criterion for Nonlinear Least Squares", Technometrics 23 (1981).
+"""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
@@ -12,10 +16,15 @@ from ..base.arrays import Vector
 from ..base.errors import RunError
 from .loss import LINEAR, find_cost, find_robust_deviation
 from .measurement import EXACT
-from .problem import Problem
+from .problem import Derivatives, Problem
 
 _TOLERANCE = 1e-10
 """Relative change of cost and places at which the search ends."""
+
+_OFFSET = 1e-3
+"""Distance from the minimum of the tangent in standard errors at which the search ends. It is 1/1000 of what
+the residuals hide; a perfect fit never gets there.
+"""
 
 _LOST = 1e3
 """Factor of the residuals where a run fails: the search avoids such values."""
@@ -94,10 +103,25 @@ class Estimator:
         for _ in range(_ROUNDS if free else 0):
             before = dict(self.problem.sigma)
             self._adapt_sigma(best, free)
-            best = self._leave_valleys(self._search(best.point, len(points)) or best)
+            best = self._search(best.point, len(points)) or best
             if all(abs(self.problem.sigma[k] / v - 1.0) < _SETTLED for k, v in before.items()):
                 break
-        return self._search(best.point, len(points), central=True) or best
+        if free:
+            best = self._leave_valleys(best)
+        return self.refine(best)
+
+    def refine(self, found: Solution) -> Solution:
+        """Return the minimum from a solution with central differences, which do not move it."""
+        return self._search(found.point, -1, central=True) or found
+
+    def differentiate(self, found: Solution) -> tuple[Solution, Derivatives]:
+        """Return a solution and its derivatives; if these need longer steps, search with them again."""
+        slopes = self.problem.differentiate(found.point)
+        if slopes.steps:
+            self.problem.fixed_steps = slopes.steps
+            found = self.refine(found)
+            slopes = self.problem.differentiate(found.point)
+        return found, slopes
 
     def _leave_valleys(self, found: Solution) -> Solution:
         """Return the minimum that searches from better points around a solution find.
@@ -160,30 +184,66 @@ class Estimator:
             return found
 
         def jacobian(point: Vector) -> NDArray[np.float64]:
-            return self.problem.jacobian(point, central)
+            slopes = self.problem.jacobian(point, central)
+            if self.loss == LINEAR:
+                (values,) = self.problem.residuals([point])
+                if values is not None and _find_offset(point, values, slopes) < _OFFSET:
+                    raise _ArrivedError(point)
+            return slopes
 
-        result = least_squares(
-            residuals,
-            np.clip(start, 1e-9, 1.0 - 1e-9),
-            jacobian,  # type: ignore[arg-type]
-            bounds=(0.0, 1.0),
-            x_scale="jac",
-            loss=self.loss,  # type: ignore[arg-type]
-            ftol=_TOLERANCE,
-            xtol=_TOLERANCE,
-            gtol=None,  # type: ignore[arg-type]  # it is absolute, and residuals of a perfect fit vanish
-            max_nfev=self.evaluations,
-        )
-        (found,) = self.problem.residuals([result.x])
+        try:
+            result = least_squares(
+                residuals,
+                np.clip(start, 1e-9, 1.0 - 1e-9),
+                jacobian,  # type: ignore[arg-type]
+                bounds=(0.0, 1.0),
+                method="dogbox",
+                x_scale="jac",
+                loss=self.loss,  # type: ignore[arg-type]
+                ftol=_TOLERANCE,
+                xtol=_TOLERANCE,
+                gtol=None,  # type: ignore[arg-type]  # it is absolute, and residuals of a perfect fit vanish
+                max_nfev=self.evaluations,
+            )
+            end, converged = result.x, result.status > 0
+        except _ArrivedError as arrived:
+            end, converged = arrived.point, True
+        (found,) = self.problem.residuals([end])
         if found is None:
             return None
-        solution = Solution(result.x, found, float(result.cost), result.status > 0)
+        solution = Solution(end, found, find_cost(self.loss, found), converged)
         self._note(solution)
         return solution
 
     def _note(self, found: Solution) -> None:
         if self.best is None or found.cost <= self.best.cost:
             self.best = found
+
+
+class _ArrivedError(Exception):
+    """The search is so near to the minimum that the residuals hide the rest of the way."""
+
+    def __init__(self, point: Vector) -> None:
+        super().__init__("the search has arrived")
+        self.point = point.copy()
+
+
+def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]) -> float:
+    """Return the distance from the minimum of the tangent in standard errors (root mean square).
+
+    Parameters at an end of their range towards which the minimum lies do not count.
+    """
+    pull = jacobian.T @ residuals
+    held = ((point < 1e-6) & (pull > 0.0)) | ((point > 1.0 - 1e-6) & (pull < 0.0))
+    free = jacobian[:, ~held & (np.abs(jacobian).max(axis=0, initial=0.0) > 0.0)]
+    count, freedom = free.shape[1], len(residuals) - free.shape[1]
+    size = float(np.linalg.norm(residuals))
+    if not count or freedom < 1 or size == 0.0:
+        return np.inf
+    basis, _ = np.linalg.qr(free / np.linalg.norm(free, axis=0))
+    along = float(np.linalg.norm(basis.T @ residuals))
+    across = float(np.sqrt(max(size**2 - along**2, 0.0)))
+    return along / np.sqrt(count) / max(across / np.sqrt(freedom), 1e-300)
 
 
 def draw_starting_points(start: Vector, count: int, seed: int) -> list[Vector]:

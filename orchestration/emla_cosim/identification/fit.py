@@ -94,7 +94,7 @@ def assess_fit(
         float(found[1]) if count > 1 else 0.0,
         exact or bool(statistic <= chi2.ppf(1.0 - _PROBABILITY, lags)),
         None if exact else _find_related_input(one.time, differences, found, inputs),
-        int(beyond.sum()) if deviation > 0.0 else 0,
+        int(beyond.sum()) if deviation > 0.0 and not exact else 0,
     )
 
 

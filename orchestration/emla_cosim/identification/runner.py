@@ -39,18 +39,23 @@ from .measurement import MeasuredSignal, read_drivers, read_measurements
 from .parameters import DELAY, Parameters, resolve_parameters
 from .plan import Experiment, IdentificationPlan, load_identification_plan, read_measured
 from .prediction import InterruptedRunsError, Predictor
-from .problem import Problem
+from .problem import UNSURE, Derivatives, Problem
 from .profile import profile as profile_interval
 from .result import IdentificationResult
 
 _MEASURED = "measured"
 """Name of the experiment of `measured`."""
 
+_UNEVEN = 0.2
+"""Unevenness from which it is reported: intervals are then 20 % wider."""
+
 _SAVE_S = 5.0
 """Least time in s between two saves of an unfinished result."""
 
-_UNSURE = 0.1
-"""Relative difference between derivatives of two step sizes from which they are reported."""
+_ROWS = 10
+"""Rows of the simulation from one sample to the next if sensors may be late: straight lines between rows are
+too coarse for them.
+"""
 
 
 def identify(
@@ -202,7 +207,8 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
         given = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
         drivers.append(read_drivers(scenario.options.input))
         notes += [note for note in told if note not in notes]
-        used = replace(preparation.options, require=[], **_times(preparation.options, found))
+        late = any(DELAY in name for name in plan.vary)
+        used = replace(preparation.options, require=[], **_times(preparation.options, found, late))
         preparations.append(replace(preparation, options=used))
         start, stop = used.start_time or 0.0, used.stop_time or 0.0
         inside = [x.between(start, stop) for x in found]
@@ -254,8 +260,11 @@ def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | N
     return f"{component.name}.{name}", unit
 
 
-def _times(options: Any, found: Sequence[MeasuredSignal]) -> dict[str, Any]:
-    """Return stop time and output interval that suit the measurement, where the user gave none."""
+def _times(options: Any, found: Sequence[MeasuredSignal], late: bool) -> dict[str, Any]:
+    """Return stop time and output interval that suit the measurement, where the user gave none.
+
+    Samples of a sensor that may be late are between rows, which are nearer to each other then.
+    """
     changed: dict[str, Any] = {}
     if not found:
         return changed
@@ -265,7 +274,7 @@ def _times(options: Any, found: Sequence[MeasuredSignal]) -> dict[str, Any]:
         changed["stop_time"] = last if not step else start + step * np.ceil((last - start) / step - 1e-9)
     if options.output_interval is None and step:
         between = min(float(np.median(np.diff(one.time))) for one in found)
-        changed["output_interval"] = step * max(round(min(between, 1e-3) / step), 1)
+        changed["output_interval"] = step * max(round(min(between, 1e-3) / (_ROWS if late else 1) / step), 1)
     return {name: float(value) for name, value in changed.items()}
 
 
@@ -321,12 +330,21 @@ class _Identification:
         free = [signal for signal in sigma if signal not in self.task.sigma]
         try:
             best = estimator.estimate(points, free)
-            jacobian, change, notes = self._differentiate(problem, best.point)
+            best, slopes = estimator.differentiate(best)
+            notes = self._describe_unevenness(slopes)
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
             lengths = [len(one.time) for one in problem.samples]
             certainty = judge(
-                parameters, best.point, residuals, jacobian, lengths, change, plan.loss, problem.blocked
+                parameters,
+                best.point,
+                residuals,
+                slopes.matrix,
+                lengths,
+                slopes.change,
+                plan.loss,
+                problem.blocked,
+                slopes.unevenness,
             )
             certainty = self._profiled(problem, best.point, certainty)
         except InterruptedRunsError:
@@ -361,31 +379,23 @@ class _Identification:
             self.saved = now
             self.folder.keep_unfinished(self.task.parameters.values(estimator.best.point))
 
-    def _differentiate(self, problem: Problem, point: Vector) -> tuple[np.ndarray, np.ndarray, list[str]]:
-        """Return the derivatives at the solution, what half the step changes, and notes on it."""
-        steps = dict(problem.steps)
-        found = problem.jacobian(point, central=True)
-        problem.steps = steps
-        change = problem.jacobian(point, central=True, factor=0.5) - found
-        problem.steps = steps
-        sizes = np.linalg.norm(found, axis=0)
-        unsure = [
-            name
-            for name, size, moved in zip(
-                self.task.parameters.names, sizes, np.linalg.norm(change, axis=0), strict=True
-            )
-            if moved > _UNSURE * size > 0.0
-        ]
-        if not unsure:
-            return found, change, []
-        return (
-            found,
-            change,
-            [
+    def _describe_unevenness(self, found: Derivatives) -> list[str]:
+        """Return notes on derivatives that depend on the step of the differences."""
+        names = self.task.parameters.names
+        notes = list[str]()
+        if unsure := [name for name, part in zip(names, found.doubts, strict=True) if part > UNSURE]:
+            notes.append(
                 f"the derivatives by {', '.join(unsure)} depend on the step of the differences: outputs are "
                 "rounded, noisy or have corners; switch off noise and rounding of the simulated sensors"
-            ],
-        )
+            )
+        if found.unevenness > _UNEVEN:
+            notes.append(
+                f"runs with almost equal values differ: the sum of squares is uneven by "
+                f"{2.0 * found.unevenness:.2g} times the variance, and intervals are "
+                f"{np.sqrt(1.0 + 2.0 * found.unevenness):.2g} times as wide for it; drive the plant with "
+                "recorded inputs instead of a simulated control loop"
+            )
+        return notes
 
     def _profiled(self, problem: Problem, point: Vector, found: Certainty) -> Certainty:
         estimates = list(found.estimates)

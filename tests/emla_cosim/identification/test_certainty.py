@@ -112,6 +112,19 @@ def test_uncertain_derivatives_widen_intervals() -> None:
     assert all("do not tell" in str(one.problem) for one in lost)
 
 
+def test_an_uneven_response_widens_intervals() -> None:
+    """Where nearby costs exceed the tangent by 1.5 variances, 2 standard errors away costs as much."""
+    noise = np.random.default_rng(3).standard_normal(len(TIME))
+    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
+    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    even, uneven = (
+        judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], unevenness=x).estimates
+        for x in (0.0, 1.5)
+    )
+    for one, other in zip(even, uneven, strict=True):
+        assert one.error is not None and other.error == pytest.approx(2.0 * one.error)
+
+
 def test_an_interval_wider_than_the_range_names_what_it_resembles() -> None:
     columns = np.column_stack([TIME, TIME + 1e-4 * np.sin(20.0 * TIME), np.ones_like(TIME)])
     parameters = Parameters([parameter(name, 0.0, 1.0) for name in ("a", "twin", "c")])

@@ -1,6 +1,7 @@
 """The search: minima with SciPy's, values whose runs fail, narrow valleys, weights, sensors."""
 
-from collections.abc import Mapping
+import struct
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.optimize import least_squares
 
 from emla_cosim.base.errors import RunError
 from emla_cosim.identification.certainty import judge
-from emla_cosim.identification.estimation import Estimator, draw_starting_points
+from emla_cosim.identification.estimation import Estimator, _find_offset, draw_starting_points
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.prediction import predict_samples
 from tests.support.known_predictions import measured, parameter, problem
@@ -111,6 +112,120 @@ def test_a_valley_that_is_uneven_is_followed_to_its_end() -> None:
     found = search(solved).estimate([Parameters(space).start])
     assert 2.0 * found.cost / len(TIME) < 1.2
     assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
+
+
+def uneven(kind: str, size: float) -> Callable[[Mapping[str, float]], list[dict[str, np.ndarray]]]:
+    """A decay whose samples are rounded, or get other noise for every other value of a parameter."""
+
+    def model(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        (smooth,) = decay(p)
+        if kind == "rounded":
+            return [smooth | {"y": size * np.round(smooth["y"] / size)}]
+        drawn = np.random.default_rng(np.frombuffer(struct.pack("2d", p["a"], p["b"]), np.uint32))
+        return [smooth | {"y": smooth["y"] + size * drawn.standard_normal(len(TIME))}]
+
+    return model
+
+
+@pytest.mark.parametrize(("kind", "size"), [("noisy", 0.003), ("noisy", 0.01), ("rounded", 0.01)])
+def test_intervals_contain_the_truth_also_if_the_response_is_uneven(kind: str, size: float) -> None:
+    """A search ends in the deepest of many dents; intervals that know nothing of them hold too rarely."""
+    space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
+    inside, naive, runs, excess = np.zeros(2), np.zeros(2), 30, list[float]()
+    for seed in range(runs):
+        solved = problem(space, [[measured(TIME, noisy(seed, 0.01 + size))]], uneven(kind, size))
+        searching = search(solved)
+        found, slopes = searching.differentiate(searching.estimate([Parameters(space).start], free=["y"]))
+        excess.append(slopes.unevenness)
+        assert solved.fixed_steps.keys() >= slopes.steps.keys()
+        for counted, unevenness in ((inside, slopes.unevenness), (naive, 0.0)):
+            got = judge(
+                Parameters(space), found.point, found.residuals, slopes.matrix, [len(TIME)], slopes.change,
+                unevenness=unevenness,
+            )  # fmt: skip
+            counted += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
+                        for one, x in zip(got.estimates, (2.0, 3.0), strict=True)]  # fmt: skip
+    assert np.median(excess) > 0.2
+    assert (inside / runs >= 0.9).all() and (naive / runs < 0.9).any(), (inside / runs, naive / runs)
+
+
+def test_longer_steps_average_an_uneven_response() -> None:
+    """The first step changes less than one digit: half of it gives another derivative."""
+    slope = 2.0 * TIME
+
+    def rounded(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": 0.01 * np.round(p["a"] * slope / 0.01)}]
+
+    solved = problem([parameter("a", 0.0, 1.0)], [[measured(TIME, 0.5 * slope + 0.02)]], rounded, sigma=0.01)
+    solved.steps[0] = 1e-3
+    found = solved.differentiate(np.array([0.5]))
+    true = slope / 0.01
+    assert np.linalg.norm(found.matrix[:, 0] - true) < 0.05 * np.linalg.norm(true)
+    assert found.steps[0] >= 0.016 and found.doubts[0] < 0.1
+    first = solved.jacobian(np.array([0.5]), central=True)[:, 0]
+    assert np.linalg.norm(first - true) > 0.5 * np.linalg.norm(true)
+    # the estimated error is that of the derivative, neither far too small nor far too large
+    assert 0.3 < np.linalg.norm(found.change[:, 0]) / np.linalg.norm(found.matrix[:, 0] - true) < 5.0
+
+
+def test_a_smooth_response_keeps_its_steps() -> None:
+    space = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
+    solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.01)
+    point = Parameters(space).start
+    found = solved.differentiate(point)
+    assert not found.steps and found.unevenness < 1e-3 and (found.doubts < 0.01).all()
+    a, b = 2.0, 3.0
+    by_b = -a * TIME * np.exp(-b * TIME) / 0.01 * (b * np.log(200.0))
+    exact = np.column_stack([5.0 * np.exp(-b * TIME) / 0.01, by_b])
+    assert found.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
+
+
+def test_a_perfect_fit_is_even() -> None:
+    space = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
+    values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem(space, [[measured(TIME, values)]], decay)
+    assert solved.differentiate(Parameters(space).start).unevenness == 0.0
+
+
+def test_the_minimum_at_an_end_of_a_range_does_not_count() -> None:
+    slopes = np.column_stack([np.ones_like(TIME), TIME - TIME.mean()])
+    noise = np.random.default_rng(0).standard_normal(len(TIME))
+    noise -= slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0]
+    residuals = noise + slopes[:, 0]  # the first parameter would have to become smaller
+    assert _find_offset(np.array([0.0, 0.5]), residuals, slopes) < 1e-9
+    assert _find_offset(np.array([1.0, 0.5]), residuals, slopes) > 1.0
+    assert _find_offset(np.array([0.5, 0.5]), residuals, slopes) > 1.0
+
+
+def test_at_a_corner_there_is_no_derivative() -> None:
+    def corner(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": abs(p["a"] - 0.5) * TIME + 0.1 * p["a"] * TIME}]
+
+    space = [parameter("a", 0.0, 1.0)]
+    values = 0.05 * TIME + 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem(space, [[measured(TIME, values)]], corner, sigma=0.01)
+    point = np.array([0.5])
+    found = solved.differentiate(point)
+    assert found.doubts[0] > 1.0
+    (residuals,) = solved.residuals([point])
+    assert residuals is not None
+    (one,) = judge(
+        Parameters(space), point, residuals, found.matrix, [len(TIME)], found.change
+    ).estimates  # fmt: skip
+    assert one.problem is not None and "runs with almost equal values differ too much" in one.problem
+
+
+def test_a_search_ends_where_the_residuals_hide_the_rest() -> None:
+    """A search to the last digit takes several times the runs; one thousandth of an error is enough."""
+    space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
+    solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.01)
+    found = search(solved)._search(Parameters(space).start, 0, central=True)
+    assert found is not None and found.converged
+    assert solved.predictor.runs < 50
+    slopes = solved.jacobian(found.point, central=True)
+    step = np.linalg.lstsq(slopes, found.residuals, rcond=None)[0]
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    assert (np.abs(step) < 3e-3 * errors).all()
 
 
 def test_several_starting_points_find_the_lowest_of_several_minima() -> None:
