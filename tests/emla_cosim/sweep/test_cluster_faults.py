@@ -291,6 +291,18 @@ def test_variants_that_end_processes_cost_no_worker(
     assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
 
 
+def test_fmus_that_end_the_process_of_the_next_variant(cluster: Client, faulty_fmu: Path) -> None:
+    """They fail in fmi2Terminate, after their variant is done: nobody is blamed for it."""
+    faults = [Fault.SEGFAULT_TERMINATE] * 8
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
+        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
+        metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * 8
+    assert result.series is not None and set(result.series.collect()["variant"]) == set(range(8))
+
+
 def test_a_worker_without_the_package(faulty_fmu: Path, tmp_path: Path) -> None:
     """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
     (tmp_path / "other/emla_cosim").mkdir(parents=True)
