@@ -50,7 +50,7 @@ ENDS = ("process", "worker")
 
 
 def kill_worker(chosen: Sequence[int]) -> Any:
-    """Return a metric, y at the end, that ends the worker of these variants: y is a fiftieth of the number."""
+    """Return a metric, y at the end (a fiftieth of the number), that ends the worker of these variants."""
 
     def last(result: Any) -> float:
         import os

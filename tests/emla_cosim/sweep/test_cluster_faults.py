@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import polars
 import psutil
 import pytest
 from distributed import Client, LocalCluster
@@ -130,7 +131,7 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     )  # fmt: skip
     out = tmp_path / "out"
     try:
-        wait_for(lambda: len(list(out.glob("parts/*.parquet"))) >= 3 or process.poll() is not None)
+        wait_for(lambda: len(list(out.glob("parts/[0-9]*.parquet"))) >= 3 or process.poll() is not None)
         everybody = family(process)
     finally:
         if way == "Ctrl-C":
@@ -143,8 +144,13 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     if way == "Ctrl-C":
         assert process.returncode == 1
         assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
-        partial = read_sweep(out)
-        assert 3 <= partial.variants.height < 100 and not partial.complete
+    partial, whole = read_sweep(out), read_sweep(undisturbed)
+    there = partial.variants["variant"].to_list()
+    assert 3 <= len(there) < 100 and not partial.complete
+    assert partial.variants.equals(whole.variants.filter(polars.col("variant").is_in(there)))
+    assert partial.series is not None and whole.series is not None
+    expected = whole.series.filter(polars.col("variant").is_in(there))
+    assert partial.series.collect().equals(expected.collect())
     if way != "everything":
         if way == "caller":  # its folder stays until the next command
             command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
@@ -173,9 +179,11 @@ def test_processes_elsewhere_that_share_nothing(
     (tmp_path / "flag").unlink()
     with outside_cluster(tmp_path) as outside:
         during: list[Any] = []
+        unpacked = set[Path]()
 
         def kill_worker() -> None:
             during.append(read_sweep(tmp_path / "here"))
+            unpacked.update(files_of_fmus(tmp_path / "worker-0"))
             outside.workers[0].kill()
 
         here = sweep(
@@ -186,7 +194,8 @@ def test_processes_elsewhere_that_share_nothing(
         running = during[0].variants
         assert 0 < running.height < 40 and not during[0].complete
         assert running.equals(there.variants.filter(there.variants["variant"].is_in(numbers(during[0]))))
-        wait_for(lambda: not list((tmp_path / "worker-0").rglob("*.fmu")))
+        assert len(unpacked) >= 3 and {DASK in file.parts for file in unpacked} == {True}
+        wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
         with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
             sweep(
                 system, **plan, scheduler=outside.address, output=tmp_path / "early", patience=4.0,
@@ -199,6 +208,78 @@ def test_processes_elsewhere_that_share_nothing(
     assert done.variants.equals(there.variants)
     one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
     assert one == other
+
+
+DASK = "dask-scratch-space"
+"""The folder of Dask in which workers have their local directories."""
+
+
+def files_of_fmus(folder: Path) -> set[Path]:
+    """FMUs, and what is unpacked from them."""
+    return {p for pattern in ("*.fmu", "modelDescription.xml", "*.so") for p in folder.rglob(pattern)}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Other systems name libraries in other ways.")
+def test_fmus_of_a_worker_that_is_lost_with_all_its_processes(faulty_fmu: Path, tmp_path: Path) -> None:
+    """Nobody is left who could remove them: they lie where the next worker of the machine tidies up."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    with outside_cluster(tmp_path, workers=1) as outside:
+
+        def kill_all() -> None:
+            for one in family(outside.workers[0]):
+                one.suspend()  # else one could remove the files before it is killed itself
+            for one in family(outside.workers[0]):
+                one.kill()
+
+        with pytest.raises(RunError, match="had no workers for 1 s"):
+            sweep(
+                system, {"j.bad.b": "0.1:0.5:400"}, scheduler=outside.address, patience=1.0,
+                progress=At(5, kill_all), **RUN,
+            )  # fmt: skip
+        left = files_of_fmus(tmp_path / "worker-0")
+        assert left and {DASK in file.parts for file in left} == {True}
+        outside.worker("--no-nanny", "--local-directory", str(tmp_path / "worker-0/temporary"))
+        wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
+
+
+def test_a_chunk_of_long_variants_comes_back_early(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long variants after many short ones: no process keeps those that another one could run."""
+    short, long, long_s = 200, 8, 1.0
+    limits, answers = dict[int, float](), list[tuple[int, int, float]]()
+    next_chunk, take_answer = executor.ChunkQueue.next, executor.ChunkQueue.take_answer
+
+    def process_of(result: Any) -> float:
+        import os
+        import time
+
+        time.sleep(long_s if result["j.bad.y"][-1] > 3.0 else 0.0)
+        return float(os.getpid())
+
+    def note_limit(queue: Any, threads: int) -> Any:
+        chunk, limit = next_chunk(queue, threads)
+        limits[chunk.variants[0]] = limit
+        return chunk, limit
+
+    def note_answer(queue: Any, chunk: Any, answer: Any) -> Any:
+        given = sum(number >= short for number in chunk.variants)
+        done = sum(pickle.loads(outcome).number >= short for outcome in answer.outcomes)
+        answers.append((given, done, limits[chunk.variants[0]]))
+        return take_answer(queue, chunk, answer)
+
+    monkeypatch.setattr(executor.ChunkQueue, "next", note_limit)
+    monkeypatch.setattr(executor.ChunkQueue, "take_answer", note_answer)
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * short + [0.9] * long},
+        metrics={"process": process_of}, scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * (short + long)
+    for given, done, limit in answers:
+        assert done <= given and long_s * (done - 1) <= limit, "a chunk did not come back in time"
+    assert any(done < given for given, done, _ in answers), "no chunk had to come back early"
+    processes = result.variants["process"].to_list()[short:]
+    assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
 
 
 def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
