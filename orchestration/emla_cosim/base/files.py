@@ -234,4 +234,4 @@ def is_same_place(one: str, other: str) -> bool:
     if one == other or one.casefold() != other.casefold():
         return one == other
     there = [os.path.lexists(path) for path in (one, other)]
-    return os.path.samefile(one, other) if all(there) else not any(there)
+    return Path(one).samefile(other) if all(there) else not any(there)

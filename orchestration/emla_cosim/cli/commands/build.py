@@ -12,10 +12,10 @@ from ...fmu.models import (
     FMU_FOLDER,
     MODELS,
     PLATFORMS,
+    Disclosure,
     build,
     check_build_path,
     check_disclosure,
-    Disclosure,
     find_block,
     fmu_path,
 )
