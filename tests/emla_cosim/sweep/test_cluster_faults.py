@@ -1,5 +1,6 @@
 """Whatever ends in a cluster, every variant is there exactly once in the end."""
 
+import http.client
 import os
 import pickle
 import random
@@ -284,6 +285,24 @@ def test_a_chunk_of_long_variants_comes_back_early(
     assert any(done < given for given, done, _ in answers), "no chunk had to come back early"
     processes = result.variants["process"].to_list()[short:]
     assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
+
+
+def test_no_port_of_the_own_cluster_answers_other_users(cluster: Client) -> None:
+    """Dask's pages would show them all that runs, and let them call functions."""
+    ports: Any = cluster.run_on_scheduler(listening_ports)
+    assert ports
+    for port in ports:
+        for page in ("/", "/status", "/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
+            with suppress(OSError, http.client.HTTPException):  # it is encrypted
+                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+                connection.request("GET", page)
+                assert connection.getresponse().status == 404, (port, page)
+
+
+def listening_ports() -> list[int]:
+    """Return the ports on which this process waits for connections."""
+    found = psutil.Process().net_connections("tcp")
+    return sorted({one.laddr.port for one in found if one.status == psutil.CONN_LISTEN})
 
 
 def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
