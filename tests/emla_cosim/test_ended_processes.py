@@ -491,3 +491,35 @@ def test_many_signals_are_one_request(package: Path, tmp_path: Path) -> None:
     assert process.returncode == 1
     assert "Traceback" not in errors
     assert record(tmp_path)["status"].startswith("interrupted at t = ")
+
+
+SERVER = """
+import time
+from pathlib import Path
+from emla_cosim.sandbox.server import serve
+
+serve(lambda request, send: (Path("going").touch(), time.sleep(600.0)))
+"""
+
+PARENT = """
+import time
+from emla_cosim.sandbox.server import Server
+
+process = Server("never_answers")
+process.send("anything")
+time.sleep(600.0)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows does not have SIGKILL.")
+def test_a_process_whose_call_never_returns_ends_with_its_parent(tmp_path: Path) -> None:
+    (tmp_path / "never_answers.py").write_text(SERVER)
+    (tmp_path / "parent.py").write_text(PARENT)
+    parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path)
+    try:
+        wait_for((tmp_path / "going").exists)
+        children = psutil.Process(parent.pid).children()
+    finally:
+        parent.kill()
+        parent.wait()
+    assert children and not psutil.wait_procs(children, timeout=15)[1]

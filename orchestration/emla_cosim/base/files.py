@@ -26,6 +26,7 @@ __all__ = [
     "get_working_folder",
     "hash_file",
     "hash_if_readable",
+    "is_same_place",
     "read_file",
     "read_text",
     "real_place",
@@ -209,6 +210,8 @@ def report_write_errors(folder: Path) -> Iterator[None]:
 def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:
     """Check that files can be written and are not used otherwise.
 
+    Two new files whose names differ only in case are the same: on some file systems one replaces the other.
+
     Args:
         written: What each file to be written is, by path.
         used: What each other file of the command is, by path.
@@ -216,10 +219,19 @@ def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) ->
     Raises:
         CommandError: If a file cannot be written, or is in `used` too.
     """
-    others = {os.path.realpath(path): (path, role) for path, role in used.items()}
+    others = [(os.path.realpath(path), path, role) for path, role in used.items()]
     for path, what in written.items():
-        place = resolve_output_path(path, what)
-        if str(place) in others:
-            other, role = others[str(place)]
+        place = str(resolve_output_path(path, what))
+        for at, other, role in others:
+            if not is_same_place(place, at):
+                continue
             named = "" if other == path else f" '{other}'"
             raise CommandError(f"{what} '{path}' is also {role}{named}. Choose another file.")
+
+
+def is_same_place(one: str, other: str) -> bool:
+    """Return whether two real paths may be the same file, on a file system that ignores case, too."""
+    if one == other or one.casefold() != other.casefold():
+        return one == other
+    there = [os.path.lexists(path) for path in (one, other)]
+    return Path(one).samefile(other) if all(there) else not any(there)

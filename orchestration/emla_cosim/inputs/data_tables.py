@@ -64,8 +64,10 @@ class DataTable:
             CommandError: If a cell is not a finite number; the message names row and column.
         """
         found = self.texts(position)
-        if padded:
-            found = found.head(_count_filled(found))
+        return self._to_numbers(position, found.head(_count_filled(found)) if padded else found)
+
+    def _to_numbers(self, position: int, found: polars.Series) -> Vector:
+        """Return the texts of a column as numbers; raise CommandError as `numbers`."""
         if not (found.dtype.is_numeric() or found.dtype == polars.String):
             raise self._wrong(position, f"is of the type {found.dtype}; it must be of numbers")
         try:
@@ -90,9 +92,10 @@ class DataTable:
         """
         position = self._time_column(column)
         header = self.headers[position]
-        times = self._clock_times(position)
+        texts = self.texts(position)
+        times = self._clock_times(position, texts)
         if times is None:
-            times = header.in_seconds(self.numbers(position), column, self.label)
+            times = header.in_seconds(self._to_numbers(position, texts), column, self.label)
         if len(times) < 2:
             raise CommandError(f"{self.label} has fewer than two rows.")
         if max(abs(times[0]), abs(times[-1])) > _LATEST:
@@ -122,9 +125,8 @@ class DataTable:
                 return found[0]
         return None
 
-    def _clock_times(self, position: int) -> Vector | None:
+    def _clock_times(self, position: int, column: polars.Series) -> Vector | None:
         """Return the times of a column of clock times, from the first row; None for one of numbers."""
-        column = self.texts(position)
         label = f"the time '{self.headers[position].text}' of {self.label}"
         if not len(column) or not (column.dtype.is_temporal() or is_clock(column[0])):
             return None
@@ -387,7 +389,10 @@ class MeasurementTable(DataTable):
             CommandError: If it cannot be read, or was not sampled at the times of its group.
         """
         channel = self._group.channels[position]
-        values, times = readable(f"the channel '{channel.name}' of {self.label}", channel.read)
+        if position == 0 and channel.name == TIME:
+            values, times = self._times, None
+        else:
+            values, times = readable(f"the channel '{channel.name}' of {self.label}", channel.read)
         if values.ndim != 1 or values.dtype.kind not in "biufmM":
             raise self._wrong(position, "is not of numbers")
         if times is not None and not np.array_equal(times, self._times):

@@ -114,18 +114,18 @@ def _read_mdf(file: Path) -> list[ChannelGroup]:
     from asammdf import MDF
 
     found = []
-    with MDF(file) as mdf:
-        for number, group in enumerate(mdf.groups):
-            master = mdf.masters_db.get(number)
-            if master is None or getattr(group.channels[master], "sync_type", 1) not in (0, 1):
-                continue  # not sampled over time, but over an angle or a distance
-            channels = [
-                Channel(c.name, _unit_of(c), _mdf_reader(file, number, index))
-                for index, c in enumerate(group.channels)
-                if index != master
-            ]
-            name = str(getattr(group.channel_group, "acq_name", "") or f"group {number + 1}")
-            found.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(file, number, None)), *channels]))
+    mdf = MDF(file)  # the readers keep it open: opening it reads the descriptions of all channels
+    for number, group in enumerate(mdf.groups):
+        master = mdf.masters_db.get(number)
+        if master is None or getattr(group.channels[master], "sync_type", 1) not in (0, 1):
+            continue  # not sampled over time, but over an angle or a distance
+        channels = [
+            Channel(c.name, _unit_of(c), _mdf_reader(mdf, number, index))
+            for index, c in enumerate(group.channels)
+            if index != master
+        ]
+        name = str(getattr(group.channel_group, "acq_name", "") or f"group {number + 1}")
+        found.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(mdf, number, None)), *channels]))
     return found
 
 
@@ -135,18 +135,15 @@ def _unit_of(channel: Any) -> str | None:
 
 
 def _mdf_reader(
-    file: Path, group: int, index: int | None
+    mdf: Any, group: int, index: int | None
 ) -> Callable[[], tuple[np.ndarray, np.ndarray | None]]:
     """Return a function that reads a channel, or the times of its group."""
 
     def read() -> tuple[np.ndarray, np.ndarray | None]:
-        from asammdf import MDF
-
-        with MDF(file) as mdf:
-            if index is None:
-                times = mdf.get_master(group)
-                return times, times
-            signal = mdf.get(group=group, index=index)
+        if index is None:
+            times = mdf.get_master(group)
+            return times, times
+        signal = mdf.get(group=group, index=index)
         return signal.samples, signal.timestamps
 
     return read

@@ -10,7 +10,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from typing import Any, cast
 
@@ -55,7 +55,7 @@ _MOST_BYTES = 64 * 2**20
 """Largest size of the signals of a chunk in bytes."""
 
 _TRIES = 2
-"""Number of processes that a variant may end."""
+"""Number of processes, or of workers, that a variant may end."""
 
 _CONNECT_S = 15.0
 """Seconds to wait for an answer of a scheduler."""
@@ -84,11 +84,19 @@ _POLL = 0.2
 
 @dataclass(frozen=True)
 class WorkPackage:
-    """Variants that one prepared simulation can run, by number; suspect if their worker was lost."""
+    """Variants that one prepared simulation can run.
+
+    Attributes:
+        group: Position of their preparation.
+        variants: Their numbers.
+        suspect: Whether their worker was lost; there is one variant then.
+        alone: Whether the variant needs a process that runs no other: one may have ended for it.
+    """
 
     group: int
     variants: Sequence[int]
     suspect: bool = False
+    alone: bool = False
 
 
 class ClusterExecutor:
@@ -189,7 +197,13 @@ class ClusterExecutor:
                 content = cloudpickle.dumps(([variant(number) for number in chunk.variants], measures))
                 timeout = self._timeouts[chunk.group]
                 request = ChunkRequest(
-                    chunk.group, list(chunk.variants), content, bool(measures.signals), seconds, timeout
+                    chunk.group,
+                    list(chunk.variants),
+                    content,
+                    bool(measures.signals),
+                    seconds,
+                    timeout,
+                    chunk.alone or chunk.suspect,
                 )
                 future = self._submit("run", pickle.dumps(request))
                 flying[future] = chunk
@@ -270,7 +284,7 @@ class ChunkQueue:
         self._left = sum(len(w.variants) for w in work)
         self._most, self._timeouts = most, timeouts
         self._seconds: dict[int, float] = {}
-        self._ended = Counter[int]()
+        self._ended, self._lost = Counter[int](), Counter[int]()
 
     def __bool__(self) -> bool:
         return bool(self._waiting or self._suspects)
@@ -303,7 +317,7 @@ class ChunkQueue:
             return self._suspects.popleft(), _OVERRUN * _CHUNK_S
         first = self._waiting.popleft()
         count = self._count(first.group, threads)
-        chunk = WorkPackage(first.group, first.variants[:count])
+        chunk = replace(first, variants=first.variants[:count])
         self._left -= len(chunk.variants)
         if rest := first.variants[count:]:
             self._waiting.appendleft(WorkPackage(first.group, rest))
@@ -329,7 +343,8 @@ class ChunkQueue:
     def take_answer(self, chunk: WorkPackage, answer: ChunkAnswer) -> list[Chunk]:
         """Return the results of a chunk. What did not run, runs later.
 
-        A variant that ended its process runs again, alone. If it does so twice, that is its outcome.
+        A variant that ended its process runs again, in a process of its own. Only if that ends, too, it is to
+        blame: the variant before may have left an FMU that ends the process when it is reset.
         """
         outcomes = [cast(VariantOutcome, pickle.loads(outcome)) for outcome in answer.outcomes]
         if outcomes:
@@ -351,7 +366,11 @@ class ChunkQueue:
                 )
                 outcomes.append(VariantOutcome(number, DIED, reason))
             else:
-                self._wait(WorkPackage(chunk.group, [number]), first=False)
+                self._wait(WorkPackage(chunk.group, [number], alone=True), first=False)
+            before = chunk.variants[: chunk.variants.index(number)][-1:]
+            if not ran.issuperset(before):  # its signals are lost; else it could end the process of another
+                ran.update(before)
+                self._wait(WorkPackage(chunk.group, before, alone=True), first=False)
         if rest := [number for number in chunk.variants if number not in ran]:
             self._wait(WorkPackage(chunk.group, rest), first=True)
         return [Chunk(outcomes, answer.wall_s, answer.series)] if outcomes else []
@@ -362,8 +381,8 @@ class ChunkQueue:
             self._suspects.extend(WorkPackage(chunk.group, [n], suspect=True) for n in chunk.variants)
             return []
         number = chunk.variants[0]
-        self._ended[number] += workers
-        if (times := self._ended[number]) < _TRIES:
+        self._lost[number] += workers
+        if (times := self._lost[number]) < _TRIES:
             self._suspects.append(chunk)
             return []
         reason = f"its worker ended {times} times: it ran out of memory, or its machine was lost."

@@ -47,6 +47,7 @@ class ChunkRequest:
         has_signals: Whether signals are kept.
         seconds: Time in s after which no further variant begins.
         timeout: Longest time of a variant in s; None without a limit.
+        alone: Whether a process runs these variants and no others.
     """
 
     group: int
@@ -55,6 +56,7 @@ class ChunkRequest:
     has_signals: bool
     seconds: float
     timeout: float | None
+    alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -249,16 +251,24 @@ class SweepProcesses:
 
     def run(self, content: bytes) -> bytes:
         """Run the variants of a `ChunkRequest` in sequence; return the `ChunkAnswer`. Both are pickled."""
-        with self._process() as process:
-            return pickle.dumps(self._run(process, pickle.loads(content)))
+        request: ChunkRequest = pickle.loads(content)
+        with self._process(request.alone) as process:
+            return pickle.dumps(self._run(process, request))
 
     @contextlib.contextmanager
-    def _process(self) -> Iterator[_Process]:
-        """Take an idle process, or start one, and open the sweep in it."""
+    def _process(self, alone: bool = False) -> Iterator[_Process]:
+        """Take an idle process, or start one, and open the sweep in it.
+
+        Args:
+            alone: Whether to replace the idle process by one that ends afterwards.
+        """
         with _TURN:
             found = next((p for p in _IDLE if p.key == self._key), _IDLE[-1] if _IDLE else None)
             if found is not None:
                 _IDLE.remove(found)
+        if alone and found is not None:
+            found.close()
+            found = None
         try:
             found = self._open(found or _Process())
         except ServerEndedError:  # it was idle and did not survive; a new one tells why
@@ -270,7 +280,7 @@ class SweepProcesses:
         finally:
             with _TURN:
                 self._used.discard(found)
-                if found.is_alive() and not self._closed.is_set():
+                if found.is_alive() and not alone and not self._closed.is_set():
                     _IDLE.append(found)
                 else:
                     found.close()

@@ -55,7 +55,7 @@ def picture_places(
     Raises:
         CommandError: A file may not be replaced, or is that of the problem.
     """
-    if path.suffix == ".png":
+    if path.suffix.lower() == ".png":
         raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
     places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
     used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}

@@ -1,19 +1,22 @@
 """Whatever ends in a cluster, every variant is there exactly once in the end."""
 
+import http.client
 import os
 import pickle
 import random
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import types
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+import polars
 import psutil
 import pytest
 from distributed import Client, LocalCluster
@@ -130,7 +133,7 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     )  # fmt: skip
     out = tmp_path / "out"
     try:
-        wait_for(lambda: len(list(out.glob("parts/*.parquet"))) >= 3 or process.poll() is not None)
+        wait_for(lambda: len(list(out.glob("parts/[0-9]*.parquet"))) >= 3 or process.poll() is not None)
         everybody = family(process)
     finally:
         if way == "Ctrl-C":
@@ -143,14 +146,21 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     if way == "Ctrl-C":
         assert process.returncode == 1
         assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
-        partial = read_sweep(out)
-        assert 3 <= partial.variants.height < 100 and not partial.complete
+    partial, whole = read_sweep(out), read_sweep(undisturbed)
+    there = partial.variants["variant"].to_list()
+    assert 3 <= len(there) < 100 and not partial.complete
+    assert partial.variants.equals(whole.variants.filter(polars.col("variant").is_in(there)))
+    assert partial.series is not None and whole.series is not None
+    expected = whole.series.filter(polars.col("variant").is_in(there))
+    assert partial.series.collect().equals(expected.collect())
     if way != "everything":
         if way == "caller":  # its folder stays until the next command
             command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
             subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
         assert not list(temporary.iterdir())
 
+    alone = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
+    shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{alone:09d}.parquet")  # killed before
     done = lift(cluster, fmu_folder, out, resume=True)
     assert done.complete and numbers(done) == list(range(100))
     assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
@@ -173,9 +183,11 @@ def test_processes_elsewhere_that_share_nothing(
     (tmp_path / "flag").unlink()
     with outside_cluster(tmp_path) as outside:
         during: list[Any] = []
+        unpacked = set[Path]()
 
         def kill_worker() -> None:
             during.append(read_sweep(tmp_path / "here"))
+            unpacked.update(files_of_fmus(tmp_path / "worker-0"))
             outside.workers[0].kill()
 
         here = sweep(
@@ -186,7 +198,9 @@ def test_processes_elsewhere_that_share_nothing(
         running = during[0].variants
         assert 0 < running.height < 40 and not during[0].complete
         assert running.equals(there.variants.filter(there.variants["variant"].is_in(numbers(during[0]))))
-        wait_for(lambda: not list((tmp_path / "worker-0").rglob("*.fmu")))
+        assert len(unpacked) >= 3 and {DASK in file.parts for file in unpacked} == {True}
+        for name in ("worker-0", "worker-1"):  # killed, and at the end of the sweep
+            wait_for(lambda name=name: not files_of_fmus(tmp_path / name))
         with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
             sweep(
                 system, **plan, scheduler=outside.address, output=tmp_path / "early", patience=4.0,
@@ -199,6 +213,96 @@ def test_processes_elsewhere_that_share_nothing(
     assert done.variants.equals(there.variants)
     one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
     assert one == other
+
+
+DASK = "dask-scratch-space"
+"""The folder of Dask in which workers have their local directories."""
+
+
+def files_of_fmus(folder: Path) -> set[Path]:
+    """FMUs, and what is unpacked from them."""
+    return {p for pattern in ("*.fmu", "modelDescription.xml", "*.so") for p in folder.rglob(pattern)}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Other systems name libraries in other ways.")
+def test_fmus_of_a_worker_that_is_lost_with_all_its_processes(faulty_fmu: Path, tmp_path: Path) -> None:
+    """Nobody is left who could remove them: they lie where the next worker of the machine tidies up."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    with outside_cluster(tmp_path, workers=1) as outside:
+
+        def kill_all() -> None:
+            for one in family(outside.workers[0]):
+                one.suspend()  # else one could remove the files before it is killed itself
+            for one in family(outside.workers[0]):
+                one.kill()
+
+        with pytest.raises(RunError, match="had no workers for 1 s"):
+            sweep(
+                system, {"j.bad.b": "0.1:0.5:400"}, scheduler=outside.address, patience=1.0,
+                progress=At(5, kill_all), **RUN,
+            )  # fmt: skip
+        left = files_of_fmus(tmp_path / "worker-0")
+        assert left and {DASK in file.parts for file in left} == {True}
+        outside.worker("--no-nanny", "--local-directory", str(tmp_path / "worker-0/temporary"))
+        wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
+
+
+def test_a_chunk_of_long_variants_comes_back_early(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long variants after many short ones: no process keeps those that another one could run."""
+    short, long, long_s = 200, 8, 1.0
+    limits, answers = dict[int, float](), list[tuple[int, int, float]]()
+    next_chunk, take_answer = executor.ChunkQueue.next, executor.ChunkQueue.take_answer
+
+    def process_of(result: Any) -> float:
+        import os
+        import time
+
+        time.sleep(long_s if result["j.bad.y"][-1] > 3.0 else 0.0)
+        return float(os.getpid())
+
+    def note_limit(queue: Any, threads: int) -> Any:
+        chunk, limit = next_chunk(queue, threads)
+        limits[chunk.variants[0]] = limit
+        return chunk, limit
+
+    def note_answer(queue: Any, chunk: Any, answer: Any) -> Any:
+        given = sum(number >= short for number in chunk.variants)
+        done = sum(pickle.loads(outcome).number >= short for outcome in answer.outcomes)
+        answers.append((given, done, limits[chunk.variants[0]]))
+        return take_answer(queue, chunk, answer)
+
+    monkeypatch.setattr(executor.ChunkQueue, "next", note_limit)
+    monkeypatch.setattr(executor.ChunkQueue, "take_answer", note_answer)
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * short + [0.9] * long},
+        metrics={"process": process_of}, scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * (short + long)
+    for given, done, limit in answers:
+        assert done <= given and long_s * (done - 1) <= limit, "a chunk did not come back in time"
+    assert any(done < given for given, done, _ in answers), "no chunk had to come back early"
+    processes = result.variants["process"].to_list()[short:]
+    assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
+
+
+def test_no_port_of_the_own_cluster_answers_other_users(cluster: Client) -> None:
+    """Dask's pages would show them all that runs, and let them call functions."""
+    ports: Any = cluster.run_on_scheduler(listening_ports)
+    assert ports
+    for port in ports:
+        for page in ("/", "/status", "/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
+            with suppress(OSError, http.client.HTTPException):  # it is encrypted
+                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+                connection.request("GET", page)
+                assert connection.getresponse().status == 404, (port, page)
+
+
+def listening_ports() -> list[int]:
+    """Return the ports on which this process waits for connections."""
+    found = psutil.Process().net_connections("tcp")
+    return sorted({one.laddr.port for one in found if one.status == psutil.CONN_LISTEN})
 
 
 def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -252,6 +356,7 @@ def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path)
     out, stopping = tmp_path / "out", At(3, lambda: signal.raise_signal(signal.SIGINT))
     partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
     assert not partial.complete and not {3, 7} & set(numbers(partial))
+    wait_for(lambda: sum(cluster.run(count_lost_processes).values()) == 0)
     result = sweep(
         system, **plan, scheduler=cluster, output=out, resume=True, timeout="2 s", progress=seen,
     )  # fmt: skip
@@ -259,6 +364,15 @@ def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path)
     assert result.variants["problem"][3] == "it took more than 2 s; see --timeout."
     assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
     cluster.run(set_slow_s, 10.0)
+
+
+def count_lost_processes() -> int:
+    """Return how many processes of a worker run variants that no sweep waits for."""
+    found = 0
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):  # it has just ended
+            found += "emla_cosim.sweeps.variant_process" in child.cmdline()
+    return found - len(worker._IDLE)
 
 
 def set_slow_s(seconds: float) -> None:
@@ -289,6 +403,18 @@ def test_variants_that_end_processes_cost_no_worker(
     assert result.variants["status"].to_list() == ["died" if n in chosen else "done" for n in range(40)]
     assert result.series is not None
     assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
+
+
+def test_fmus_that_end_the_process_of_the_next_variant(cluster: Client, faulty_fmu: Path) -> None:
+    """They fail in fmi2Terminate, after their variant is done: nobody is blamed for it."""
+    faults = [Fault.SEGFAULT_TERMINATE] * 8
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
+        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
+        metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * 8
+    assert result.series is not None and set(result.series.collect()["variant"]) == set(range(8))
 
 
 def test_a_worker_without_the_package(faulty_fmu: Path, tmp_path: Path) -> None:

@@ -26,45 +26,76 @@ def answer_of(numbers: Sequence[int], seconds: float, **more: Any) -> ChunkAnswe
     return ChunkAnswer(outcomes, seconds, **more)
 
 
-def run_chunk(chunk: WorkPackage, limit: float, seconds: float, killers: set[int], hangs: set[int]) -> Any:
-    """What a worker answers: it stops at a killer, at what hangs, and at the limit."""
-    done = list[int]()
-    for number in chunk.variants:
-        spent = seconds * len(done)
-        if number in killers:
-            return answer_of(done, spent, ended=(number, "SIGSEGV"))
-        if number in hangs:
-            return answer_of(done, spent, timed_out=number)
-        if spent > limit:
-            break
-        done.append(number)
-    return answer_of(done, seconds * len(done))
+class Process:
+    """A worker's process: what it answers, and whether it ends when another variant begins.
+
+    Args:
+        seconds: Duration of a variant.
+        killers: Variants that end it.
+        late: Variants that end it when the next one begins.
+        hangs: Variants that never end.
+        has_signals: Whether outcomes are lost with it.
+    """
+
+    def __init__(
+        self, seconds: float, killers: set[int], late: set[int], hangs: set[int], has_signals: bool
+    ) -> None:
+        self.seconds, self.killers, self.late, self.hangs = seconds, killers, late, hangs
+        self.has_signals, self.before, self.ends = has_signals, -1, 0
+
+    def run(self, chunk: WorkPackage, limit: float) -> ChunkAnswer:
+        """Stop at what ends it, at what hangs, and at the limit."""
+        done = list[int]()
+        if chunk.alone or chunk.suspect:
+            self.before = -1
+        for number in chunk.variants:
+            spent = self.seconds * len(done)
+            if self.before in self.late or number in self.killers:
+                self.before, self.ends = -1, self.ends + 1
+                return answer_of([] if self.has_signals else done, spent, ended=(number, "SIGSEGV"))
+            if number in self.hangs:
+                self.before = -1
+                return answer_of([] if self.has_signals else done, spent, timed_out=number)
+            if spent > limit:
+                break
+            done.append(number)
+            self.before = number
+        if chunk.alone or chunk.suspect:
+            self.before = -1
+        return answer_of(done, self.seconds * len(done))
 
 
 @given(
     groups=st.lists(st.integers(1, 60), min_size=1, max_size=3),
     killers=st.sets(st.integers(0, 100), max_size=4),
+    late=st.sets(st.integers(0, 100), max_size=8),
     hangs=st.sets(st.integers(0, 100), max_size=2),
     worker_killers=st.sets(st.integers(0, 100), max_size=2),
     threads=st.integers(0, 4),
     seconds=st.floats(1e-4, 3.0),
+    has_signals=st.booleans(),
     choices=st.randoms(use_true_random=False),
 )
 def test_every_variant_ends_once_and_only_what_kills_dies(
     groups: list[int],
     killers: set[int],
+    late: set[int],
     hangs: set[int],
     worker_killers: set[int],
     threads: int,
     seconds: float,
+    has_signals: bool,
     choices: Any,
 ) -> None:
-    """Some variants end their process, some never end, and some end their worker and what waits there."""
+    """Some variants end their process, some that of the next variant, some never end, and some end their
+    worker and what waits there.
+    """
     numbers = iter(range(sum(groups)))
     chunks = ChunkQueue(
         [WorkPackage(g, [next(numbers) for _ in range(n)]) for g, n in enumerate(groups)], 50, [1.0] * 3
     )
     workers: list[list[tuple[WorkPackage, float]]] = [[] for _ in range(max(threads, 1))]
+    processes = [Process(seconds, killers, late, hangs, has_signals) for _ in workers]
     ended: list[tuple[int, str]] = []
     while chunks or any(workers):
         while chunks.may_submit(sum(map(len, workers)), threads):
@@ -72,15 +103,16 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
             assert 1 <= len(chunk.variants) <= 50
             assert not chunk.suspect or not any(workers), "something else would be blamed, too"
             min(workers, key=len).append((chunk, limit))
-        worker = choices.choice([w for w in workers if w])
+        worker, process = choices.choice([(w, p) for w, p in zip(workers, processes, strict=True) if w])
         lost = not worker_killers.isdisjoint(worker[0][0].variants)
         coming = worker[:] if lost else worker[:1]
+        process.before = -1 if lost else process.before
         del worker[: len(coming)]
         for chunk, limit in coming:
             if lost:
                 came = chunks.take_loss(chunk, choices.choice([1, 4]))
             else:
-                came = chunks.take_answer(chunk, run_chunk(chunk, limit, seconds, killers, hangs))
+                came = chunks.take_answer(chunk, process.run(chunk, limit))
             ended += [(outcome.number, outcome.status) for part in came for outcome in part.outcomes]
 
     def expected(number: int) -> str:
@@ -89,6 +121,7 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
         return TIMED_OUT if number in hangs else DONE
 
     assert sorted(ended) == [(n, expected(n)) for n in range(sum(groups))]
+    assert sum(p.ends for p in processes) <= 2 * len(killers) + len(late)
 
 
 def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:

@@ -17,6 +17,7 @@ from ...fmu.models import (
     check_build_path,
     check_disclosure,
     find_block,
+    fmu_path,
 )
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
@@ -101,8 +102,12 @@ def command(
     for model in blocks.values():
         check_disclosure(model, flavour, output, disclosure)
     overwrite = given.get("overwrite", False)
-    for model in blocks.values():
+    places = dict[str, str]()
+    for name, model in blocks.items():
         check_build_path(model, flavour, output, overwrite)
+        place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
+        if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
+            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
         paths = []
         for name, model in blocks.items():

@@ -40,15 +40,15 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise CommandError(f"the folder '{recording.folder}' cannot be created: {reason}.") from error
-    written: set[Path] = set()
+    written: set[str] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
             place = resolve_output_path(path, "the reference")
-            if path in written:
+            if str(place).casefold() in written:  # some file systems ignore case
                 raise CommandError(f"two FMUs have the name {fmu.stem}; record one at a time.")
             if place.exists() and not recording.overwrite:
                 raise CommandError(f"'{path}' already exists; to replace it, add --overwrite.")
-            written.add(path)
+            written.add(str(place).casefold())
         subject = Subject(fmu, recording.folder)
         try:
             _ = subject.description

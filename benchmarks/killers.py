@@ -1,0 +1,193 @@
+"""Count sweeps with variants that end processes: python -m benchmarks.killers --seed 1.
+
+A sweep of 40 variants has one or three killers at random positions. On each cluster, all sweeps must end in
+time, blame the killers alone, keep every other variant, and leave as many workers as there were.
+"""
+
+import argparse
+import os
+import random
+import signal
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from distributed import Client, LocalCluster
+
+from emla_cosim.sweeps.data import DIED, DONE
+from emla_cosim.sweeps.local_cluster import local_cluster
+from emla_cosim.sweeps.runner import sweep
+from tests.support.clusters import outside_cluster
+from tests.support.faulty_fmu import Fault, build_faulty_fmu
+from tests.support.faulty_systems import line_with_a_fault
+
+VARIANTS, LONGEST_S = 40, 180.0
+STEP_SIZE, STOP_TIME = 0.001, 0.01
+
+WAYS = (
+    Fault.EXIT,
+    Fault.SEGFAULT,
+    Fault.ABORT,
+    Fault.ORPHAN,
+    Fault.SEGFAULT_GET_REAL,
+    Fault.SEGFAULT_INITIALIZATION,
+    Fault.SEGFAULT_TERMINATE,
+    Fault.SEGFAULT_FREE,
+)
+"""How an FMU ends the process that runs it. Each killer draws one."""
+
+LATE = (Fault.SEGFAULT_TERMINATE, Fault.SEGFAULT_FREE)
+"""These end the process after the variant is done: it keeps its results, and no other may be blamed."""
+
+CLUSTERS = ("own", "LocalCluster", "nanny", "no nanny")
+"""The cluster that `emla sweep` starts, Dask's, and `dask scheduler` with `dask worker`."""
+
+ENDS = ("process", "worker")
+"""What a killer ends: the process of its variant, as FMUs do, or the worker above, as no memory does."""
+
+
+def kill_worker(chosen: Sequence[int]) -> Any:
+    """Return a metric, y at the end (a fiftieth of the number), that ends the worker of these variants."""
+
+    def last(result: Any) -> float:
+        import os
+        import signal
+        import time
+
+        value = float(result["j.bad.y"][-1])
+        if round(50.0 * value) in chosen:
+            os.kill(os.getppid(), signal.SIGKILL)
+            time.sleep(60.0)
+        return value
+
+    return last
+
+
+@contextmanager
+def open_cluster(name: str, workers: int) -> Iterator[Client | str]:
+    """Start a cluster with Dask's defaults."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="killers-")))
+        if name == "own":
+            place = stack.enter_context(local_cluster(workers))
+            yield stack.enter_context(Client(place.address, security=place.security, set_as_default=False))
+        elif name == "LocalCluster":
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+                local_directory=str(folder), silence_logs=50,
+            )  # fmt: skip
+            yield stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
+        else:
+            arguments = () if name == "nanny" else ("--no-nanny",)
+            yield stack.enter_context(outside_cluster(folder, workers, arguments)).address
+
+
+def count_threads(cluster: Client | str, expected: int) -> int:
+    """Return the threads of a cluster; wait until killed workers were started again."""
+    with ExitStack() as stack:
+        client = cluster
+        if not isinstance(client, Client):
+            client = stack.enter_context(Client(client, set_as_default=False))
+        until = time.monotonic() + 30.0
+        while (found := _threads(client)) != expected and time.monotonic() < until:
+            time.sleep(0.1)
+        return found
+
+
+def _threads(client: Any) -> int:
+    return sum(dict(client.nthreads()).values())
+
+
+def sweep_once(cluster: Client | str, fmu: Path, killers: int, ends: str, draw: random.Random) -> str:
+    """Run one sweep; return what is wrong."""
+    chosen = draw.sample(range(VARIANTS), killers)
+    ways = {n: draw.choice(WAYS) for n in chosen}
+    dying = [n for n in chosen if ends == "worker" or ways[n] not in LATE]
+    at = draw.uniform(0.0, STOP_TIME - 1.5 * STEP_SIZE)
+    has_signals = draw.random() < 0.5
+    if ends == "process":
+        varied, values = "j.bad.fault", [int(ways.get(n, Fault.NONE)) for n in range(VARIANTS)]
+    else:
+        varied, values = "j.bad.b", [n / 100 for n in range(VARIANTS)]
+    result = sweep(
+        line_with_a_fault(fmu, Fault.NONE, at, a=0.0),
+        {"run": {"of": [varied], "distribution": "values", "values": values}},
+        metrics={"y": kill_worker(chosen if ends == "worker" else [])},
+        signals=["j.bad.y"] if has_signals else None,
+        scheduler=cluster,
+        stop_time=STOP_TIME,
+        step_size=STEP_SIZE,
+        compiled=draw.random() < 0.5,
+    )
+    return "; ".join(find_wrong(result, dying, has_signals))
+
+
+def find_wrong(result: Any, dying: Sequence[int], has_signals: bool) -> Iterator[str]:
+    """Compare the table and the signals with what must come out."""
+    table = result.variants
+    if table["variant"].to_list() != list(range(VARIANTS)) or not result.complete:
+        yield f"only {table['variant'].to_list()}"
+    for number, status, problem in table.select("variant", "status", "problem").rows():
+        if status != (DIED if number in dying else DONE):
+            yield f"variant {number} is {status}: {problem}"
+    if has_signals and set(result.series.collect()["variant"]) != set(range(VARIANTS)) - set(dying):
+        yield "signals are missing"
+
+
+def on_alarm(*_: Any) -> None:
+    """Raise TimeoutError."""
+    raise TimeoutError(f"no end after {LONGEST_S:g} s")
+
+
+def main() -> None:
+    """Sweep, and print a row for each cluster."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--clusters", nargs="*", choices=CLUSTERS, default=CLUSTERS)
+    parser.add_argument("--killers", type=int, nargs="*", default=[1, 3])
+    parser.add_argument("--ends", nargs="*", choices=ENDS, default=ENDS[:1])
+    asked = parser.parse_args()
+    signal.signal(signal.SIGALRM, on_alarm)
+    print(
+        "| Cluster | Killers | end their | Sweeps | right | s each |\n|---|---|---|---|---|---|", flush=True
+    )
+    with tempfile.TemporaryDirectory(prefix="killers-") as folder:
+        os.environ["EMLA_COSIM_CACHE"] = str(Path(folder, "cache"))
+        fmu = build_faulty_fmu(Path(folder))
+        for name in asked.clusters:
+            for killers in asked.killers:
+                for ends in asked.ends:
+                    count_right(name, killers, ends, asked, fmu)
+
+
+def count_right(name: str, killers: int, ends: str, asked: argparse.Namespace, fmu: Path) -> None:
+    """Run the sweeps of one cluster; print its row, and what was wrong."""
+    draw = random.Random(f"{asked.seed} {name} {killers} {ends}")
+    right, wrong, began = 0, list[str](), time.monotonic()
+    with open_cluster(name, asked.workers) as cluster:
+        threads = count_threads(cluster, asked.workers)
+        for number in range(asked.runs):
+            signal.alarm(int(LONGEST_S))
+            try:
+                found = sweep_once(cluster, fmu, killers, ends, draw)
+            except Exception as error:
+                found = repr(error)
+            signal.alarm(0)
+            left = count_threads(cluster, threads)
+            if left != threads:
+                found = f"{found}; {left} of {threads} threads are left"
+            right += not found
+            wrong += [f"{name}, {killers}, {ends}, {number}: {found}"] if found else []
+    each = (time.monotonic() - began) / asked.runs
+    print(f"| {name} | {killers} | {ends} | {asked.runs} | {right} | {each:.1f} |", flush=True)
+    for line in wrong:
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
