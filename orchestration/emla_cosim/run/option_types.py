@@ -34,6 +34,7 @@ class RunOptions(TypedDict, total=False):
     step_size_control: str | StepSizeControl | None
     compiled: bool
     threads: int | None
+    profile: bool
     real_time: float | None
     overwrite: bool
     output_format: str
