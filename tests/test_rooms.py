@@ -37,6 +37,7 @@ LATE = {
     ),
     "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
+    "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
         RESULT,
         {

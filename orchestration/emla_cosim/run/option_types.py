@@ -34,7 +34,6 @@ class RunOptions(TypedDict, total=False):
     step_size_control: str | StepSizeControl | None
     compiled: bool
     threads: int | None
-    profile: bool
     real_time: float | None
     overwrite: bool
     output_format: str
@@ -48,6 +47,7 @@ class RunOptions(TypedDict, total=False):
     reference: str | Path | None
     tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
     margins: str | Path | None
+    profile: bool
     checkpoint: str | Path | None
     resume: str | Path | None
     extrapolation: str

@@ -302,15 +302,6 @@ class Options:
         recorded=False,
         commands=(RUN,),
     )
-    profile: bool = _stepping(
-        False,
-        help="Measure the time and the calls of each FMU, and the time of the master and the recorders; see "
-        "docs/master.md. The results are the same.",
-        in_file=False,
-        recorded=False,
-        commands=(RUN,),
-        in_sweep=LEFT_OUT,
-    )
     real_time: float | None = _stepping(
         help="Largest speed, in simulated seconds per second. Default: no limit.",
         flag="--realtime",
@@ -424,6 +415,15 @@ class Options:
         commands=(RUN,),
         in_file=False,
         recorded=False,
+    )
+    profile: bool = _output(
+        False,
+        help="Measure the time and the calls of each FMU, and the time of the master and the recorders; see "
+        "docs/master.md. The results are the same.",
+        in_file=False,
+        recorded=False,
+        commands=(RUN,),
+        in_sweep=LEFT_OUT,
     )
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
