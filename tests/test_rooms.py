@@ -38,6 +38,7 @@ LATE = {
     "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
     "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),
+    "recorders.signal_figures": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
         RESULT,
         {
