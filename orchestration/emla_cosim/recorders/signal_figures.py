@@ -82,7 +82,7 @@ def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
 
 @cache
 def _load_compiled_pass() -> Callable[[Vector], tuple[Vector, Vector, Vector]] | None:
-    """Return `_reduce_in_numpy` in compiled code, which reads the rows once; None if it cannot be compiled."""
+    """Return `_reduce_in_numpy` as compiled code, which reads the rows once; None without a compiler."""
     try:
         from ..master.stepping.kernel import compiled_address
 
