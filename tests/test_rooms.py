@@ -69,6 +69,7 @@ LATE = {
     "verification.references.reference_files": (ON_DEMAND, {"recorders.csv_file"}),
     "verification.report": (ON_DEMAND, {"verification.junit", "verification.page"}),
     "views.output_folder": (ON_DEMAND, {"views.run_page.page"}),
+    "views.plots.panel_drawing": (ON_DEMAND, {"views.plots.scales"}),
     "views.terminal": (START, {"recorders.tubes.signal_check"}),
 }
 """Modules that import others of ours inside functions, why, and which."""
