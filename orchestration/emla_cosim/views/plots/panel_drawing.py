@@ -29,14 +29,14 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     Rows without changes have no axes: their values are under the column names. Rows of the same part of the
     time share an axis. A single column has no name above it if that is `name`, which `run` has.
     """
+    from .scales import PlainAxes
+
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
     shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
     if not shown:
         shown, still = still, []
     said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    from .scales import PlainAxes
-
     figure, grid = new_figure(
         len(shown), len(columns), 3.9, measured=False, sharex="none", axes_class=PlainAxes
     )
