@@ -5,7 +5,7 @@ draws a whole scale.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist, allow_rasterization
@@ -28,14 +28,9 @@ _BELOW_LINES = 1.5
 """Place among the objects of axes: above areas, below lines."""
 
 
-class _XAxis(XAxis):
-    majorTicks: ClassVar[list[Any]] = []
-    minorTicks: ClassVar[list[Any]] = []
-
-
-class _YAxis(YAxis):
-    majorTicks: ClassVar[list[Any]] = []
-    minorTicks: ClassVar[list[Any]] = []
+_WITHOUT_TICKS: dict[str, Any] = {"majorTicks": [], "minorTicks": []}
+_XAxis, _YAxis = (type(kind.__name__, (kind,), _WITHOUT_TICKS) for kind in (XAxis, YAxis))
+"""The axes of Matplotlib, which make a tick where they are made; these do not."""
 
 
 class PlainAxes(Axes):
@@ -81,7 +76,7 @@ class Scales(Artist):
         values = values[(low - margin <= values) & (values <= high + margin)]
         formatter = ScalarFormatter()
         formatter.set_axis(axis)
-        labels = formatter.format_ticks(values)
+        labels = formatter.format_ticks(values.tolist())
         return values, labels, formatter.get_offset()
 
     @allow_rasterization
