@@ -29,7 +29,8 @@ _BELOW_LINES = 1.5
 
 
 _WITHOUT_TICKS: dict[str, Any] = {"majorTicks": [], "minorTicks": []}
-_XAxis, _YAxis = (type(kind.__name__, (kind,), _WITHOUT_TICKS) for kind in (XAxis, YAxis))
+_XAxis: type[XAxis] = type("XAxis", (XAxis,), _WITHOUT_TICKS)
+_YAxis: type[YAxis] = type("YAxis", (YAxis,), _WITHOUT_TICKS)
 """The axes of Matplotlib, which make a tick where they are made; these do not."""
 
 
