@@ -29,8 +29,8 @@ def present_second(loop):
     return seconds(loop.seconds, (0,))
 
 
-_EXPONENT, _NEXT = 0x7FF0000000000000, 0x0010000000000000
-"""The bits of a double's exponent, all set if it is not finite, and the lowest of them."""
+_FRACTION, _EXPONENT = 52, 0x7FF
+"""Number of bits of a double behind its exponent, and those of the exponent, all set if it is not finite."""
 
 
 @part
@@ -41,8 +41,8 @@ def all_finite(loop):
     """
     bits, wrong = positions(loop.signals), 0
     for s in range(loop.signal_count):
-        wrong |= (bits[s] & _EXPONENT) + _NEXT  # sets the sign if all bits of the exponent are set
-    if loop.read_count == 0 or wrong >= 0:
+        wrong |= ((bits[s] >> _FRACTION) & _EXPONENT) + 1  # larger than the exponent if all its bits are set
+    if loop.read_count == 0 or wrong <= _EXPONENT:
         return True
     signals, read = doubles(loop.signals), positions(loop.read)
     for r in range(loop.read_count):  # noqa: SIM110 - compiled
