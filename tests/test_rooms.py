@@ -38,6 +38,8 @@ LATE = {
     "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.scenarios.scenario": (ON_DEMAND, {"container.writer"}),
+    "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),
+    "recorders.signal_figures": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
         RESULT,
         {
@@ -68,6 +70,7 @@ LATE = {
     "verification.references.reference_files": (ON_DEMAND, {"recorders.csv_file"}),
     "verification.report": (ON_DEMAND, {"verification.junit", "verification.page"}),
     "views.output_folder": (ON_DEMAND, {"views.run_page.page"}),
+    "views.plots.panel_drawing": (ON_DEMAND, {"views.plots.scales"}),
     "views.terminal": (START, {"recorders.tubes.signal_check"}),
 }
 """Modules that import others of ours inside functions, why, and which."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.study.joint_map import JointMap
 from emla_cosim.views.formatting import format_headline
 from emla_cosim.views.panels import Limit, Line, Plot
 from emla_cosim.views.plots.panel_drawing import draw_panels, has_changes
@@ -168,3 +169,56 @@ def test_settled_panels_begin_where_errors_count(figures: dict[str, Any], begin:
         **{("all", column): TIME[0] for column in ("j", "k")},
         **{("settled", column): at for column, at in after.items()},
     }
+
+
+def many(count: int) -> Known:
+    """As many joints, of which the errors grow; the second is not held, and the third has no error."""
+    metrics = {
+        f"j{i}": {
+            "held": i != 1,
+            "position_error_m": np.nan if i == 2 else 1e-6 * (i + 1),
+            "settling_time_s": 0.01 * (i + 1),
+            "torque_peak_N_m": 5.0 + i,
+        }
+        for i in range(count)
+    }
+    return Known({"joints": metrics}, {f"j{i}.F": np.sin(TIME + i) for i in range(count)})
+
+
+WORST = Picture("Forces", (PanelSpec("F / N", (Curve("", "F"),)),), "joints", worst="position_error_m")
+
+
+@pytest.mark.parametrize(
+    ("count", "shown", "title"),
+    [
+        (8, [f"j{i}" for i in range(8)], "Forces"),
+        (60, ["j1", "j2", *(f"j{i}" for i in range(59, 53, -1))], "Forces: the 8 worst of 60 joints"),
+    ],
+)
+def test_of_many_joints_the_worst_are_drawn(count: int, shown: list[str], title: str) -> None:
+    """Those that are not held, then those without an error, then those with the largest one."""
+    result: Any = many(count)
+    assert list(WORST.signals(result)) == [f"{joint}.F" for joint in shown]
+    panels = WORST.resolved(result, {"time": TIME, **result.data})
+    assert [one.column for one in panels] == shown
+    figure = WORST.drawn(result, {"time": TIME, **result.data})
+    assert figure is not None and figure.get_suptitle() == title
+    assert [axes.get_title() for axes in figure.axes] == shown
+
+
+def test_a_map_shows_all_of_many_joints() -> None:
+    result: Any = many(60)
+    assert JointMap().drawn(many(8), {"time": TIME}) is None  # type: ignore[arg-type]
+    figure = JointMap().drawn(result, {"time": TIME})
+    assert figure is not None and figure.get_suptitle() == "All 60 joints: 1 not held, in red"
+    for axes, scale, right in zip(
+        figure.axes,
+        (1e6, 1e3, 1.0),
+        ("position_error_m", "settling_time_s", "torque_peak_N_m"),
+        strict=True,
+    ):
+        held, other = axes.lines
+        values = np.array([one[right] for one in result.metrics["joints"].values()]) * scale
+        assert list(other.get_xdata()) == [1] and other.get_ydata()[0] == pytest.approx(values[1])
+        np.testing.assert_allclose(held.get_ydata(), np.delete(values, 1))
+    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == list(result.metrics["joints"])

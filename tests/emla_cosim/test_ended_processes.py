@@ -179,10 +179,10 @@ def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
 def test_rows_that_wait_behind_those_passed_on_are_kept(
     stepped: str, package: Path, server: CommandServer, tmp_path: Path
 ) -> None:
-    """2000 rows make a block: of 3500 the first are passed on, and 1500 wait."""
-    small = ("--step-size", "1e-4", "--output-interval", "1e-4", "--set", "j.bad.at=0.34995")
+    """4000 rows make a block: of 5500 the first are passed on, and 1500 wait."""
+    small = ("--step-size", "1e-4", "--output-interval", "1e-4", "--set", "j.bad.at=0.54995")
     failed_soon(server, tmp_path, *of_the_line(package, Fault.SEGFAULT), *small, *flags(STEPPED[stepped]))
-    assert np.allclose(table(tmp_path)["time"], 1e-4 * np.arange(3500))
+    assert np.allclose(table(tmp_path)["time"], 1e-4 * np.arange(5500))
 
 
 def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_path: Path) -> None:

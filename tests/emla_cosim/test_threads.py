@@ -365,7 +365,7 @@ def test_threads_need_their_loop(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_measuring_does_as_many_steps_as_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who looks at the clock between two calls would otherwise ask for more and more."""
     monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    same = kernel._c_address(None, "getpid")
+    same = kernel.c_address(None, "getpid")
     monkeypatch.setattr(kernel, "_seconds", lambda: same)  # a stretch ends early when the second does
     times = make_communication_points(100.0, 1.0)
     stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)

@@ -141,7 +141,7 @@ class RecordingError(RunError):
     """A recorder failed."""
 
 
-BLOCK_ROWS, BLOCK_SIZE = 2000, 2**24
+BLOCK_ROWS, BLOCK_SIZE = 4000, 2**24
 """Number of rows in a block for the recorders, and its largest size in bytes."""
 
 

@@ -11,6 +11,7 @@ from ..base.units import LinearTransformation
 from ..master.run_loop import simulate
 from ..master.stepping.checkpoint import Checkpoint
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, recording
 from ..sandbox.interruption import catch_interrupts
@@ -37,8 +38,11 @@ class Run:
         pacing: Pacing | None = None,
         resumed: Checkpoint | None = None,
         conditions: Sequence[StopCondition] = (),
+        profiler: Profiler | None = None,
     ) -> None:
         """Take a stepping whose algorithm is set up; see `RowBuffer` for `shown`.
+
+        The profiler, if there is one, measures the run from its first step on.
 
         The run ends at the first row that meets one of the `conditions`. With some, it makes single steps.
         """
@@ -50,7 +54,7 @@ class Run:
         """Whether `end` was called."""
         self.wall_s = 0.0
         self.shown = shown
-        self._outline, self._resumed = outline, resumed
+        self._outline, self._resumed, self._profiler = outline, resumed, profiler
         self._waiting, self._recorders = list(recorders), list[Recorder]()
         self._buffer = RowBuffer(
             1 + len(outline.names), self._recorders, shown=shown, texts=outline.text_columns
@@ -60,6 +64,12 @@ class Run:
         self._flushed = time.monotonic()
         self._paced = False
         self._first = (0, stepping.times.start)
+        if profiler is not None:
+            for recorder in recorders:
+                name = recorder.key or type(recorder).__name__
+                profiler.watch(name, recorder, "write", "pause", "memory", "end")
+            if pacing is not None:
+                profiler.watch(PACING, pacing, "wait")
 
     @property
     def steps(self) -> int:
@@ -82,6 +92,12 @@ class Run:
     def stopped(self) -> tuple[Requirement, float] | None:
         """The condition that ended the run and its time in s, or None."""
         return None if self._stopping is None else self._stopping.met
+
+    def profile(self) -> dict[str, Any] | None:
+        """Return where the time went; None without a profiler, or before the first step."""
+        if self._profiler is None or not self.steps:
+            return None
+        return self._profiler.report(self.wall_s, self.stepping.seconds_beside)
 
     def memory(self) -> dict[str, Any]:
         """Pass all rows to the recorders, and return their memories by key."""
@@ -111,6 +127,8 @@ class Run:
             else:
                 self._resumed.restore(self.stepping)
             self._first = (self.stepping.steps, self.stepping.time)
+            if self._profiler is not None:
+                self._profiler.restart()
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
         """Step to a time in s, or until a failure.
@@ -148,10 +166,16 @@ class Run:
         finally:
             with self._end_on_failure():
                 self._buffer.end()
+            self._end_profile()
         self.wall_s += time.perf_counter() - began
+
+    def _end_profile(self) -> None:
+        if self._profiler is not None:
+            self._profiler.close()
 
     def abandon(self) -> None:
         """End the recorders after another error. Ignore their own errors."""
+        self._end_profile()
         if not self.over:
             with contextlib.suppress(Exception):
                 self._buffer.end()

@@ -47,6 +47,7 @@ class RunOptions(TypedDict, total=False):
     reference: str | Path | None
     tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
     margins: str | Path | None
+    profile: bool
     checkpoint: str | Path | None
     resume: str | Path | None
     extrapolation: str

@@ -438,6 +438,15 @@ class Options:
         in_file=False,
         recorded=False,
     )
+    profile: bool = _output(
+        False,
+        help="Measure the time and the calls of each FMU, and the time of the master and the recorders; see "
+        "docs/master.md. The results are the same.",
+        in_file=False,
+        recorded=False,
+        commands=(RUN,),
+        in_sweep=LEFT_OUT,
+    )
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
         in_file=False,

@@ -56,6 +56,7 @@ class Result:
         roles: value of the option `roles`.
         notes: notes on the scenario with the values of this run, without full stops.
         coupling: error of the coupling by bond and by connection, as in metrics.json.
+        profile: time and calls of each FMU, the master and the recorders; None without the option `profile`.
         types: types of the signals that are no Reals, with the names of enumerations, by name.
 
     Examples:
@@ -89,6 +90,7 @@ class Result:
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
     stopped_when: str | None = None
+    profile: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
         """Return one line: scenario, time, steps and number of signals."""

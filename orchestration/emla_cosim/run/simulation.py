@@ -28,6 +28,7 @@ from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.compilation import compile_kernel
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.profiler import Profiler
 from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
@@ -120,6 +121,7 @@ class Simulation:
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
+        self._profiler: Profiler | None = None
         self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
         if self.options.compiled:
@@ -310,6 +312,7 @@ class Simulation:
         recorded = self.select_signals(chosen.signals)
         others = assembly.unexchanged
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded]) if n in others], every)
+        self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
         names = [*assembly.network.names, *assembly.network.observer.names]
         units = {name: self.units[name] if name in self.units else self._unit(name) for name in names}
         types = {name: self._type(name) for name in names}
@@ -367,7 +370,7 @@ class Simulation:
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
             conditions = find_stop_conditions(chosen.stop_when, names, assembly.shown)
-            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions)
+            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
             _close_stepping(stepping)
@@ -602,6 +605,9 @@ class Simulation:
         if self._spent is not None:
             _close_stepping(self._spent)
             self._spent = None
+        if self._profiler is not None:  # of a run that could not begin
+            self._profiler.close()
+            self._profiler = None
 
     @contextlib.contextmanager
     def _abandon_on_error(self) -> Iterator[None]:
@@ -650,6 +656,9 @@ class Simulation:
         ]
         if going.margins is not None:
             record["margins"] = going.margins
+        profile = run.profile()
+        if profile is not None:
+            record["profile"] = profile
         return Result(
             name=self.name,
             units=units,
@@ -674,6 +683,7 @@ class Simulation:
             coupling=going.metrics.coupling(),
             roles=going.definition.options.roles,
             notes=going.notes,
+            profile=profile,
         )
 
 

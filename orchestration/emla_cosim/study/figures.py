@@ -12,6 +12,9 @@ _CURRENT = RangeLimit("largest current of the controller", ("i_limit",))
 _VOLTAGE = RangeLimit("longest voltage vector", ("u_max",))
 _TORQUE = RangeLimit("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
 
+WORST = "position_error_m"
+"""The metric by which joints are chosen if there are many."""
+
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
         "Tracking",
@@ -29,6 +32,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "errors": Picture(
         "Tracking errors",
@@ -39,6 +43,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "currents": Picture(
         "Motor currents",
@@ -55,6 +60,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "voltages": Picture(
         "Motor voltages after the inverter's limit",
@@ -64,6 +70,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "torque": Picture(
         "Motor torque and load",
@@ -73,6 +80,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "power": Picture(
         "Power and energy",
@@ -96,6 +104,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "adaptation": Picture(
         "Adaptation of the controller",
@@ -111,6 +120,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
     "observer": Picture(
         "Observer errors",
@@ -120,6 +130,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=find_variable,
+        worst=WORST,
     ),
 }
 """The plots of a joint by file name; their signals are roles."""
@@ -146,6 +157,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=_in_machine,
+        worst=WORST,
     ),
     "motion": Picture(
         "Positions and accelerations of the pistons",
@@ -161,6 +173,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=_in_machine,
+        worst=WORST,
     ),
 }
 """The plots of a machine's joints by file name, as figures 8 and 9 of the paper."""

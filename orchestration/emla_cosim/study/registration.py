@@ -19,6 +19,7 @@ from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
+from .joint_map import JointMap
 from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.schema import KEYS, KIND
 from .loads import load_metrics
@@ -63,6 +64,7 @@ def register() -> None:
     TRACKED[JOINTS] = find_tracked_joints
     RENAMED.update(RENAMED_FIGURES)
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
+    FIGURES["joints"] = JointMap()
     FIGURES["manipulator"] = ManipulatorPicture()
     FIGURES.update(BY_UNIT)
     ANIMATIONS["manipulator"] = ManipulatorAnimation()

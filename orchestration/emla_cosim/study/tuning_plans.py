@@ -22,12 +22,12 @@ _BEHIND = 0.010
 def list_tuning_plans() -> dict[str, Callable[[], str]]:
     """Return a function for the text of each plan, by controller and joint."""
     folder = files("emla_cosim.study") / "tunings"
+    joints = [name for name in list_joint_names() if has_tuning(name)]
     return {
         f"{controller}-{joint}": partial(_text, controller, joint)
         for controller in CONTROLLERS
         if (folder / f"{controller}.toml").is_file()
-        for joint in list_joint_names()
-        if has_tuning(joint)
+        for joint in joints
     }
 
 

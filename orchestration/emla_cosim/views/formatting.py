@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base.wording import format_count
 from .pages.text import make_visible
@@ -62,6 +62,57 @@ def describe_stepping(result: "Result") -> Iterator[str]:
             f"{kept['factor']:g} x real time; "
             f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
+
+
+PROFILE_COLUMNS = ("time / s", "share / %", "steps", "µs/step", "calls")
+"""Titles of the columns of a profile, beside the names."""
+
+_RECORDERS = {"metrics": "metrics", "table": "table of results", "waiting for real time": ""}
+"""Titles of activities, by their names in run.json; those without a title keep their names."""
+
+
+class ProfileRow(NamedTuple):
+    """What took time, and its values as text, in the order of `PROFILE_COLUMNS`."""
+
+    name: str
+    values: tuple[str, ...]
+
+
+def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
+    """Return where the time of a run went: FMUs first, the slowest ones one by one. Empty if not measured."""
+    profile = result.profile
+    if profile is None:
+        return []
+    rows, whole = list[ProfileRow](), profile["total_s"]
+    fmus = sorted(profile["fmus"].items(), key=lambda found: -found[1]["seconds"])
+    for name, found in fmus[:most]:
+        steps = found["calls"].get("steps", {"count": 0, "seconds": 0.0})
+        count = steps["count"]
+        each = f"{1e6 * steps['seconds'] / count:.3g}" if count else ""
+        calls = sum(one["count"] for one in found["calls"].values())
+        label = f"{name} (own process)" if found["separate_process"] else name
+        rows.append(_profile_row(label, found["seconds"], whole, f"{count:,}", each, f"{calls:,}"))
+    if others := fmus[most:]:
+        seconds = sum(found["seconds"] for _, found in others)
+        rows.append(_profile_row(format_count(len(others), "other FMU"), seconds, whole))
+    rows.append(_profile_row("master", profile["master"]["seconds"], whole))
+    if (waiting := profile.get("separate_processes")) is not None:
+        rows.append(_profile_row("waiting for other processes", waiting["seconds"], whole))
+    named, others = dict[str, float](), 0.0
+    for name, found in profile["recorders"].items():
+        if name in _RECORDERS:
+            named[_RECORDERS[name] or name] = found["seconds"]
+        else:
+            others += found["seconds"]
+    rows += [_profile_row(name, seconds, whole) for name, seconds in named.items()]
+    rows.append(_profile_row("other recorders", others, whole))
+    rows.append(_profile_row("this measurement", profile["profiler"]["seconds"], whole))
+    return rows
+
+
+def _profile_row(name: str, seconds: float, whole: float, *more: str) -> ProfileRow:
+    values = f"{seconds:.4g}", f"{100.0 * seconds / whole if whole else 0.0:.1f}", *more
+    return ProfileRow(name, (*values, *("",) * (len(PROFILE_COLUMNS) - len(values))))
 
 
 def format_headline(result: "Result") -> str:

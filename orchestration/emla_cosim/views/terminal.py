@@ -17,7 +17,7 @@ from rich.table import Table
 
 from ..base.errors import CosimError
 from ..base.wording import format_count
-from .formatting import describe_stepping, format_figure
+from .formatting import PROFILE_COLUMNS, describe_stepping, format_figure, list_profile_rows
 from .pages.text import make_visible
 
 if TYPE_CHECKING:
@@ -140,6 +140,8 @@ def show_result(
         print_line(f"Note: {note}.")
     if result.comparisons:
         _show_agreement(result)
+    for table in _list_profile(result):
+        show(table)
     for line in describe_stepping(result):
         print_line(line)
     print_line(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
@@ -154,7 +156,8 @@ def show_result(
 def format_result(result: "Result") -> str:
     """Return remarks, metrics as tables, and the error message of a result as plain text."""
     console = _SafeConsole(file=StringIO(), width=_UNFOLDED, color_system=None, legacy_windows=False)
-    for part in (*_list_metrics(result), *filter(None, [result.problem]), *describe_stepping(result)):
+    said = [*filter(None, [result.problem]), *describe_stepping(result)]
+    for part in (*_list_metrics(result), *_list_profile(result), *said):
         console.print(part, markup=False, highlight=False, soft_wrap=isinstance(part, str))
     return cast(StringIO, console.file).getvalue().rstrip()
 
@@ -195,6 +198,19 @@ def _list_metrics(result: "Result") -> Iterator[Table | str]:
             yield _figures(title, figures, result.shown[kind])
     if not any(result.metrics.values()) and result.signals:
         yield from _list_signals(result, title)
+
+
+def _list_profile(result: "Result") -> Iterator[Table]:
+    """Yield a table of where the time went, if it was measured."""
+    if not (rows := list_profile_rows(result, _MOST_FIGURES)):
+        return
+    table = Table(title="Where the time went", title_justify="left")
+    table.add_column("", overflow="fold")
+    for column in PROFILE_COLUMNS:
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(escape(row.name), *row.values)
+    yield table
 
 
 def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -> Table:

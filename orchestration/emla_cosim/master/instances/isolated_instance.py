@@ -20,6 +20,7 @@ from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
 from .integrator_settings import IntegratorSettings
+from .measured_calls import Effort
 from .request import Request
 
 _TIMEOUT = 10.0
@@ -178,6 +179,18 @@ class IsolatedInstance(DescribedInstance):
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
         self._ask("deserialize", content)
+
+    def measure(self, on: bool = True) -> None:
+        """Measure the FMU's calls in its process from now on, or stop. An ended process does nothing."""
+        with contextlib.suppress(InstanceError):
+            self._ask("measure", on)
+
+    def effort(self) -> Effort | None:
+        """Return the measured calls in its process; None if the process has ended."""
+        try:
+            return self._ask("effort")
+        except InstanceError:
+            return None
 
     def close(self) -> None:
         """Terminate the FMU if the standard allows it, free the instance, and end its process."""

@@ -15,6 +15,7 @@ from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
 from .integrator_settings import IntegratorSettings
+from .measured_calls import Effort, MeasuredCalls
 from .request import Request
 from .start_values import LostValue
 
@@ -26,6 +27,7 @@ class IsolatedProcess:
         self._instance, self._stepped = instance, make_stepped(instance)
         self._states: dict[int, Any] = {}
         self._observed = np.empty(0)
+        self._measured: MeasuredCalls | None = None
 
     def do(self, request: Request) -> Any:
         """Set inputs and slopes, then do the call and return its result."""
@@ -91,6 +93,19 @@ class IsolatedProcess:
         """Do a step, and return the outputs and the observed variables after it."""
         self._stepped.do_step(at, step)
         return self.outputs(), self.observed()
+
+    def measure(self, on: bool) -> None:
+        """Measure the FMU's calls from now on, or stop."""
+        if self._measured is not None:
+            self._measured.close()
+        self._measured = MeasuredCalls(self._stepped) if on else None
+
+    def effort(self) -> Effort:
+        """Return the measured calls."""
+        effort = Effort()
+        if self._measured is not None:
+            self._measured.add_to(effort)
+        return effort
 
     def save(self, known: int | None) -> int:
         """Save the state and return its number; `known` is a number to overwrite."""

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OBSERVED, OPERATION, PRESENT, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OBSERVED, OPERATION, PRESENT, TASK, TIMED
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """Options of numba for all functions."""
@@ -126,11 +126,14 @@ _NOTHING = ir.FunctionType(ir.VoidType(), ())
 loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at, observed_at = (
     _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK, OBSERVED)
 )
+timed_at = _records(TIMED)
 doubles, positions, integers = _numbers(types.float64), _numbers(types.intp), _numbers(types.int32)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
 do_step = _caller(types.intp, types.float64, types.float64, types.int32)
 copy_state = _caller(types.intp, types.intp)
 give_way = _caller()
+read_clock = _caller(types.int32, types.intp)
+read_counter = _caller(types.intp)
 seconds = _caller(types.intp)
 counted, count_to, lower, pause = _counter("acquire"), _count("release"), _lower(), _pause()

@@ -67,6 +67,11 @@ class FixedSteps(Stepping):
         """Whether the stop time is reached."""
         return self.algorithm.steps >= self.times.steps
 
+    @property
+    def seconds_beside(self) -> float:
+        """Wall time in s that further threads took for steps."""
+        return 0.0 if self._kernel is None else self._kernel.seconds_beside
+
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
         last = min(self.algorithm.steps + most, self._last(until))

@@ -75,6 +75,8 @@ class Kernel:
         """Whether `run` uses all lanes, after `share_out` among several."""
         self.needs_python = False
         """Whether compiled code cannot do the step after `run`."""
+        self.seconds_beside = 0.0
+        """Wall time in s of all threads but the one that calls `run`."""
         self.share_out([], [[]])
 
     def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
@@ -172,6 +174,7 @@ class Kernel:
         work["through"], work["done"] = first, 0
         loop["recorded"], loop["released"], loop["failed"], loop["given_up"] = 0, first, NOWHERE, NOWHERE
         steps, others = (first, count, every, rows), list[Future[int]]()
+        began = time.perf_counter()
         try:
             for n in range(1, len(lanes)):
                 others.append(self._threads.submit(self._advance_lane, loop.ctypes.data, n, *steps))
@@ -183,6 +186,7 @@ class Kernel:
         finally:
             loop["released"] = NOWHERE  # ends lanes that wait for a step that will not begin
             wait(others)
+            self.seconds_beside += (time.perf_counter() - began) * len(others)
 
     def _groups_done(self, reached: int) -> set[int]:
         """Return the groups that have done the step after the first `reached` steps."""
@@ -264,21 +268,25 @@ _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
 def _advance() -> Callable[..., int]:
     """Return the loop for one thread as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
-    return prototype(_function_address("advance", "loop"))
+    return prototype(compiled_address("advance", "loop"))
 
 
 @cache
 def _advance_lane() -> Callable[..., int]:
     """Return the loop for several threads as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
-    return prototype(_function_address("advance_lane", "parallel_loop"))
+    return prototype(compiled_address("advance_lane", "parallel_loop"))
 
 
-def _function_address(name: str, module: str) -> int:
-    """Return the address of a function. Its module is imported only to be compiled."""
+def compiled_address(name: str, module: str) -> int:
+    """Return the address of a compiled function. Its module is imported only to be compiled.
+
+    Raises:
+        ImportError: It must be compiled, and numba is missing.
+    """
 
     def generate() -> str:
-        return import_module(f".{module}", __package__).text()
+        return import_module(f".{module}", __package__).text(name)
 
     modules = (record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box)
     texts = [Path(__file__).with_name(text) for text in (*_TEXTS, f"{module}.py")]
@@ -290,14 +298,15 @@ def _function_address(name: str, module: str) -> int:
 def _give_way() -> int:
     """Return the address of the C function that lets other threads run."""
     library, name = ("kernel32", "SwitchToThread") if os.name == "nt" else (None, "sched_yield")
-    return _c_address(library, name)
+    return c_address(library, name)
 
 
 @cache
 def _seconds() -> int:
     """Return the address of the C function `time`: it takes far less time than finer clocks."""
-    return _c_address(*(("msvcrt", "_time64") if os.name == "nt" else (None, "time")))
+    return c_address(*(("msvcrt", "_time64") if os.name == "nt" else (None, "time")))
 
 
-def _c_address(library: str | None, name: str) -> int:
+def c_address(library: str | None, name: str) -> int:
+    """Return the address of a C function of the system."""
     return ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value or 0

@@ -68,6 +68,6 @@ def advance(address, first, count, every, rows):
     return _NONE
 
 
-def text() -> str:
+def text(name: str) -> str:
     """Return LLVM's text of `advance`, with this name."""
-    return advance.inspect_llvm().replace(advance.native_name, "advance")
+    return advance.inspect_llvm().replace(advance.native_name, name)

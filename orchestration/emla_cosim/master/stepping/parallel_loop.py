@@ -152,6 +152,6 @@ def advance_lane(address, n, first, count, every, rows):
     return _NONE
 
 
-def text() -> str:
+def text(name: str) -> str:
     """Return LLVM's text of `advance_lane`, with this name."""
-    return advance_lane.inspect_llvm().replace(advance_lane.native_name, "advance_lane")
+    return advance_lane.inspect_llvm().replace(advance_lane.native_name, name)

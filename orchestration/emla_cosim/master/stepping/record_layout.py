@@ -184,5 +184,28 @@ LOOP = _record(
 )
 """Inputs and outputs of a loop. Lanes exchange the last three fields."""
 
+TIMED = _record(
+    component=_ADDRESS,  # fmi2Component
+    clock=_ADDRESS,  # of the C function that reads the clock
+    now=_ADDRESS,  # of two integers of 64 bits, for the clock
+    functions=_ADDRESS,  # of the addresses of FMI functions, in the order of `TimedCall`
+    calls=_ADDRESS,  # of their numbers of calls
+    ticks=_ADDRESS,  # of the time in them
+)
+"""What `timed_calls.py` gets instead of a component, to measure the calls of an instance."""
+
+
+class TimedCall(IntEnum):
+    """FMI functions whose calls are measured, by what they do."""
+
+    INPUTS = 0
+    DERIVATIVES = 1
+    STEP = 2
+    OUTPUTS = 3
+    SAVE = 4
+    RESTORE = 5
+    OBSERVED = 6
+
+
 NOWHERE = 2**62
 """Larger than all places."""

@@ -66,6 +66,11 @@ class Stepping(ABC):
     def finished(self) -> bool:
         """Whether the stop time is reached."""
 
+    @property
+    def seconds_beside(self) -> float:
+        """Wall time in s that further threads took for steps."""
+        return 0.0
+
     def reached(self, until: float) -> bool:
         """Return whether a time in s is reached, except for rounding, or the run is at its end."""
         return self.finished or self.time >= until - ROUNDING * self.times.step

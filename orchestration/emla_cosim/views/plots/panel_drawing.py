@@ -8,11 +8,13 @@ import numpy as np
 from ..pages.curve_data import mask_undrawable, thin_points
 from ..pages.text import shorten_text
 from ..panels import Line, Plot
-from .style import GREY, RED, add_legend, line_style, new_figure, tidy_axes, with_margins
+from .style import GREY, RED, add_legend, line_style, new_figure, with_margins
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .scales import Scales
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
@@ -27,21 +29,29 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     Rows without changes have no axes: their values are under the column names. Rows of the same part of the
     time share an axis. A single column has no name above it if that is `name`, which `run` has.
     """
+    from .scales import PlainAxes
+
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
     shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
     if not shown:
         shown, still = still, []
     said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    figure, grid = new_figure(len(shown), len(columns), 3.9, measured=False, sharex="none")
+    figure, grid = new_figure(
+        len(shown), len(columns), 3.9, measured=False, sharex="none", axes_class=PlainAxes
+    )
     labels = [_label_lines(row) for row in shown]
+    scales = [
+        [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
+        for i, row in enumerate(shown)
+    ]
     for i, row in enumerate(shown):
-        for axes, panel in zip(grid[i], row, strict=True):
-            _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(row[0].label, parse_math=False)
         add_legend(grid[i, -1], list(labels[i].items()))
         if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
             _join(grid[i], grid[i + 1])
+            for one in scales[i]:
+                one.shows_time = False
         else:
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
@@ -64,10 +74,9 @@ def _label_lines(row: Sequence[Plot]) -> "dict[str, Line]":
 
 
 def _join(above: "Sequence[Axes]", below: "Sequence[Axes]") -> None:
-    """Give axes of two rows one time axis, labelled below."""
+    """Give axes of two rows one time axis."""
     for upper, lower in zip(above, below, strict=True):
         upper.sharex(lower)
-        upper.tick_params(labelbottom=False)
 
 
 def has_changes(panels: Sequence[Plot]) -> bool:
@@ -87,12 +96,16 @@ def _constant(panel: Plot) -> str:
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
-def _draw_panel(axes: "Axes", panel: Plot) -> None:
+def _draw_panel(axes: "Axes", panel: Plot) -> "Scales":
+    """Draw a panel, and return its scales."""
+    from .scales import Scales
+
     for line in panel.lines:
         draw_line(axes, line)
-    axes.locator_params(nbins=5)  # every tick takes time to draw
-    tidy_axes(axes)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.01)
     _shade(axes, panel)
+    return Scales(axes)
 
 
 def draw_line(axes: "Axes", line: Line) -> None:

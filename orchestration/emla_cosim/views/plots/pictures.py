@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ...base.arrays import Vector
+from ...recorders.metrics import HELD
 from ..formatting import format_headline
 from ..panels import Limit, Line, Plot
 from .panel_drawing import draw_panels, has_changes
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 EVALUATED_FROM = "evaluated_from_s"
 """Metric of a column, if it has it: the time in s from which its errors count."""
+
+MOST_COLUMNS = 8
+"""Most subjects of a plot, such as joints; with more, it shows the worst ones."""
 
 _TRANSIENT = 0.3
 """Time in s after which errors are small enough for a scale of their own, where that metric is missing."""
@@ -107,12 +111,15 @@ class Picture(Drawing):
     `find` returns the full name of a column's signal, or None. Its arguments are the column, the signal's
     name in the curve, all names, and the result's roles. By default the full name is the
     column's name, a dot and the signal's name.
+
+    Of many columns, those with the largest metric `worst` are shown, and first those that are not held.
     """
 
     title: str
     panels: tuple[PanelSpec, ...]
     of: str
     find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
+    worst: str = ""
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of the curves of all columns."""
@@ -120,7 +127,7 @@ class Picture(Drawing):
         wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
         found = (
             self.find(column, signal, names, result.roles)
-            for column in result.metrics.get(self.of, ())
+            for column in self._choose_columns(result)
             for signal in wanted
         )
         return [name for name in found if name is not None]
@@ -130,11 +137,21 @@ class Picture(Drawing):
         shown = self.resolved(result, data)
         if not has_changes(shown):
             return None
-        return draw_panels(shown, self.title, format_headline(result), result.name)
+        return draw_panels(shown, self.title_of(result), format_headline(result), result.name)
+
+    def title_of(self, result: "Result") -> str:
+        """Return the title, with the number of columns if not all are shown."""
+        shown, known = len(self._choose_columns(result)), len(result.metrics.get(self.of, ()))
+        return self.title if shown == known else f"{self.title}: the {shown} worst of {known} {self.of}"
+
+    def _choose_columns(self, result: "Result") -> list[str]:
+        """Return the columns to show, the worst ones first if there are many."""
+        return choose_worst(result.metrics.get(self.of, {}), self.worst)
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        columns, time = result.metrics.get(self.of, {}), data["time"]
+        known, time = result.metrics.get(self.of, {}), data["time"]
+        columns = {name: known[name] for name in self._choose_columns(result)}
         finds = {c: self._find(result, c) for c in columns}
         begins = {c: _begin(figures, time) for c, figures in columns.items()}
         found = [
@@ -150,6 +167,24 @@ class Picture(Drawing):
 
     def _find(self, result: "Result", column: str) -> Find:
         return lambda name, names: self.find(column, name, names, result.roles)
+
+
+def choose_worst(metrics: Mapping[str, Mapping[str, Any]], by: str, most: int = MOST_COLUMNS) -> list[str]:
+    """Return subjects by name: all, or of many the worst, beginning with the worst.
+
+    Args:
+        metrics: Metrics of each subject.
+        by: The metric that is larger for worse ones; without a value it is worst of all.
+        most: Largest number of subjects.
+    """
+    if len(metrics) <= most:
+        return list(metrics)
+
+    def badness(name: str) -> tuple[bool, float]:
+        value = metrics[name].get(by, 0.0)
+        return metrics[name].get(HELD) is False, math.inf if math.isnan(value) else float(value)
+
+    return sorted(metrics, key=badness, reverse=True)[:most]
 
 
 FIGURES: dict[str, Drawing] = {}

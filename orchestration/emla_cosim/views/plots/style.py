@@ -63,10 +63,12 @@ def new_figure(
     height: float = 2.1,
     sharex: Literal["col", "none"] = "col",
     measured: bool = True,
+    axes_class: "type[Axes] | None" = None,
 ) -> "tuple[Figure, np.ndarray]":
     """Return a figure and its grid of axes, each of this width and height in inches.
 
-    `measured` figures measure their labels to make room for them. For others call `with_margins`.
+    `measured` figures measure their labels to make room for them. For others call `with_margins`. The axes
+    are of Matplotlib's class, or of `axes_class`.
     """
     from matplotlib.figure import Figure
 
@@ -80,7 +82,8 @@ def new_figure(
 
     size = (1.2 + width * columns, 0.8 + height * rows)
     figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained" if measured else None)
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+    kind = {} if axes_class is None else {"axes_class": axes_class}
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, subplot_kw=kind)
 
 
 def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:

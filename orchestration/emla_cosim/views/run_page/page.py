@@ -37,7 +37,11 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
         heading=build_heading(result),
         record=record,
         notes=notes,
-        figures=[*tables.list_figure_tables(result), *tables.list_margin_tables(result)],
+        figures=[
+            *tables.list_figure_tables(result),
+            *tables.list_margin_tables(result),
+            *tables.list_profile_tables(result),
+        ],
         pictures=shown,
         left_out=left_out,
         signals=signals.list_signal_rows(result, data, plots),

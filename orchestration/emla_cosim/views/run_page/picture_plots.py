@@ -54,7 +54,7 @@ def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> 
     """
     if len(data["time"]) < 2:
         return [], 0
-    pictures = [(p.title, p.resolved(result, data)) for p in _pictures()]
+    pictures = [(p.title_of(result), p.resolved(result, data)) for p in _pictures()]
     pictures = [(title, panels) for title, panels in pictures if has_changes(panels)]
     pictures = pictures or [(group.title, group.panels(result, data)) for group in groups(result)]
     resolved = [(title, panel) for title, panels in pictures for panel in panels if panel.lines]

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...recorders.metrics import MetricDisplay
 from ...run.result import Result
-from ..formatting import format_figure, format_value
+from ..formatting import PROFILE_COLUMNS, format_figure, format_value, list_profile_rows
 
 MOST = 1000
 """Most rows of a table; the files have all of them."""
@@ -79,6 +79,13 @@ def list_margin_tables(result: Result) -> Iterator[FigureTable]:
         )
         title = f"Stability margins of {found['scenario']} at {found['at_s']:g} s"
         yield FigureTable("margins", tuple(loops), rows, title)
+
+
+def list_profile_tables(result: Result) -> Iterator[FigureTable]:
+    """Yield the table of where the time went, if it was measured."""
+    if found := list_profile_rows(result, MOST):
+        rows = tuple((row.name, row.values, "") for row in found)
+        yield FigureTable("profile", PROFILE_COLUMNS, rows, "Where the time went")
 
 
 def _format_margin(value: float | None, figure: MetricDisplay) -> str:
