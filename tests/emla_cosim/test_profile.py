@@ -107,7 +107,7 @@ def noted(network: Network) -> dict[str, dict[str, int]]:
 def test_each_slave_has_its_calls_and_its_time(algorithm: type, compiled: bool, lanes: int) -> None:
     """The slaves note their calls themselves, and one sleeps; rows are those without a profiler."""
     if lanes > 1 and not compiled:
-        pytest.skip("Python steps in one thread")
+        pytest.skip("Python steps in one thread.")
     plain = simulated(slow_and_fast(), algorithm(), TIMES, compiled=compiled)
     network = slow_and_fast()
     profiler = Profiler(network.instances)

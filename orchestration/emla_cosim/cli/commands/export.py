@@ -46,7 +46,8 @@ def command(
         flag = list_options()[others[0]].flag
         raise CommandError(f"an SSP cannot hold {flag}; leave it out, or export to a file that ends in .fmu.")
     chosen = load(scenario, **given)
-    check_output_files({file: "the export"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
+    what = "the FMU" if file.suffix.lower() == ".fmu" else "the package"
+    check_output_files({file: what}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
         chosen.export(file, progress)
     show_file(file)
