@@ -84,7 +84,7 @@ static int category_of(fmi2Status status) {
     }
 }
 
-static void send(const Instance *instance, fmi2Status status, char *message) {
+static void deliver(const Instance *instance, fmi2Status status, char *message) {
     const int category = category_of(status);
     for (char *c = message; *c; c++)
         if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
@@ -106,7 +106,7 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
     /* a name that is too long is omitted completely, so that no UTF-8 character is cut */
     const int fits = strlen(instance->name) < MESSAGE_LENGTH;
     snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
-    send(instance, status, message);
+    deliver(instance, status, message);
     return status;
 }
 
@@ -132,7 +132,7 @@ static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2S
     const char *part = parts[sender->part].name;
     const int is_named = strncmp(text, part, strlen(part)) == 0;
     snprintf(message, sizeof message, "%s%s%s", is_named ? "" : part, is_named ? "" : ": ", text);
-    send(sender->owner, status, message);
+    deliver(sender->owner, status, message);
 }
 
 static const char *phase_name(int phase) {

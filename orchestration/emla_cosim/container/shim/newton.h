@@ -7,7 +7,7 @@
 
 #define LOOP_TOLERANCE 1e-12 /* of gap and correction, as a fraction of a value's size */
 #define ITERATIONS 50
-#define DIFFERENCE 1e-4 /* for the derivatives, as a fraction of a value's size */
+#define LOOP_DIFFERENCE 1e-4 /* for the derivatives, as a fraction of a value's size */
 #define SHORTENINGS 8
 
 /* Solve A x = b by elimination with row pivoting, in place; 0 if A is singular. The rows of A are scaled. */
@@ -56,7 +56,7 @@ static fmi2Status correct(Instance *instance, const Group *group, Answer *answer
     double A[ROOM(MOST_INITIAL * MOST_INITIAL)], moved[ROOM(MOST_INITIAL)], there[ROOM(MOST_INITIAL)];
     for (int j = 0; j < n; j++) {
         memcpy(moved, x, (size_t)n * sizeof(double));
-        moved[j] += DIFFERENCE * (fabs(x[j]) + floors[j]);
+        moved[j] += LOOP_DIFFERENCE * (fabs(x[j]) + floors[j]);
         const double step = moved[j] - x[j];
         const fmi2Status status = answer(instance, group, moved, there);
         if (status != fmi2OK) return status;
