@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from .block import Block
 from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
-from .units import QUANTITIES, parse_unit
+from .units import QUANTITIES, SiUnit, parse_unit
 from .variables import Access, Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
@@ -84,9 +84,7 @@ def model_description(
     )
     _add_units(root, scalars)
     _add_types(root, scalars)
-    categories = SubElement(root, "LogCategories")
-    for category, description in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=category, description=description)
+    add_log_categories(root)
     experiment = block.default_experiment
     SubElement(
         root,
@@ -104,8 +102,34 @@ def model_description(
         if reference >= len(layout.scalars):
             element.set("derivative", positions[states[reference - len(layout.scalars)]])
     _add_structure(root, block, symbolic, offers, positions)
+    return format_xml(root)
+
+
+def format_xml(root: Element) -> bytes:
+    """Return an indented document as UTF-8."""
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def add_log_categories(root: Element) -> None:
+    """Add the categories of messages."""
+    categories = SubElement(root, "LogCategories")
+    for category, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=category, description=description)
+
+
+def add_unit(definitions: Element, unit: SiUnit) -> Element:
+    """Add a unit and return its element; without exponents it has a name only."""
+    element = SubElement(definitions, "Unit", name=unit.name)
+    if unit.exponents is None:
+        return element
+    base = {name: str(exponent) for name, exponent in unit.powers.items()}
+    if unit.factor != 1.0:
+        base["factor"] = repr(unit.factor)
+    if unit.offset != 0.0:
+        base["offset"] = repr(unit.offset)
+    SubElement(element, "BaseUnit", base)
+    return element
 
 
 def _add_interface(root: Element, kind: str, name: str, offers: FmuFeatures, **capabilities: str) -> None:

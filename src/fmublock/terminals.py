@@ -3,9 +3,10 @@
 FMI 2.0.4 adopts this file from FMI 3.0 (section 2.4.9 there).
 """
 
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 from .block import Block
+from .description import format_xml
 from .variables import ScalarVariable
 
 
@@ -33,5 +34,4 @@ def terminals_and_icons(block: Block) -> bytes:
                     memberName=member,
                     variableKind="signal",
                 )
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return format_xml(root)

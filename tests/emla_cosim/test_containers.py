@@ -222,6 +222,20 @@ def test_a_state_is_continued_with_the_same_bits(lift: Path, host: Host, tmp_pat
     other.fmu.freeInstance()
 
 
+def test_a_state_from_before_the_start_has_its_start_values(lift: Path, host: Host) -> None:
+    host.begin()
+    host.fmu.doStep(0.0, 20 * STEP)
+    expected = host.read(outputs(lift))
+    host.fmu.reset()
+    state = host.fmu.getFMUstate()
+    host["lift.plant.motor.R_s"] = 0.5
+    host.fmu.setFMUstate(state)
+    host.begin()
+    host.fmu.doStep(0.0, 20 * STEP)
+    assert host.read(outputs(lift)) == expected
+    host.fmu.freeFMUstate(state)
+
+
 def test_reset_begins_anew(lift: Path, host: Host) -> None:
     names = outputs(lift)
     host.begin()
@@ -246,6 +260,7 @@ def test_reset_begins_anew(lift: Path, host: Host) -> None:
         (1e-3, 1e-4, "the step starts at t = 0.001 s, but the system is at t = 0 s"),
         (0.0, 0.2, "goes past the stop time 0.1 s"),
         (0.0, -1e-4, "is not possible"),
+        (0.0, 0.0, "is not possible"),
         (0.0, float("nan"), "is not possible"),
     ],
 )
@@ -400,6 +415,40 @@ def test_every_platform(fmu_folder: Path, tmp_path: Path) -> None:
     fmu = load("lift", fmu_folder).export(tmp_path / "all.fmu", platform=platforms)
     with zipfile.ZipFile(fmu) as archive:
         assert {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")} == set(platforms)
+
+
+def test_units_of_other_fmus(all_types: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    """A unit without definition keeps its name; one that two FMUs define otherwise gets another."""
+    other = tmp_path / "Other.fmu"
+    with zipfile.ZipFile(all_types) as archive:
+        content = {n: archive.read(n) for n in archive.namelist()}
+    description = content["modelDescription.xml"]
+    changed = description.replace(b'<Unit name="m"><BaseUnit m="1"/></Unit>', b"")
+    changed = changed.replace(b'<BaseUnit m="1" s="-1"/>', b'<BaseUnit m="1" s="-1" factor="0.001"/>')
+    assert changed != description
+    write_archive(other, content | {"modelDescription.xml": changed})
+    system = ec.System.of({"a": all_types, "b": other})
+    scenario = load(system, fmu_folder, step_size=0.01, stop_time=0.1, output_interval=0.01, lenient=True)
+    fmu = scenario.export(tmp_path / "units.fmu")
+    read = fmpy.read_model_description(str(fmu), validate=False)
+    units = {v.name: v.unit for v in read.modelVariables}
+    factors = {u.name: None if u.baseUnit is None else float(u.baseUnit.factor) for u in read.unitDefinitions}
+    assert units["a.x"] == "m" and units["b.x"] in ("m", "m_2")
+    assert factors[units["a.u"]] == 1.0
+    assert factors[units["b.u"]] == 0.001
+    assert units["a.u"] != units["b.u"]
+
+
+def test_one_name_for_two_variables_is_refused(all_types: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    dotted = tmp_path / "Dotted.fmu"
+    with zipfile.ZipFile(all_types) as archive:
+        content = {n: archive.read(n) for n in archive.namelist()}
+    description = content["modelDescription.xml"].replace(b'name="twice"', b'name="b.twice"')
+    write_archive(dotted, content | {"modelDescription.xml": description})
+    system = ec.System.of({"a": dotted, "a.b": all_types})
+    scenario = load(system, fmu_folder, step_size=0.01, stop_time=0.1, output_interval=0.01)
+    with pytest.raises(CommandError, match=r"two variables have the name 'a\.b\.twice'"):
+        scenario.export(tmp_path / "twice.fmu")
 
 
 def test_hostile_names_stay_text(all_types: Path, fmu_folder: Path, tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from typing import Any
 
 from fmublock.compiling import c_number
 
+from ..master.algorithms import newton, quasi_newton, strong
+from ..master.stepping.timing import MAXIMUM_STEPS
 from .plan import ContainerPlan, Group
 from .variables import LETTERS, ContainerVariable
 
@@ -84,6 +86,7 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
     starts = [(v, x) for v, x in enumerate(variables) if x.changed and x.settable]
     numbers = {
         "N_LIBRARIES": len(plan.libraries),
+        "N_LOADED": sum(library.source is None for library in plan.libraries),
         "N_PARTS": len(parts),
         "N_INPUTS": len(reads),
         "N_SIGNALS": len(writes),
@@ -99,6 +102,10 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
         "MOST_OUTPUTS": max((len(p.instance.written) for p in parts), default=0),
         "MOST_COUPLING": max((len(g.coupling) for g in groups), default=0),
         "MOST_INITIAL": max((len(g.coupling) for g in loops), default=0),
+        "SWEEPS": strong.SWEEPS,
+        "HALVINGS": strong.HALVINGS,
+        "LOOP_ITERATIONS": newton.ITERATIONS,
+        "LOOP_HALVINGS": newton.HALVINGS,
     }
     reals = {
         "START_TIME": plan.times.start,
@@ -107,6 +114,13 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
         "CLOCK_PER_STEP": clock.per_step,
         "CLOCK_DENOMINATOR": clock.denominator,
         "COUPLING_TOLERANCE": plan.coupling_tolerance,
+        "MAXIMUM_STEPS": MAXIMUM_STEPS,
+        "RELAXATION": quasi_newton.RELAXATION,
+        "NOISE": quasi_newton.NOISE,
+        "FILTER": quasi_newton.FILTER,
+        "LOOP_TOLERANCE": newton.TOLERANCE,
+        "LOOP_DIFFERENCE": newton.DIFFERENCE,
+        "LOOP_ROUGH": newton.ROUGH,
     }
     orders = ", ".join("1" for _ in range(max(numbers["MOST_INPUTS"], 1)))
     lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39"]

@@ -1,18 +1,19 @@
 """modelDescription.xml of a system (FMI 2.0.4, section 2.2)."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
-from fmpy.model_description import ModelVariable, Unit
+from fmpy.model_description import ModelVariable
 
-from fmublock.description import BUILD_TIME, LOG_CATEGORIES
+from fmublock.description import add_log_categories, add_unit, describe_model, format_xml
+from fmublock.recipe import Producer
 
+from ..base.units import SiUnit
 from ..base.version import __version__
-from .plan import ContainerPlan
+from .plan import ContainerPlan, Library
 from .variables import ContainerVariable
-
-_EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
 def describe_container(
@@ -25,33 +26,17 @@ def describe_container(
     source_files: Iterable[str],
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
-    structured = all(f.file.description.variableNamingConvention == "structured" for f in plan.libraries)
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=name,
-        guid=guid,
-        description=description,
-        generationTool=f"EMLA-Cosim {__version__}",
-        generationDateAndTime=BUILD_TIME,
-        variableNamingConvention="structured" if structured else "flat",
-        numberOfEventIndicators="0",
-    )
+    root = describe_model(name, description, Producer(f"EMLA-Cosim {__version__}"), guid)
+    if any(x.file.description.variableNamingConvention != "structured" for x in plan.libraries):
+        root.set("variableNamingConvention", "flat")
     _add_interface(root, plan, identifier, source_files)
-    units = _Units()
-    units_place, types_place = Element("UnitDefinitions"), Element("TypeDefinitions")
-    enumerations = _Enumerations(types_place)
-    model_variables = Element("ModelVariables")
+    units, types, model_variables = _Units(), Element("TypeDefinitions"), Element("ModelVariables")
+    enumerations = _Enumerations(types)
     for reference, variable in enumerate(variables):
-        file = plan.libraries[plan.parts[variable.part].library].file
-        defined = {str(u.name): u for u in file.description.unitDefinitions}
-        folder = plan.libraries[plan.parts[variable.part].library].folder
-        _add_variable(model_variables, reference, variable, units.names(defined), enumerations, folder)
-    units.write(units_place)
-    root.extend(place for place in (units_place, types_place) if len(place))
-    categories = SubElement(root, "LogCategories")
-    for category, text in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=category, description=text)
+        library = plan.libraries[plan.parts[variable.part].library]
+        _add_variable(model_variables, reference, variable, library, units, enumerations)
+    root.extend(place for place in (units.element(), types) if len(place))
+    add_log_categories(root)
     times = plan.times
     SubElement(
         root,
@@ -62,8 +47,7 @@ def describe_container(
     )
     root.append(model_variables)
     _add_structure(root, variables)
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return format_xml(root)
 
 
 def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_files: Iterable[str]) -> None:
@@ -72,7 +56,9 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
         "canHandleVariableCommunicationStepSize": False,
         "canInterpolateInputs": False,
         "canRunAsynchronuously": False,
-        "canBeInstantiatedOnlyOncePerProcess": any(x.once for x in plan.libraries),
+        "canBeInstantiatedOnlyOncePerProcess": any(
+            x.file.has_capability("canBeInstantiatedOnlyOncePerProcess") for x in plan.libraries
+        ),
         "canNotUseMemoryManagementFunctions": True,
         "canGetAndSetFMUstate": plan.all_can("canGetAndSetFMUstate"),
         "canSerializeFMUstate": plan.all_can("canGetAndSetFMUstate") and plan.all_can("canSerializeFMUstate"),
@@ -92,56 +78,35 @@ class _Units:
     """The units of all parts; a name that two FMUs define otherwise gets a number."""
 
     def __init__(self) -> None:
-        self._defined: dict[str, tuple[Any, Unit]] = {}
+        self._units: dict[str, SiUnit] = {}
+        self._displays: dict[str, dict[str, dict[str, str]]] = {}
+        self._names: dict[tuple[str, str], str] = {}
 
-    def names(self, defined: Mapping[str, Unit]) -> "_UnitNames":
-        """Return the names in the container of the units of one FMU."""
-        return _UnitNames(self, defined)
-
-    def name(self, unit: Unit) -> str:
-        """Return the name of a unit in the container."""
-        meaning, name, number = _meaning(unit), str(unit.name), 2
-        while name in self._defined and self._defined[name][0] != meaning:
-            name, number = f"{unit.name}_{number}", number + 1
-        self._defined[name] = meaning, unit
+    def name(self, unit: str, library: Library) -> str:
+        """Return the name in the container of a unit of an FMU."""
+        if (known := self._names.get((library.folder, unit))) is not None:
+            return known
+        defined = replace(library.file.interface.units.get(unit, SiUnit(unit)), name=unit)
+        name, number = unit, 2
+        while name in self._units and not self._units[name].measures_as(defined):
+            name, number = f"{unit}_{number}", number + 1
+        self._units[name] = replace(defined, name=name)
+        displays = self._displays.setdefault(name, {})
+        for definition in library.file.description.unitDefinitions:
+            for display in definition.displayUnits if definition.name == unit else ():
+                offset = {"offset": repr(float(display.offset))} if display.offset else {}
+                displays.setdefault(str(display.name), {"factor": repr(float(display.factor))} | offset)
+        self._names[library.folder, unit] = name
         return name
 
-    def write(self, place: Element) -> None:
-        """Write all units that are in use."""
-        for name in sorted(self._defined):
-            unit = self._defined[name][1]
-            element = SubElement(place, "Unit", name=name)
-            if unit.baseUnit is not None:
-                SubElement(element, "BaseUnit", _base_unit(unit))
-            for display in unit.displayUnits:
-                offset = {} if not display.offset else {"offset": repr(float(display.offset))}
-                factor = repr(float(display.factor))
-                SubElement(element, "DisplayUnit", {"name": str(display.name), "factor": factor, **offset})
-
-
-class _UnitNames:
-    def __init__(self, units: _Units, defined: Mapping[str, Unit]) -> None:
-        self._units, self._defined = units, defined
-
-    def of(self, name: str | None) -> str | None:
-        """Return the name in the container of a unit; None if the FMU does not define it."""
-        return self._units.name(self._defined[name]) if name and name in self._defined else None
-
-
-def _base_unit(unit: Unit) -> dict[str, str]:
-    base: Any = unit.baseUnit
-    exponents = {k: str(int(getattr(base, k))) for k in _EXPONENTS if int(getattr(base, k) or 0)}
-    factor, offset = float(base.factor or 1.0), float(base.offset or 0.0)
-    return (
-        exponents
-        | ({"factor": repr(factor)} if factor != 1.0 else {})
-        | ({"offset": repr(offset)} if offset != 0.0 else {})
-    )
-
-
-def _meaning(unit: Unit) -> Any:
-    displays = tuple((d.name, float(d.factor), float(d.offset or 0.0)) for d in unit.displayUnits)
-    return None if unit.baseUnit is None else tuple(sorted(_base_unit(unit).items())), displays
+    def element(self) -> Element:
+        """Return the definitions of all units that are in use."""
+        definitions = Element("UnitDefinitions")
+        for name in sorted(self._units):
+            unit = add_unit(definitions, self._units[name])
+            for display, values in self._displays[name].items():
+                SubElement(unit, "DisplayUnit", {"name": display} | values)
+        return definitions
 
 
 class _Enumerations:
@@ -159,10 +124,8 @@ class _Enumerations:
             element = SubElement(self._place, "SimpleType", name=name)
             items = SubElement(element, "Enumeration")
             for item in declared.items or ():
-                texts = {"name": str(item.name), "value": str(item.value)}
-                SubElement(
-                    items, "Item", texts | ({"description": item.description} if item.description else {})
-                )
+                texts = {"name": item.name, "value": item.value, "description": item.description}
+                SubElement(items, "Item", {k: str(v) for k, v in texts.items() if v is not None})
         return name
 
 
@@ -170,9 +133,9 @@ def _add_variable(
     place: Element,
     reference: int,
     variable: ContainerVariable,
-    units: _UnitNames,
+    library: Library,
+    units: _Units,
     enumerations: _Enumerations,
-    folder: str,
 ) -> None:
     own, declared = variable.own, variable.own.declaredType
     attributes = {"name": variable.name, "valueReference": str(reference)}
@@ -189,13 +152,13 @@ def _add_variable(
         return getattr(declared, name, None) if found is None and declared is not None else found
 
     if own.type == "Enumeration":
-        kind.set("declaredType", enumerations.name(own, folder))
+        kind.set("declaredType", enumerations.name(own, library.folder))
     for name in ("quantity", "min", "max", "nominal"):
         if (value := attribute(name)) is not None and own.type not in ("Boolean", "String"):
             kind.set(name, str(value))
     if own.type == "Real":
-        if (unit := units.of(attribute("unit"))) is not None:
-            kind.set("unit", unit)
+        if (unit := attribute("unit")) is not None:
+            kind.set("unit", units.name(str(unit), library))
             if (display := attribute("displayUnit")) is not None:
                 kind.set("displayUnit", str(display))
         for name in ("relativeQuantity", "unbounded"):
@@ -208,6 +171,8 @@ def _add_variable(
 
 def _start(variable: ContainerVariable) -> str:
     value, type_ = variable.start, variable.own.type
+    if value is not None and not variable.changed:
+        return str(value)  # as its FMU writes it
     if type_ == "String":
         return "" if value is None else str(value)
     if value is None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from ..system.model import System
 
 _COMPILED = ("fmi2_block.c", "fmi2_table.c")
 """Source files of FMUs whose C can be compiled into another FMU."""
+
+_MAIN_STEM = "fmi2_container"
+"""Name of the container's own C file."""
 
 _BUILDER = "fmublock"
 """End of the name of the tool that builds these."""
@@ -52,11 +56,6 @@ class Library:
         """Return the files in one of its folders, by their path there."""
         start = f"{folder}/"
         return {p.removeprefix(start): c for p, c in self.content.items() if p.startswith(start)}
-
-    @property
-    def once(self) -> bool:
-        """Return whether it can have one instance in a process only."""
-        return self.file.has_capability("canBeInstantiatedOnlyOncePerProcess")
 
 
 @dataclass(frozen=True)
@@ -101,6 +100,8 @@ class ContainerPlan:
     times: CommunicationPoints
     known: Mapping[str, Mapping[str, str]]
     """Names in the system of variables that their FMU calls otherwise, by component."""
+    lost: Mapping[str, Mapping[str, Any]]
+    """Start values that an FMU did not take, by component."""
 
     def all_can(self, capability: str) -> bool:
         """Return whether all FMUs have a capability of the standard."""
@@ -130,8 +131,9 @@ def plan_container(
         assembly.start(system)
         algorithm.setup(assembly.network)
         guesses = _initial_guesses(assembly.network, times)
-        assembly.start(system, fresh=True)
-        algorithm.setup(assembly.network)
+        if any(len(guess) for guess in guesses):  # which initialized the instances
+            assembly.start(system, fresh=True)
+            algorithm.setup(assembly.network)
         try:
             algorithm.initialize(times.start, times.stop)
             return _plan(assembly, algorithm, guesses, times)
@@ -228,6 +230,7 @@ def _plan(
         coupling_tolerance=tolerance,
         times=times,
         known={name: assembly.names_in_system(name) for name in assembly.files},
+        lost={c.name: assembly.list_lost_values(c) for c in assembly.system.components},
     )
 
 
@@ -237,10 +240,10 @@ def _libraries(files: Sequence[FmuFile]) -> list[Library]:
     for file in files:
         if file.folder in found:
             continue
-        taken = {library.folder.lower() for library in found.values()}
+        taken = {_MAIN_STEM, *(library.folder.casefold() for library in found.values())}
         name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
         folder, number = name, 2
-        while folder.lower() in taken:
+        while folder.casefold() in taken:
             folder, number = f"{name}_{number}", number + 1
         content = {
             p.relative_to(file.folder).as_posix(): p.read_bytes()

@@ -1,8 +1,9 @@
 """The variables that the FMU of a system shows."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fmpy.model_description import ModelVariable
@@ -76,7 +77,7 @@ def list_variables(
         shown: The outputs without `outputs`. Default: all.
 
     Raises:
-        CommandError: A name or pattern matches nothing.
+        CommandError: A name or pattern matches nothing, or two variables have one name.
     """
     found = list[ContainerVariable]()
     names = plan.network.names
@@ -95,6 +96,9 @@ def list_variables(
             found.append(
                 ContainerVariable(name, p, own, str(own.causality), start, own.name in values, signal)
             )
+    twice = [name for name, count in Counter(v.name for v in found).items() if count > 1]
+    if twice:
+        raise CommandError(f"two variables have the name '{twice[0]}'; rename a component.", name=twice[0])
     open_inputs = [v.name for v in found if v.causality == "input"]
     all_outputs = [v.name for v in found if v.causality == "output"]
     kept = {*_select("input", inputs, open_inputs), *_select("output", outputs or shown, all_outputs)}
@@ -112,7 +116,7 @@ def _shown(variable: ContainerVariable, kept: Collection[str]) -> ContainerVaria
     if variable.causality not in ("input", "output") or variable.name in kept:
         return variable
     causality = "local" if variable.causality == "output" else "parameter"
-    return ContainerVariable(**{**vars(variable), "causality": causality})
+    return replace(variable, causality=causality)
 
 
 def _select(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:

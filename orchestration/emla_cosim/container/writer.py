@@ -4,9 +4,10 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from fmublock.archive import content_guid, key_comment, read_built, write_archive
-from fmublock.compiling import compile_libraries
+from fmublock.compiling import compile_libraries, sources
 from fmublock.errors import BuildError
 from fmublock.platforms import host_platform
 
@@ -23,6 +24,9 @@ from .plan import ContainerPlan, Library, plan_container
 from .variables import ContainerVariable, list_variables
 
 _MAIN = "fmi2_container.c"
+
+_SHARED = ("messages.h", "logging.h", "conversions.h", "status.h")
+"""C files of fmublock's FMUs that this one has, too."""
 
 
 def check_container(path: Path, overwrite: bool = False) -> None:
@@ -53,7 +57,7 @@ def write_container(
     platforms: Sequence[str] = (),
     overwrite: bool = False,
     progress: Progress | None = None,
-) -> None:
+) -> Mapping[str, Mapping[str, Any]]:
     """Write a system as one co-simulation FMU, which steps its FMUs as the algorithm does.
 
     FMUs of this project are compiled in, for any platform. Others are carried along with their libraries.
@@ -73,6 +77,9 @@ def write_container(
         platforms: FMI platforms. Default: that of this machine.
         overwrite: Whether to replace a file that emla did not write.
         progress: Receives the progress of compiling.
+
+    Returns:
+        The start values that an FMU did not take, by component; see `Assembly.list_lost_values`.
 
     Raises:
         CommandError: The system cannot be one FMU, or the file must not be replaced.
@@ -110,6 +117,7 @@ def write_container(
         write_archive(path, {**content, **binaries}, key_comment(guid.strip("{}")), check=check)
     except OSError as error:
         raise RunError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+    return plan.lost
 
 
 def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
@@ -130,6 +138,8 @@ def _content(
     """Return the files of the FMU by path, and the C files to compile."""
     shim = files("emla_cosim.container").joinpath("shim")
     content = {f"sources/{f.name}": f.read_bytes() for f in shim.iterdir() if f.name.endswith((".c", ".h"))}
+    blocks = sources("shim")
+    content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED}
     content["sources/functions.h"] = functions_header(plan).encode()
     content["sources/system.h"] = system_header(plan, identifier, variables).encode()
     mains = [_MAIN]

@@ -33,17 +33,15 @@ def unpack(path: Path, folder: Path) -> None:
             raise UnsafeArchiveError(
                 f"would unpack to {total / 2**30:.1f} GiB; the limit is {LARGEST // 2**30} GiB"
             )
-        written, folded = set[str](), set[str]()
+        names: dict[str, str] = {}
         for entry in entries:
             target = folder / entry.filename
-            is_twin = entry.filename.casefold() in folded and entry.filename not in written
-            if is_twin and target.is_file():  # the file system ignores case
+            first = names.setdefault(entry.filename.casefold(), entry.filename)
+            if first != entry.filename and target.is_file():  # the file system ignores case
                 raise UnsafeArchiveError(
                     f"has entries whose names differ only in case from '{entry.filename}'; the folder for "
                     "temporary files cannot hold both: set TMPDIR to another one"
                 )
-            written.add(entry.filename)
-            folded.add(entry.filename.casefold())
             if entry.is_dir():
                 target.mkdir(parents=True, exist_ok=True)
                 continue

@@ -83,6 +83,7 @@ def read_kinds(texts: Sequence[str]) -> dict[str, str]:
 
 _system = partial(option, group=SYSTEM, commands=ALL)
 _prepared = partial(_system, stage=PREPARING)
+_exported = partial(option, group=SYSTEM, commands=(EXPORT,), in_file=False, recorded=False, stage=BUILDING)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
 _shared = partial(option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME)
@@ -196,37 +197,22 @@ class Options:
         writes="folder",
         stage=BUILDING,
     )
-    platform: Sequence[str] = option(
+    platform: Sequence[str] = _exported(
         [],
-        group=SYSTEM,
         help="Platform to compile the built-in FMUs for (repeatable). Default: this machine's.",
         choices=lambda: PLATFORMS,
-        commands=(EXPORT,),
-        in_file=False,
-        recorded=False,
-        stage=BUILDING,
     )
-    inputs: Sequence[str] = option(
+    inputs: Sequence[str] = _exported(
         [],
-        group=SYSTEM,
         help="Input of an exported FMU, among those that nothing drives (repeatable; * matches any text). "
         "Default: all of these.",
         metavar="COMPONENT.VARIABLE",
-        commands=(EXPORT,),
-        in_file=False,
-        recorded=False,
-        stage=BUILDING,
     )
-    outputs: Sequence[str] = option(
+    outputs: Sequence[str] = _exported(
         [],
-        group=SYSTEM,
         help="Output of an exported FMU (repeatable; * matches any text). Default: position and reference of "
         "each joint; without joints, all outputs.",
         metavar="COMPONENT.VARIABLE",
-        commands=(EXPORT,),
-        in_file=False,
-        recorded=False,
-        stage=BUILDING,
     )
     start_time: float | None = _stepping(
         help="Start time of the simulation. Default: the scenario's, or 0.",

@@ -113,38 +113,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     return end_step(instance, begin, noSetFMUStatePriorToCurrentPoint);
 }
 
-/* Steps are never asynchronous, so there is nothing to cancel and no pending status. */
-fmi2Status fmi2CancelStep(fmi2Component c) { return report(c, fmi2Error, "no step is pending."); }
+static double reached_time(const Instance *instance) { return instance->now.time; }
 
-static fmi2Status no_status(fmi2Component c) {
-    return report(c, fmi2Discard, "this status is not available.");
-}
+/* Equations never end a run by themselves; data do. */
+static int has_ended(const Instance *instance) { return instance->ended; }
 
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
-
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
-    if (s != fmi2LastSuccessfulTime) return no_status(c);
-    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
-    *value = ((Instance *)c)->now.time;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
-    if (s != fmi2Terminated) return no_status(c);
-    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
-    *value = ((Instance *)c)->ended ? fmi2True : fmi2False; /* equations never end a run by themselves */
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
+#include "status.h"

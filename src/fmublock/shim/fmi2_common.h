@@ -57,29 +57,7 @@ void fmi2FreeInstance(fmi2Component c) {
 
 /* ---- logging --------------------------------------------------------------------------- */
 
-/* The category's bit; all of them for logAll, 0 for an unknown category. */
-static unsigned category_bits(fmi2String name) {
-    for (int i = 0; i < N_CATEGORIES && name != NULL; i++)
-        if (strcmp(name, categories[i]) == 0) return i == LOG_ALL ? EVERYTHING : CATEGORY(i);
-    return 0;
-}
-
-/* On: log only these categories, or all if none are named. Off: stop logging these, or all. */
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
-                               const fmi2String names[]) {
-    Instance *instance = c;
-    unsigned named = nCategories == 0 ? EVERYTHING : 0;
-    if (check_arrays(instance, nCategories, names, names) != fmi2OK) return fmi2Error;
-    for (size_t i = 0; i < nCategories; i++) {
-        const unsigned bits = category_bits(names[i]);
-        if (bits == 0)
-            return report(instance, fmi2Error, "there is no log category %.100s.",
-                          names[i] == NULL ? "(none)" : names[i]);
-        named |= bits;
-    }
-    instance->logged = loggingOn ? named : instance->logged & ~named;
-    return fmi2OK;
-}
+#include "logging.h"
 
 /* ---- initialize, terminate, reset ------------------------------------------------------ */
 
@@ -87,13 +65,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
                                fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
     Instance *instance = c;
     if (require(instance, INSTANTIATED, "set up the experiment") != fmi2OK) return fmi2Error;
-    if (!isfinite(startTime))
-        return report(instance, fmi2Error, "the start time %g is not a finite number of seconds.", startTime);
-    if (stopTimeDefined && !(stopTime >= startTime))
-        return report(instance, fmi2Error, "the stop time %g s is not after the start time %g s.", stopTime,
-                      startTime);
-    if (toleranceDefined && !(tolerance > 0.0 && isfinite(tolerance)))
-        return report(instance, fmi2Error, "the tolerance %g is not a positive number.", tolerance);
+    if (check_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != fmi2OK)
+        return fmi2Error;
     instance->now.time = startTime;
     instance->now.stop_time = stopTimeDefined ? stopTime : HUGE_VAL;
     if (toleranceDefined && instance->now.type == fmi2CoSimulation)
@@ -221,11 +194,7 @@ static fmi2Status prepare_set(Instance *instance, const fmi2ValueReference vr[],
         return fmi2OK;                                                                                  \
     }
 
-#define AS_IT_IS(x) (x)
-#define AS_INTEGER(x) ((fmi2Integer)fmax(INT_MIN, fmin(x, INT_MAX)))
-#define AS_BOOLEAN(x) ((x) != 0.0 ? fmi2True : fmi2False)
-#define AS_DOUBLE(x) ((double)(x))
-#define AS_TRUTH(x) ((x) != fmi2False ? 1.0 : 0.0)
+#include "conversions.h"
 
 GET_AND_SET(Real, fmi2Real, 'R', AS_IT_IS, AS_IT_IS)
 GET_AND_SET(Integer, fmi2Integer, 'I', AS_INTEGER, AS_DOUBLE)

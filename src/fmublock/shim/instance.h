@@ -9,7 +9,6 @@
 #define ROOM(n) ((n) > 0 ? (n) : 1) /* C has no empty arrays */
 
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
-#define MESSAGE_LENGTH 512
 #define STARTS_AT_START_TIME (-2) /* of start_reference */
 #define GUID_SIZE 39 /* {8-4-4-4-12} and the terminating zero */
 
@@ -49,44 +48,7 @@ typedef struct {
     double no_return_before; /* the host said that it will not go back to earlier times */
 } Instance;
 
-/* ---- messages -------------------------------------------------------------------------- */
-
-enum { LOG_EVENTS, LOG_WARNING, LOG_DISCARD, LOG_ERROR, LOG_FATAL, LOG_ALL, N_CATEGORIES };
-
-static const char *const categories[N_CATEGORIES] = {
-    "logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"};
-
-#define CATEGORY(category) (1u << (category))
-#define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
-#define PROBLEMS (CATEGORY(LOG_WARNING) | CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
-
-static int category_of(fmi2Status status) {
-    switch (status) {
-        case fmi2OK: return LOG_EVENTS;
-        case fmi2Warning: return LOG_WARNING;
-        case fmi2Discard: return LOG_DISCARD;
-        case fmi2Error: return LOG_ERROR;
-        default: return LOG_FATAL;
-    }
-}
-
-/* Log a message, if its category is on; returns the status. */
-static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
-    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
-    const int category = category_of(status);
-    if (instance->logger == NULL || !(instance->logged & CATEGORY(category))) return status;
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    /* a name that is too long is omitted completely, so that no UTF-8 character is cut */
-    const int fits = strlen(instance->name) < MESSAGE_LENGTH;
-    snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
-    for (char *c = message; *c; c++)
-        if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
-    instance->logger(instance->environment, instance->name, status, categories[category], message);
-    return status;
-}
+#include "messages.h"
 
 /* ---- the resource ---------------------------------------------------------------------- */
 
@@ -163,15 +125,4 @@ static fmi2Status check_type(const Instance *instance, fmi2ValueReference refere
                   variable->type == 'R'   ? "Real"
                   : variable->type == 'I' ? "Integer"
                                           : "Boolean");
-}
-
-static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
-    if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
-    return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
-}
-
-/* Check the pointer to which a call writes its result. */
-static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
-    if (place != NULL) return fmi2OK;
-    return report(instance, fmi2Error, "the pointer to %s is NULL.", what);
 }

@@ -1,10 +1,9 @@
 """modelDescription.xml of a table FMU."""
 
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
-from ..description import LOG_CATEGORIES, describe_model
+from ..description import add_log_categories, add_unit, describe_model, format_xml
 from ..recipe import Producer
-from ..units import SiUnit
 from .content import TableContent
 
 
@@ -25,9 +24,7 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
     )
     SubElement(SubElement(simulation, "SourceFiles"), "File", name=main)
     _add_units(root, table)
-    categories = SubElement(root, "LogCategories")
-    for category, description in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=category, description=description)
+    add_log_categories(root)
     first, last = float(table.times[0]), float(table.times[-1])
     step = (last - first) / (len(table.times) - 1)
     SubElement(root, "DefaultExperiment", startTime=repr(first), stopTime=repr(last), stepSize=repr(step))
@@ -48,8 +45,7 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
         element = SubElement(structure, kind)
         for position in range(1, len(table.outputs) + 1):
             SubElement(element, "Unknown", index=str(position), dependencies="")
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return format_xml(root)
 
 
 def _add_units(root: Element, table: TableContent) -> None:
@@ -57,16 +53,4 @@ def _add_units(root: Element, table: TableContent) -> None:
     if units:
         definitions = SubElement(root, "UnitDefinitions")
         for name in sorted(units):
-            _add_unit(definitions, units[name])
-
-
-def _add_unit(definitions: Element, unit: SiUnit) -> None:
-    element = SubElement(definitions, "Unit", name=unit.name)
-    if unit.exponents is None:
-        return
-    base = {name: str(exponent) for name, exponent in unit.powers.items()}
-    if unit.factor != 1.0:
-        base["factor"] = repr(unit.factor)
-    if unit.offset != 0.0:
-        base["offset"] = repr(unit.offset)
-    SubElement(element, "BaseUnit", base)
+            add_unit(definitions, units[name])

@@ -150,7 +150,7 @@ static fmi2Status step_part(Instance *instance, int i, double time, double lengt
     if (status == fmi2Discard) {
         fmi2Boolean asks = fmi2False;
         if (CALL(instance, i, GetBooleanStatus)(c, fmi2Terminated, &asks) == fmi2OK && asks != fmi2False) {
-            instance->ended = 1;
+            instance->memory.ended = 1;
             report(instance, fmi2Discard, "%s asks to end the simulation at t = %.9g s.", parts[i].name, time);
         } else {
             report(instance, fmi2OK, "%s discarded the step from t = %.9g s of %.3g s.", parts[i].name, time,

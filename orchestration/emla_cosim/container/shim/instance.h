@@ -1,6 +1,5 @@
 /* One instance of the system: its memory, and its messages to the host. */
 
-#define MESSAGE_LENGTH 1024
 #define TIME_TOLERANCE 1e-6 /* of times of the host, as a fraction of the step */
 
 enum { INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, TERMINATED = 8, FAILED = 16, DEAD = 32 };
@@ -30,6 +29,10 @@ typedef struct {
     Clock clock;
     Exchange now;
     double jacobians[ROOM(N_JACOBIANS)];
+    double chosen[ROOM(N_VARIABLES)]; /* start values of numbers */
+    unsigned char is_chosen[ROOM(N_VARIABLES)];
+    double tolerance; /* of the solvers; 0 for those of the parts */
+    int ended;        /* a part asked to end the simulation */
 } Memory;
 
 struct Instance;
@@ -48,8 +51,6 @@ typedef struct Instance {
     Exchange kept;                     /* the exchange at the begin of the present step */
     Functions functions[ROOM(N_LIBRARIES)];
     void *handles[ROOM(N_LIBRARIES)];
-    double chosen[ROOM(N_VARIABLES)]; /* start values of numbers */
-    unsigned char is_chosen[ROOM(N_VARIABLES)];
     double inputs[ROOM(N_INPUTS)], derivatives[ROOM(N_INPUTS)];
     char *name, *location;
     fmi2CallbackFunctions callbacks[ROOM(N_PARTS)];
@@ -58,57 +59,9 @@ typedef struct Instance {
     fmi2ComponentEnvironment environment;
     unsigned logged; /* categories that are switched on, as bits */
     int settled;     /* whether initial values agree with the values that were set */
-    int ended;       /* a part asked to end the simulation */
-    int defines_tolerance;
-    double tolerance;
 } Instance;
 
-/* ---- messages -------------------------------------------------------------------------- */
-
-enum { LOG_EVENTS, LOG_WARNING, LOG_DISCARD, LOG_ERROR, LOG_FATAL, LOG_ALL, N_CATEGORIES };
-
-static const char *const categories[N_CATEGORIES] = {
-    "logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"};
-
-#define CATEGORY(category) (1u << (category))
-#define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
-#define PROBLEMS (CATEGORY(LOG_WARNING) | CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
-
-static int category_of(fmi2Status status) {
-    switch (status) {
-        case fmi2OK: return LOG_EVENTS;
-        case fmi2Warning: return LOG_WARNING;
-        case fmi2Discard: return LOG_DISCARD;
-        case fmi2Error: return LOG_ERROR;
-        default: return LOG_FATAL;
-    }
-}
-
-static void deliver(const Instance *instance, fmi2Status status, char *message) {
-    const int category = category_of(status);
-    for (char *c = message; *c; c++)
-        if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
-    instance->logger(instance->environment, instance->name, status, categories[category], message);
-}
-
-static int is_logged(const Instance *instance, fmi2Status status) {
-    return instance->logger != NULL && (instance->logged & CATEGORY(category_of(status)));
-}
-
-/* Log a message, if its category is on; returns the status. */
-static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
-    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
-    va_list arguments;
-    if (!is_logged(instance, status)) return status;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    /* a name that is too long is omitted completely, so that no UTF-8 character is cut */
-    const int fits = strlen(instance->name) < MESSAGE_LENGTH;
-    snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
-    deliver(instance, status, message);
-    return status;
-}
+#include "messages.h"
 
 /* Whether this is one of our senders. Some FMUs pass other things than their componentEnvironment: small
    numbers, or their own memory. */
@@ -122,7 +75,7 @@ static int is_sender(fmi2ComponentEnvironment environment) {
 static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
                     fmi2String category, fmi2String format, ...) {
     const Sender *sender = environment;
-    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
+    char text[2 * MESSAGE_LENGTH], message[3 * MESSAGE_LENGTH];
     va_list arguments;
     (void)name, (void)category;
     if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, status)) return;
@@ -150,17 +103,6 @@ static fmi2Status require(const Instance *instance, int phases, const char *acti
     return report(instance, fmi2Error, "cannot %s in phase %s.", action, phase_name(instance->memory.phase));
 }
 
-static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
-    if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
-    return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
-}
-
-/* Check the pointer to which a call writes its result. */
-static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
-    if (place != NULL) return fmi2OK;
-    return report(instance, fmi2Error, "the pointer to %s is NULL.", what);
-}
-
 /* What a call returns whose reason is logged: fmi2Fatal after that of a part. */
 static fmi2Status failed(const Instance *instance) {
     return instance->memory.phase == DEAD ? fmi2Fatal : fmi2Error;
@@ -169,7 +111,8 @@ static fmi2Status failed(const Instance *instance) {
 /* Whether a status is worse than a warning. */
 static int is_bad(fmi2Status status) { return status > fmi2Warning || status < fmi2OK; }
 
-/* Report what a part answered. After an error the instance can only be reset, after fmi2Fatal not even that. */
+/* Report what a part answered. After an error the instance can only be reset or set to a
+   state, after fmi2Fatal not even that. */
 static fmi2Status blame(Instance *instance, int part, const char *call, fmi2Status status) {
     static const char *const names[] = {"fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal",
                                         "fmi2Pending"};

@@ -1,5 +1,14 @@
 /* Libraries of parts that are not compiled in, from the resources of this FMU. */
 
+#if N_LOADED > 0
+
+#ifdef _WIN32
+#define WIN32_LEAN_AND_MEAN
+#include <windows.h>
+#else
+#include <dlfcn.h>
+#endif
+
 #ifdef _WIN32
 #define SUFFIX ".dll"
 #elif defined __APPLE__
@@ -97,36 +106,43 @@ static const char *load_functions(void *handle, Functions *functions) {
     return NULL;
 }
 
-/* Make the functions of all libraries callable. */
-static fmi2Status open_libraries(Instance *instance) {
-    for (int i = 0; i < N_LIBRARIES; i++) {
-        const Library *library = &libraries[i];
-        char more[512];
-        if (library->functions != NULL) {
-            instance->functions[i] = *library->functions;
-            continue;
-        }
-        if (instance->location == NULL)
-            return report(instance, fmi2Error, "the host gave no place of the resources, where %s is.",
-                          library->folder);
-        snprintf(more, sizeof more, "/%s/binaries/" PLATFORM "/%s" SUFFIX, library->folder, library->file);
-        char *path = path_of(instance->location, more);
-        if (path == NULL) return report(instance, fmi2Error, "out of memory.");
-        instance->handles[i] = open_library(path);
-        if (instance->handles[i] == NULL) {
-            report(instance, fmi2Error, "the library %s cannot be loaded.", path);
-            free(path);
-            return fmi2Error;
-        }
-        free(path);
-        const char *missing = load_functions(instance->handles[i], &instance->functions[i]);
-        if (missing != NULL)
-            return report(instance, fmi2Error, "the library of %s has no function %s.", library->folder, missing);
-    }
-    return fmi2OK;
+static fmi2Status load_library(Instance *instance, int i) {
+    const Library *library = &libraries[i];
+    char more[512];
+    if (instance->location == NULL)
+        return report(instance, fmi2Error, "the host gave no place of the resources, where %s is.",
+                      library->folder);
+    snprintf(more, sizeof more, "/%s/binaries/" PLATFORM "/%s" SUFFIX, library->folder, library->file);
+    char *path = path_of(instance->location, more);
+    if (path == NULL) return report(instance, fmi2Error, "out of memory.");
+    instance->handles[i] = open_library(path);
+    if (instance->handles[i] == NULL) report(instance, fmi2Error, "the library %s cannot be loaded.", path);
+    free(path);
+    if (instance->handles[i] == NULL) return fmi2Error;
+    const char *missing = load_functions(instance->handles[i], &instance->functions[i]);
+    if (missing == NULL) return fmi2OK;
+    return report(instance, fmi2Error, "the library of %s has no function %s.", library->folder, missing);
 }
 
 static void close_libraries(Instance *instance) {
     for (int i = 0; i < N_LIBRARIES; i++)
         if (instance->handles[i] != NULL) close_library(instance->handles[i]);
+}
+
+#else
+
+static fmi2Status load_library(Instance *instance, int i) { return (void)instance, (void)i, fmi2OK; }
+
+static void close_libraries(Instance *instance) { (void)instance; }
+
+#endif
+
+/* Make the functions of all libraries callable. */
+static fmi2Status open_libraries(Instance *instance) {
+    for (int i = 0; i < N_LIBRARIES; i++)
+        if (libraries[i].functions != NULL)
+            instance->functions[i] = *libraries[i].functions;
+        else if (load_library(instance, i) != fmi2OK)
+            return fmi2Error;
+    return fmi2OK;
 }

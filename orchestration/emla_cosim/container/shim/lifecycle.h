@@ -23,18 +23,15 @@ static fmi2Status check_identity(const Instance *instance, fmi2String name, fmi2
 /* The state of a new instance, apart from its parts. */
 static void begin_memory(Instance *instance) {
     memset(&instance->memory, 0, sizeof instance->memory);
-    memset(instance->is_chosen, 0, sizeof instance->is_chosen);
     strcpy(instance->memory.guid, MODEL_GUID);
     instance->memory.phase = INSTANTIATED;
     instance->memory.stop_time = HUGE_VAL;
     instance->memory.start_time = START_TIME;
-    instance->defines_tolerance = 0;
-    instance->ended = 0;
     instance->settled = 0;
     for (int i = 0; i < N_STARTS; i++)
         if (starts[i].text == NULL) {
-            instance->chosen[starts[i].variable] = starts[i].value;
-            instance->is_chosen[starts[i].variable] = 1;
+            instance->memory.chosen[starts[i].variable] = starts[i].value;
+            instance->memory.is_chosen[starts[i].variable] = 1;
         }
 }
 
@@ -42,9 +39,9 @@ static void begin_memory(Instance *instance) {
 static fmi2Status set_chosen(Instance *instance) {
     for (int v = 0; v < N_VARIABLES; v++) {
         const Variable *variable = &variables[v];
-        if (!instance->is_chosen[v]) continue;
+        if (!instance->memory.is_chosen[v]) continue;
         const fmi2Status status = set_number(instance, variable->part, variable->reference, variable->type,
-                                             instance->chosen[v]);
+                                             instance->memory.chosen[v]);
         if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
     }
     return fmi2OK;
@@ -91,29 +88,7 @@ void fmi2FreeInstance(fmi2Component c) {
     free(instance);
 }
 
-/* The category's bit; all of them for logAll, 0 for an unknown category. */
-static unsigned category_bits(fmi2String name) {
-    for (int i = 0; i < N_CATEGORIES && name != NULL; i++)
-        if (strcmp(name, categories[i]) == 0) return i == LOG_ALL ? EVERYTHING : CATEGORY(i);
-    return 0;
-}
-
-/* On: log only these categories, or all if none are named. Off: stop logging these, or all. */
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
-                               const fmi2String names[]) {
-    Instance *instance = c;
-    unsigned named = nCategories == 0 ? EVERYTHING : 0;
-    if (check_arrays(instance, nCategories, names, names) != fmi2OK) return fmi2Error;
-    for (size_t i = 0; i < nCategories; i++) {
-        const unsigned bits = category_bits(names[i]);
-        if (bits == 0)
-            return report(instance, fmi2Error, "there is no log category %.100s.",
-                          names[i] == NULL ? "(none)" : names[i]);
-        named |= bits;
-    }
-    instance->logged = loggingOn ? named : instance->logged & ~named;
-    return fmi2OK;
-}
+#include "logging.h"
 
 /* The communication points from a start time: exact decimal numbers where the start allows it. */
 static Clock make_clock(double start) {
@@ -133,17 +108,11 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
                                fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
     Instance *instance = c;
     if (require(instance, INSTANTIATED, "set up the experiment") != fmi2OK) return fmi2Error;
-    if (!isfinite(startTime))
-        return report(instance, fmi2Error, "the start time %g is not a finite number of seconds.", startTime);
-    if (stopTimeDefined && !(stopTime >= startTime))
-        return report(instance, fmi2Error, "the stop time %g s is not after the start time %g s.", stopTime,
-                      startTime);
-    if (toleranceDefined && !(tolerance > 0.0 && isfinite(tolerance)))
-        return report(instance, fmi2Error, "the tolerance %g is not a positive number.", tolerance);
+    if (check_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != fmi2OK)
+        return fmi2Error;
     instance->memory.start_time = startTime;
     instance->memory.stop_time = stopTimeDefined ? stopTime : HUGE_VAL;
-    instance->defines_tolerance = toleranceDefined != fmi2False;
-    instance->tolerance = tolerance;
+    instance->memory.tolerance = toleranceDefined ? tolerance : 0.0;
     return fmi2OK;
 }
 
@@ -152,7 +121,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     Memory *memory = &instance->memory;
     if (require(instance, INSTANTIATED, "enter initialization mode") != fmi2OK) return fmi2Error;
     for (int i = 0; i < N_PARTS; i++) {
-        const double tolerance = instance->defines_tolerance ? instance->tolerance : parts[i].tolerance;
+        const double tolerance = memory->tolerance > 0.0 ? memory->tolerance : parts[i].tolerance;
         const fmi2Boolean stops = isfinite(memory->stop_time) ? fmi2True : fmi2False;
         const fmi2Status status = CALL(instance, i, SetupExperiment)(
             instance->parts[i], tolerance > 0.0 ? fmi2True : fmi2False, tolerance, memory->start_time, stops,

@@ -5,11 +5,6 @@
  * values the solution agrees with the master's to rounding errors.
  */
 
-#define LOOP_TOLERANCE 1e-12 /* of gap and correction, as a fraction of a value's size */
-#define ITERATIONS 50
-#define LOOP_DIFFERENCE 1e-4 /* for the derivatives, as a fraction of a value's size */
-#define SHORTENINGS 8
-
 /* Solve A x = b by elimination with row pivoting, in place; 0 if A is singular. The rows of A are scaled. */
 static int solve_linear(int n, double *A, double *b) {
     for (int k = 0; k < n; k++) {
@@ -77,8 +72,9 @@ static fmi2Status solve_loop(Instance *instance, const Group *group, Answer *ans
     const int n = group->n_coupling;
     double found[ROOM(MOST_INITIAL)], gap[ROOM(MOST_INITIAL)], correction[ROOM(MOST_INITIAL)];
     double tried[ROOM(MOST_INITIAL)];
+    double last = HUGE_VAL; /* size of the correction before */
     fmi2Status status = answer(instance, group, x, found);
-    for (int iteration = 0; iteration < ITERATIONS && status == fmi2OK; iteration++) {
+    for (int iteration = 0; iteration < LOOP_ITERATIONS && status == fmi2OK; iteration++) {
         for (int i = 0; i < n; i++) gap[i] = found[i] - x[i];
         const double size = weigh(n, x, floors, gap);
         if (size <= LOOP_TOLERANCE) return fmi2OK;
@@ -86,7 +82,7 @@ static fmi2Status solve_loop(Instance *instance, const Group *group, Answer *ans
         status = correct(instance, group, answer, floors, x, found, correction);
         if (status != fmi2OK) return status;
         double part = 1.0;
-        for (int k = 0; k < SHORTENINGS && status == fmi2OK; k++, part *= 0.5) {
+        for (int k = 0; k < LOOP_HALVINGS && status == fmi2OK; k++, part *= 0.5) {
             for (int i = 0; i < n; i++) tried[i] = x[i] + part * correction[i];
             status = answer(instance, group, tried, found);
             for (int i = 0; i < n; i++) gap[i] = found[i] - tried[i];
@@ -94,7 +90,9 @@ static fmi2Status solve_loop(Instance *instance, const Group *group, Answer *ans
         }
         const double moved = weigh(n, x, floors, correction);
         memcpy(x, tried, (size_t)n * sizeof(double));
-        if (moved <= LOOP_TOLERANCE) return status;
+        /* small corrections that stop shrinking are rounding errors */
+        if (moved <= LOOP_TOLERANCE || (moved <= LOOP_ROUGH && moved >= 0.5 * last)) return status;
+        last = moved;
     }
     return status == fmi2OK ? NO_AGREEMENT : status;
 }

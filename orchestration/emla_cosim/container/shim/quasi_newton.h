@@ -1,9 +1,5 @@
 /* Multi-vector quasi-Newton iteration: `improve` of quasi_newton.py of the master, which has the references. */
 
-#define RELAXATION 0.1
-#define NOISE 1e-10
-#define FILTER 1e-3
-
 /* Learn J from all sweeps of this step, and compute the next guess. */
 static void improve(int n, int sweeps, const double *residuals, const double *answers, const double *sizes,
                     const double *earlier, double *jacobian, double *basis, double *direction, double *guess) {

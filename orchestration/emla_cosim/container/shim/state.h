@@ -4,7 +4,6 @@
 
 typedef struct {
     Memory memory;
-    int ended;
     fmi2FMUstate parts[ROOM(N_PARTS)];
 } State;
 
@@ -41,7 +40,6 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
         return blame(instance, i, "fmi2GetFMUstate", status);
     }
     state->memory = instance->memory;
-    state->ended = instance->ended;
     *FMUstate = state;
     return fmi2OK;
 }
@@ -56,7 +54,6 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
         if (is_bad(status)) return blame(instance, i, "fmi2SetFMUstate", status);
     }
     instance->memory = state->memory;
-    instance->ended = state->ended;
     instance->settled = 0;
     return fmi2OK;
 }
@@ -154,17 +151,17 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
         if ((size_t)(end - next) >= sizeof own) {
             memcpy(&own, next, sizeof own);
             next += sizeof own;
-            if ((uint64_t)(end - next) >= own)
+            if ((uint64_t)(end - next) >= own) {
                 status = CALL(instance, i, DeSerializeFMUstate)(instance->parts[i], next, (size_t)own,
                                                                 &state->parts[i]);
-            next += own;
+                next += own;
+            }
         }
         if (!is_bad(status)) continue;
         fmi2FMUstate whole = state;
         fmi2FreeFMUstate(instance, &whole);
         return report(instance, fmi2Error, "the serialized state of %s is refused.", parts[i].name);
     }
-    state->ended = 0;
     fmi2FreeFMUstate(instance, FMUstate);
     *FMUstate = state;
     return fmi2OK;

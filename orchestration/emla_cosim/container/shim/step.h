@@ -38,7 +38,7 @@ static fmi2Status advance(Instance *instance, double k) {
 static double count_steps(const Instance *instance, double time, double length) {
     const Memory *memory = &instance->memory;
     const double now = point(&memory->clock, memory->steps), rounding = 1e-12 * fabs(time);
-    if (!isfinite(time) || !isfinite(length) || length < 0.0) {
+    if (!(isfinite(time + length) && length > 0.0)) {
         report(instance, fmi2Error, "the step from t = %g s of %g s is not possible.", time, length);
         return -1.0;
     }
@@ -60,6 +60,11 @@ static double count_steps(const Instance *instance, double time, double length) 
                length, STEP_SIZE);
         return -1.0;
     }
+    if (count > MAXIMUM_STEPS) {
+        report(instance, fmi2Error, "the step of %g s needs more than %g steps of the system.", length,
+               MAXIMUM_STEPS);
+        return -1.0;
+    }
     return count;
 }
 
@@ -69,7 +74,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     Memory *memory = &instance->memory;
     (void)noSetFMUStatePriorToCurrentPoint;
     if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
-    if (instance->ended) return report(instance, fmi2Error, "the simulation has ended.");
+    if (memory->ended) return report(instance, fmi2Error, "the simulation has ended.");
     const double count = count_steps(instance, currentCommunicationPoint, communicationStepSize);
     if (count < 0.0) return fmi2Error;
     for (double k = 0.0; k < count; k++) {
@@ -78,7 +83,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
             memory->steps += 1.0;
             continue;
         }
-        if (instance->ended) return fmi2Discard;
+        if (memory->ended) return fmi2Discard;
         if (memory->phase == STEP) { /* some parts have done the step, others have not */
             memory->phase = FAILED;
             return report(instance, fmi2Error, "the step from t = %.9g s failed, and the parts are apart.",
@@ -89,40 +94,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     return fmi2OK;
 }
 
-/* Steps are never asynchronous, so there is nothing to cancel and no pending status. */
-fmi2Status fmi2CancelStep(fmi2Component c) { return report(c, fmi2Error, "no step is pending."); }
-
-static fmi2Status no_status(fmi2Component c) {
-    return report(c, fmi2Discard, "this status is not available.");
+static double reached_time(const Instance *instance) {
+    return point(&instance->memory.clock, instance->memory.steps);
 }
 
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
+static int has_ended(const Instance *instance) { return instance->memory.ended; }
 
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
-    const Instance *instance = c;
-    if (s != fmi2LastSuccessfulTime) return no_status(c);
-    if (check_place(instance, value, "the status") != fmi2OK) return fmi2Error;
-    *value = point(&instance->memory.clock, instance->memory.steps);
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
-    const Instance *instance = c;
-    if (s != fmi2Terminated) return no_status(c);
-    if (check_place(instance, value, "the status") != fmi2OK) return fmi2Error;
-    *value = instance->ended ? fmi2True : fmi2False;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value) {
-    (void)s, (void)value;
-    return no_status(c);
-}
+#include "status.h"

@@ -1,7 +1,5 @@
 /* Strong coupling: strong.py of the master. */
 
-#define SWEEPS 30
-#define HALVINGS 10
 #define NO_AGREEMENT ((fmi2Status)100) /* besides the statuses of FMI */
 
 /* Update the largest values with the present signals. */
@@ -84,7 +82,7 @@ static fmi2Status advance_group(Instance *instance, const Group *group, double t
     if (group->saved && save_begin(instance, group) != fmi2OK) return fmi2Error;
     const fmi2Status status = iterate(instance, group, time, length);
     if (status != fmi2Discard && status != NO_AGREEMENT) return status;
-    if (instance->ended) return status;
+    if (instance->memory.ended) return status;
     if (!group->saved || !group->halves || halvings == 0) {
         if (status == NO_AGREEMENT)
             report(instance, fmi2Error, "the loop of %s does not converge on the step from t = %.9g s of %.3g s.",

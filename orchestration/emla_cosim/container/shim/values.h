@@ -55,8 +55,8 @@ static fmi2Status set_value(Instance *instance, fmi2ValueReference reference, do
     if (is_bad(status)) return report(instance, status, "%s = %.9g was refused.", variable->name, value);
     instance->settled = 0;
     if (instance->memory.phase == INSTANTIATED) {
-        instance->chosen[reference] = value;
-        instance->is_chosen[reference] = 1;
+        instance->memory.chosen[reference] = value;
+        instance->memory.is_chosen[reference] = 1;
     }
     return fmi2OK;
 }
@@ -84,11 +84,7 @@ static fmi2Status set_value(Instance *instance, fmi2ValueReference reference, do
         return fmi2OK;                                                                                  \
     }
 
-#define AS_IT_IS(x) (x)
-#define AS_INTEGER(x) ((fmi2Integer)fmax(INT_MIN, fmin(x, INT_MAX)))
-#define AS_BOOLEAN(x) ((x) != 0.0 ? fmi2True : fmi2False)
-#define AS_DOUBLE(x) ((double)(x))
-#define AS_TRUTH(x) ((x) != fmi2False ? 1.0 : 0.0)
+#include "conversions.h"
 
 GET_AND_SET(Real, fmi2Real, 'R', AS_IT_IS, AS_IT_IS)
 GET_AND_SET(Integer, fmi2Integer, 'I', AS_INTEGER, AS_DOUBLE)

@@ -24,17 +24,18 @@ TOLERANCE = 1e-12
 
 ITERATIONS = 50
 
-_DIFFERENCE = 1e-4
+DIFFERENCE = 1e-4
 """Difference for the derivatives, as a fraction of a value's size."""
 
 _ROUNDING = 8.0 * np.finfo(float).eps
-_ROUGH = 1e-6
+ROUGH = 1e-6
 """Corrections below this fraction of a value are rounding errors once they stop shrinking."""
 
 _FAST = 0.1
 """The derivatives are kept while each correction is at most this fraction of the previous one."""
 
-_HALVINGS = 8
+HALVINGS = 8
+"""Most halvings of a correction that does not help."""
 
 
 class NoSolutionError(Exception):
@@ -113,7 +114,7 @@ class Newton:
     def _agree(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
         if correction <= TOLERANCE and self._weigh(x, gap) <= TOLERANCE:
             return True
-        return correction <= _ROUGH and correction >= 0.5 * last
+        return correction <= ROUGH and correction >= 0.5 * last
 
     def _go(
         self, x: Vector, correction: Vector, size: float, inverse: _Inverse
@@ -123,19 +124,19 @@ class Newton:
         Returns:
             The part of the correction; F at that point; the inverse if it can be kept, else None.
         """
-        for halvings in range(_HALVINGS):
+        for halvings in range(HALVINGS):
             step = 0.5**halvings
             tried = x + step * correction
             found = self._value(tried)
             following = self._weigh(x, inverse.matrix @ (found - tried))
-            if following <= (1.0 - 0.25 * step) * size or (size <= _ROUGH and following < np.inf):
+            if following <= (1.0 - 0.25 * step) * size or (size <= ROUGH and following < np.inf):
                 return step, found, inverse if following <= _FAST * size else None
         return 1.0, self._value(x + correction), None
 
     def _inverse(self, x: Vector, found: Vector) -> _Inverse:
         """Return the inverse at a point, from large differences if rounding errors hide small ones."""
         sizes, gap = self._sizes(x), found - x
-        inverse = self._differences(x, found, _DIFFERENCE * sizes)
+        inverse = self._differences(x, found, DIFFERENCE * sizes)
         if inverse.hidden.size:
             inverse = self._differences(x, found, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:

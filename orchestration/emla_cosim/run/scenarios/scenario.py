@@ -11,6 +11,7 @@ from ...base.progress import Progress
 from ...recorders.metrics import TRACKED
 from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.model import System
+from ..lost_values import describe_lost_values
 from ..option_types import PrepareOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
@@ -163,12 +164,13 @@ class Scenario:
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             if as_fmu:
+                told.advance(1)  # compiling is another task
                 self._write_fmu(Path(file), system, fmus, chosen, told)
             else:
                 write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+                told.advance(1)
         for remark in faults.remarks(self.unpacked):
             told.note(f"Note: {remark}")
-        told.advance(1)
         return Path(file)
 
     def _write_fmu(
@@ -179,7 +181,7 @@ class Scenario:
 
         if not options.make_step_size_control().is_regular:
             raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
-        write_container(
+        lost = write_container(
             file,
             self.name,
             self.description,
@@ -194,6 +196,8 @@ class Scenario:
             options.overwrite,
             progress,
         )
+        for remark in describe_lost_values({"components": {c: {"not_taken": v} for c, v in lost.items()}}):
+            progress.note(f"Note: {remark}")
 
 
 def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
