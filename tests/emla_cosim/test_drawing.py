@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from emla_cosim.study.joint_map import JointMap
+from emla_cosim.study.metrics import TOO_SHORT
 from emla_cosim.views.formatting import format_headline
 from emla_cosim.views.panels import Limit, Line, Plot
 from emla_cosim.views.plots.panel_drawing import draw_panels, has_changes
@@ -176,6 +177,7 @@ def many(count: int) -> Known:
     metrics = {
         f"j{i}": {
             "held": i != 1,
+            "reason": None if i != 1 else "j1 has not settled.",
             "position_error_m": np.nan if i == 2 else 1e-6 * (i + 1),
             "settling_time_s": 0.01 * (i + 1),
             "torque_peak_N_m": 5.0 + i,
@@ -204,6 +206,16 @@ def test_of_many_joints_the_worst_are_drawn(count: int, shown: list[str], title:
     figure = WORST.drawn(result, {"time": TIME, **result.data})
     assert figure is not None and figure.get_suptitle() == title
     assert [axes.get_title() for axes in figure.axes] == shown
+
+
+def test_a_map_of_a_run_that_is_too_short_has_no_verdict() -> None:
+    result: Any = many(60)
+    for figures in result.metrics["joints"].values():
+        figures |= {"held": False, "reason": f"{TOO_SHORT}."}
+    figure = JointMap().drawn(result, {"time": TIME})
+    assert figure is not None
+    assert figure.get_suptitle() == "All 60 joints: the run is too short to judge them"
+    assert all(len(axes.lines[1].get_xdata()) == 0 for axes in figure.axes)  # type: ignore[arg-type]
 
 
 def test_a_map_shows_all_of_many_joints() -> None:

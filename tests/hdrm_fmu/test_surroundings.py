@@ -9,11 +9,12 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from hdrm_fmu.base import base_corners, lowest_ground
 from hdrm_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
 from hdrm_fmu.optimisation.narrowing import narrowed
 from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.optimisation.solving import NoMotionError, solved
-from hdrm_fmu.optimisation.surroundings import base_corners, body_approach, ground_approach, lowest_ground
+from hdrm_fmu.optimisation.surroundings import body_approach, ground_approach
 from hdrm_fmu.optimisation.transcription import Discretisation
 from hdrm_fmu.parameters import HDRM
 from hdrm_fmu.spline import Spline

@@ -12,6 +12,7 @@ from ..run.result import Result
 from ..views.formatting import format_headline
 from ..views.plots.pictures import MOST_COLUMNS, Drawing
 from ..views.plots.style import BLUE, RED, new_figure, tidy_axes
+from .metrics import TOO_SHORT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,23 +44,26 @@ class JointMap(Drawing):
         joints = result.metrics.get(_KIND, {})
         if len(joints) <= MOST_COLUMNS:
             return None
-        names, held = list(joints), np.array([one[HELD] is not False for one in joints.values()])
+        names = list(joints)
+        judged = np.array([one["reason"] != f"{TOO_SHORT}." for one in joints.values()])
+        lost = judged & np.array([not one[HELD] for one in joints.values()])
         width = float(np.clip(0.14 * len(names), 6.0, 12.0))
         figure, grid = new_figure(len(_SHOWN), 1, width, 1.7)
         for axes, metric in zip(grid[:, 0], _SHOWN, strict=True):
-            _draw(axes, metric, np.array([metric.factor * one[metric.name] for one in joints.values()]), held)
+            _draw(axes, metric, np.array([metric.factor * one[metric.name] for one in joints.values()]), lost)
         _name_joints(grid[-1, 0], names)
-        count = int((~held).sum())
-        verdict = "all are held" if not count else f"{count} not held, in red"
+        verdict = "all are held" if judged.all() else "the run is too short to judge them"
+        if lost.any():
+            verdict = f"{int(lost.sum())} not held, in red"
         figure.suptitle(f"All {len(names)} joints: {verdict}", fontsize=12, fontweight="bold")
         grid[0, 0].set_title(format_headline(result), fontsize=9, parse_math=False)
         return figure
 
 
-def _draw(axes: "Axes", metric: MetricDisplay, values: Vector, held: Any) -> None:
+def _draw(axes: "Axes", metric: MetricDisplay, values: Vector, lost: Any) -> None:
     """Draw the values that exist, those of joints that are not held in red."""
     places = np.arange(len(values))
-    for which, color in ((held, BLUE), (~held, RED)):
+    for which, color in ((~lost, BLUE), (lost, RED)):
         axes.plot(places[which], values[which], "o", color=color, markersize=4.0)
     known = values[np.isfinite(values) & (values > 0.0)]
     if len(known) and known.max() > _WIDE * known.min() and not (values <= 0.0).any():

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hdrm_fmu.base import base_corners
 from hdrm_fmu.kinematics import outline, tip
-from hdrm_fmu.optimisation.surroundings import base_corners
 from hdrm_fmu.parameters import HdrmParameters
 
 from ..base.arrays import Vector

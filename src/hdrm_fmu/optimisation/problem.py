@@ -10,12 +10,13 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
+from ..base import lowest_ground
 from ..dynamics import bias
 from ..parameters import HDRM, PAYLOAD, HdrmParameters, Three
 from ..spline import TrajectoryError
 from ..trajectory import JOINTS
 from .reaching import nearest_position, nearest_posture
-from .surroundings import GROUND_POINTS, body_approach, ground_approach, lowest_ground, postures
+from .surroundings import GROUND_POINTS, body_approach, ground_approach, postures
 
 
 class EndSpeed(StrEnum):

@@ -12,12 +12,9 @@ from typing import Any
 import casadi
 import numpy as np
 
+from ..base import base_corners
 from ..kinematics import posture
 from ..parameters import HdrmParameters
-from ..plane import Vector, scaled, unit
-
-_FOOT, _TOP = 0.3, 0.16
-"""Overhang of the base at its foot, and half of its width at O1, m."""
 
 GROUND_POINTS = {
     "O_2": "the elbow",
@@ -47,30 +44,10 @@ class Approach:
     time: float
 
 
-def lowest_ground(p: HdrmParameters) -> float:
-    """Return the height of the ground under the machine in m: under the lower of O1 and A1."""
-    return min(0.0, _fixed_pin(p)[1]) - _FOOT
-
-
-def base_corners(p: HdrmParameters) -> list[Vector]:
-    """Return points whose convex hull is the base: its foot, the lift actuator's fixed pin, its top at O1."""
-    x, y = _fixed_pin(p)
-    foot = min(0.0, y) - _FOOT
-    left, right = min(0.0, x) - _FOOT, max(0.0, x) + _FOOT
-    return [(left, foot), (right, foot), (x, y), (_TOP, _TOP), (-_TOP, _TOP)]
-
-
-def _fixed_pin(p: HdrmParameters) -> Vector:
-    return scaled(p.lift_a, unit(p.lift_delta))
-
-
 def heights(p: HdrmParameters) -> casadi.Function:
     """Return a function from strokes to the heights of GROUND_POINTS in m from O1."""
     q = casadi.SX.sym("q", 3)
-    at = posture(p, casadi.vertsplit(q))
-    return casadi.Function(
-        "heights", [q], [casadi.vertcat(*(getattr(at, name)[1] for name in GROUND_POINTS))]
-    )
+    return casadi.Function("heights", [q], [_points(p)(q)[1::2]])
 
 
 def postures(p: HdrmParameters, strokes: np.ndarray) -> dict[str, np.ndarray]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hdrm_fmu.base import TOP, foot_corners
 from hdrm_fmu.kinematics import outline
 from hdrm_fmu.parameters import PAYLOAD
 
@@ -36,7 +37,7 @@ def build_shapes(p: Any, q: Sequence[float], payload: float = PAYLOAD) -> dict[s
     _, A_1, B_1, _ = lines["lift_triangle"]
     _, A_2, B_2, _ = lines["tilt_triangle"]
     found = {
-        "base": _base(O_1, A_1),
+        "base": _around(_disc(O_1, TOP), _disc(A_1, 0.13), np.array(foot_corners(p))),
         "inner_boom": _bar(O_2, tip, *_INNER_BOOM),
         "lift_bracket": _bracket(O_1, O_2, B_1),
         "tilt_fixed_bracket": _bracket(O_1, O_2, A_2),
@@ -74,12 +75,6 @@ def _bracket(start: Vector, end: Vector, pin: Vector) -> Vector:
     axis = (end - start) / np.linalg.norm(end - start)
     foot = start + axis * ((pin - start) @ axis)
     return _around(np.array([foot - 0.22 * axis, foot + 0.22 * axis]), _disc(pin, 1.7 * _PIN))
-
-
-def _base(O_1: Vector, A_1: Vector) -> Vector:
-    """Return the base from the lift's pivot and fixed pin down to the ground."""
-    (left, foot), (right, _) = np.minimum(O_1, A_1) - 0.3, np.maximum(O_1, A_1) + 0.3
-    return _around(_disc(O_1, 0.16), _disc(A_1, 0.13), np.array([[left, foot], [right, foot]]))
 
 
 def _box(at: Vector, along: Vector, payload: float) -> Vector:
