@@ -1,10 +1,12 @@
 """modelDescription.xml of a block (FMI 2.0.4, section 2.2)."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .block import Block
+from .errors import BuildError
 from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
 from .units import QUANTITIES, SiUnit, parse_unit
@@ -12,6 +14,8 @@ from .variables import Access, Derivative, DiscreteState, Input, Output, Paramet
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
 """Fixed, because an FMU's bytes depend on its content alone; also the time of its zip entries."""
+
+_NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 LOG_CATEGORIES = {
     "logEvents": "What the instance does: initialized, terminated",
@@ -106,7 +110,15 @@ def model_description(
 
 
 def format_xml(root: Element) -> bytes:
-    """Return an indented document as UTF-8."""
+    """Return an indented document as UTF-8.
+
+    Raises:
+        BuildError: A text has a character that XML cannot hold.
+    """
+    for element in root.iter():
+        for name, text in element.items():
+            if _NOT_IN_XML.search(text):
+                raise BuildError(f"the {name} {text!r} has a character that XML cannot hold.")
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 

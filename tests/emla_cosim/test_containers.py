@@ -393,6 +393,14 @@ def test_steps_of_other_lengths_are_refused(fmu_folder: Path, tmp_path: Path) ->
         load("hdrm-coupled", fmu_folder, error_tolerance=1e-4).export(tmp_path / "no.fmu")
 
 
+def test_texts_that_xml_cannot_hold_are_refused(fmu_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text('system = "lift"\nstop_time = 0.02\ndescription = "a \\u0001 b"\n')
+    with pytest.raises(CommandError, match=r"the description 'a \\x01 b' has a character"):
+        load(file, fmu_folder).export(tmp_path / "no.fmu")
+    assert not (tmp_path / "no.fmu").exists()
+
+
 def test_a_file_of_the_users_stays(fmu_folder: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.fmu"
     mine.write_text("years of work")

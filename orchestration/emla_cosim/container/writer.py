@@ -96,7 +96,10 @@ def write_container(
     content["documentation/index.html"] = container_page(plan, name, description, variables, system).encode()
     listed = mains if all(x.source for x in plan.libraries) else []
     described = (plan, name, identifier, description)
-    anonymous = describe_container(*described, "", variables, listed)
+    try:
+        anonymous = describe_container(*described, "", variables, listed)
+    except BuildError as error:
+        raise CommandError(str(error)) from error
     guid = content_guid({**content, "modelDescription.xml": anonymous})
     content["modelDescription.xml"] = describe_container(*described, guid, variables, listed)
     content["sources/guid.h"] = f'#define MODEL_GUID "{guid}"\n'.encode()
