@@ -98,6 +98,7 @@ CONTINUED: list[tuple[list[str], tuple[str, str]]] = [
         ("0.011", "0.02"),
     ),
     (["--flavour", "python"], ("0.0055", "0.01")),
+    (["--output-interval", "1e-4"], ("0.3567", "0.5")),  # errors count from 0.3 s on
 ]
 
 

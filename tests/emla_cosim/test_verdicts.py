@@ -220,6 +220,21 @@ def test_who_wanders_slowly_through_the_window_is_not_held(omega: float) -> None
     assert found["excursions"]["count"] == len(crossings)
 
 
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5),
+    again=st.booleans(),
+)
+def test_means_do_not_depend_on_where_a_run_was_interrupted(seed: int, sizes: list[int], again: bool) -> None:
+    """To the last bit, while the reference moves and while it rests."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, 1.0, 1e-3)
+    rows = rows_of(t, 1e-5 * random.normal(size=len(t)), v_d=0.1 * (np.sin(20.0 * t) > 0.3))
+    whole, parts = judged(rows), judged(rows, sizes, again=again)
+    for name in ("following_error_rms_m", "standstill_error_rms_m"):
+        assert whole[name] > 0.0 and parts[name] == whole[name]
+
+
 def test_a_run_that_ends_early_holds_nothing() -> None:
     metrics = JointMetrics(NAMES)
     t = np.arange(0.0, 2.0, 1e-3)

@@ -74,16 +74,15 @@ class Tracking:
         for place, chosen in enumerate((moving, ~moving)):
             row = FOLLOWING + place
             if chosen.all():  # so in most blocks of rows
-                most = highest[0]
-                self._squares[place, joints] += squares @ steps
-                self._durations[place, joints] += steps.sum()
+                most, terms, durations = highest[0], squares * steps, steps[np.newaxis]
             elif chosen.any():
                 most = np.where(chosen, error, -np.inf).max(axis=1)
                 most[most == -np.inf] = np.nan
-                self._squares[place, joints] += np.where(chosen, squares, 0.0) @ steps
-                self._durations[place, joints] += chosen @ steps
+                terms, durations = np.where(chosen, squares, 0.0) * steps, chosen * steps
             else:
                 continue
+            self._squares[place, joints] = _sum_in_order(self._squares[place, joints], terms)
+            self._durations[place, joints] = _sum_in_order(self._durations[place, joints], durations)
             self.largest[row, joints] = np.fmax(self.largest[row, joints], most)
         self.counts[0, joints] += len(time)
         self.counts[1, joints] += count_true_per_row(limited)
@@ -110,6 +109,16 @@ class Tracking:
         for name in _STATE:
             values = getattr(self, name)
             values[...] = read_stored_array(memory[name], values.shape)
+
+
+def _sum_in_order(start: Vector, terms: Vector) -> Vector:
+    """Return `start` plus the sum of each row of `terms`, added one by one.
+
+    Other sums depend in the last bit on where blocks of rows end, and so on where a run was interrupted.
+    """
+    joined = np.empty((len(start), 1 + terms.shape[1]))
+    joined[:, 0], joined[:, 1:] = start, terms
+    return np.add.accumulate(joined, axis=1)[:, -1]
 
 
 _STATE = ("largest", "_squares", "_durations", "excursions", "_was_outside", "_farthest", "counts")

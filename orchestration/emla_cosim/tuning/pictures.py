@@ -54,7 +54,7 @@ def _cases(axes: "Axes", result: TuneData) -> None:
             everything += values
     _use_log_scale(axes, np.array(everything))
     axes.set_xticks(range(len(cases)), cases, rotation=30, ha="right", parse_math=False)
-    axes.set_xlim(-0.5, len(cases) - 0.5)
+    axes.set_xlim(-0.5, max(len(cases), 1) - 0.5)
     tidy_axes(axes, labels)
     axes.margins(x=0.1)
 
