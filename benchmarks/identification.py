@@ -146,7 +146,8 @@ class LocalPredictor(Predictor):
 
     def _predict(self, point: np.ndarray, group: int) -> Prediction:
         try:
-            run = self.simulations[group].run(signals=self.signals, **self.parameters.options(point))
+            start_values = self.parameters.start_values(point, group)
+            run = self.simulations[group].run(signals=self.signals, set=start_values)
         except CosimError as error:
             return self._judge(FAILED, str(error), None, group)
         return self._judge(DONE, None, {"time": run.time, **{s: run[s] for s in self.signals}}, group)

@@ -42,13 +42,19 @@ class IdentificationFolder(Folder):
         self,
         result: IdentificationResult,
         record: Mapping[str, Any],
-        scenario: Mapping[str, Any] | None,
+        scenario: Mapping[str, Any],
     ) -> None:
-        """Write all files. Raises RunError."""
+        """Write all files. Raises RunError.
+
+        Args:
+            result: The result.
+            record: The record.
+            scenario: Content of the scenario with the estimates, without its description.
+        """
         with report_write_errors(self.path):
             if result.estimates:
                 described = f"Estimates of the identification {result.name}"
-                self.write(SCENARIO, format_scenario(described, scenario, result.set).encode())
+                self.write(SCENARIO, format_scenario(described, scenario, {}).encode())
                 self.write(SAMPLES, result.samples.write_csv().encode())
                 self.write(HISTORY, result.history.write_csv().encode())
             self.write_json(RECORD, to_plain(record))

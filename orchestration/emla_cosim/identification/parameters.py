@@ -17,7 +17,9 @@ from ..sweeps.kinds.continuous import Uniform
 from ..sweeps.targets import SHEET, START, merge_options
 from ..sweeps.with_units import convert_units
 from ..sweeps.worker_payload import Preparation
+from ..system.model import Value
 from .plan import IdentificationPlan
+from .sheet_entries import SheetEntries
 
 DELAY = "delay"
 """Kind of the parameter of a sensor that is late."""
@@ -78,9 +80,15 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Parameters:
-    """All unknown parameters."""
+    """All unknown parameters.
+
+    Attributes:
+        items: the parameters.
+        entries: the start values that follow from entries of data sheets, if one is unknown.
+    """
 
     items: Sequence[Parameter]
+    entries: SheetEntries | None = None
 
     @property
     def names(self) -> list[str]:
@@ -97,11 +105,23 @@ class Parameters:
         return {one.name: one.value(float(x)) for one, x in zip(self.items, places, strict=True)}
 
     def options(self, places: Vector) -> dict[str, Any]:
-        """Return the options that set the parameters in a run."""
+        """Return the options that set the parameters when a scenario is loaded."""
         chosen = zip(self.items, places, strict=True)
         return merge_options(
             one.factor.options(one.value(float(x))) for one, x in chosen if one.factor is not None
         )
+
+    def start_values(self, places: Vector, experiment: int) -> dict[str, Value]:
+        """Return the start values in a run of an experiment, by full name.
+
+        Raises:
+            CommandError: A data sheet has errors with these values.
+        """
+        options = self.options(places)
+        found = dict[str, Value]()
+        if self.entries is not None:
+            found |= self.entries.start_values(experiment, options.get(SHEET, {}))
+        return found | options.get(START, {})
 
     def key(self, places: Vector) -> tuple[float, ...]:
         """Return what decides the result of a run; sensors do not."""
@@ -117,18 +137,19 @@ class Parameters:
 
 
 def resolve_parameters(
-    plan: IdentificationPlan, preparation: Preparation, measured: Mapping[str, SiUnit | None]
+    plan: IdentificationPlan, preparations: Sequence[Preparation], measured: Mapping[str, SiUnit | None]
 ) -> Parameters:
     """Return the unknown parameters of a plan in its system.
 
     Args:
         plan: The plan.
-        preparation: The prepared scenario.
+        preparations: The prepared experiments.
         measured: The units of the measured signals.
 
     Raises:
         CommandError: A name does not exist, or has no range.
     """
+    preparation = preparations[0]
     found = list[Parameter]()
     for name, given in plan.vary.items():
         label = f"'{name}' of {plan.where}"
@@ -143,7 +164,43 @@ def resolve_parameters(
             found.append(_parameter(factor, preparation, label))
     if twice := [one.name for one in found if [x.name for x in found].count(one.name) > 1]:
         raise CommandError(f"{plan.where} has the parameter '{twice[0]}' twice; remove one.", name=twice[0])
-    return Parameters(found)
+    if not any(_is_entry(one) for one in found):
+        return Parameters(found)
+    resolved = Parameters(found, SheetEntries(plan, preparations))
+    _check_entries(resolved, plan, len(preparations))
+    return resolved
+
+
+def _is_entry(one: Parameter) -> bool:
+    return one.factor is not None and any(t.kind == SHEET for t in one.factor.targets)
+
+
+def _check_entries(parameters: Parameters, plan: IdentificationPlan, experiments: int) -> None:
+    """Raise CommandError if entries change no start value, one that varies too, or have errors."""
+    varied = {
+        t.name for one in parameters.items if one.factor and not _is_entry(one) for t in one.factor.targets
+    }
+    entries = parameters.entries
+    assert entries is not None
+    for one in filter(_is_entry, parameters.items):
+        label, factor = f"'{one.name}' of {plan.where}", one.factor
+        assert factor is not None
+        for experiment in range(experiments):
+            changed, problem = set[str](), None
+            for value in (one.low, one.start, one.high):
+                try:
+                    changed |= set(entries.start_values(experiment, factor.options(value)[SHEET]))
+                except CommandError as error:
+                    problem = problem or error
+            if not changed and problem is not None:
+                raise problem
+            if not changed:
+                name = plan.experiments[experiment].name
+                raise CommandError(
+                    f"{label} changes no start value of the experiment '{name}'.", name=one.name
+                )
+            if both := sorted(changed & varied):
+                raise CommandError(f"{label} changes {both[0]}, which is estimated itself.", name=both[0])
 
 
 def _full_name(signal: str, preparation: Preparation) -> str:
@@ -153,11 +210,7 @@ def _full_name(signal: str, preparation: Preparation) -> str:
 
 def _parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
     if any(t.kind == SHEET for t in factor.targets):
-        raise CommandError(
-            f"{label} is an entry of a data sheet; estimate the start value of the plant that follows from "
-            "it, such as JOINT.plant.motor.J_m.",
-            name=factor.name,
-        )
+        return _with_start(factor.name, *_ends(factor.distribution, label), None, factor.unit, factor=factor)
     if wrong := [t.name for t in factor.targets if t.kind != START]:
         raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
     for target in factor.targets:

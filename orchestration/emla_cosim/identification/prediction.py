@@ -4,15 +4,18 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import polars
 
 from ..base.arrays import Vector
+from ..base.errors import CommandError
 from ..run.lost_values import tells_lost_values
 from ..sweeps.data import DONE, VARIANT
 from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.measures import Measures
+from ..sweeps.targets import START
 from ..sweeps.variants import Chunk, Variant
 from .measurement import MeasuredSignal
 from .parameters import Parameters
@@ -78,18 +81,20 @@ class Predictor:
 
     def _run(self, missing: Mapping[tuple[float, ...], Vector]) -> dict[tuple[float, ...], list[Prediction]]:
         count = len(self.experiments)
-        jobs = {
-            next(self._numbers): (key, group, self.parameters.options(point))
-            for group in range(count)
-            for key, point in missing.items()
-        }
+        found: dict[tuple[float, ...], list[Prediction]] = {key: [""] * count for key in missing}
+        jobs = dict[int, tuple[tuple[float, ...], int, dict[str, Any]]]()
+        for group, (key, point) in itertools.product(range(count), missing.items()):
+            try:
+                options = {START: self.parameters.start_values(point, group)}
+                jobs[next(self._numbers)] = key, group, options
+            except CommandError as error:  # entries of a data sheet that contradict each other
+                found[key][group] = self._fail(str(error))
         if not jobs:
-            return {}
+            return found
         work = [
             WorkPackage(group, [number for number, (_, of, _) in jobs.items() if of == group])
             for group in range(count)
         ]
-        found: dict[tuple[float, ...], list[Prediction]] = {key: [""] * count for key in missing}
         measures = Measures(signals=list(self.signals), read=list(self.signals))
 
         def keep(chunk: Chunk) -> None:
@@ -125,10 +130,14 @@ class Predictor:
             elif not all(np.isfinite(values).all() for values in data.values()):
                 reason = "it has values that are not finite"
         if reason:
-            self.failures[reason] = self.failures.get(reason, 0) + 1
-            return reason
+            return self._fail(reason)
         assert data is not None
         return data
+
+    def _fail(self, reason: str) -> str:
+        """Count a run without a result, and return the reason."""
+        self.failures[reason] = self.failures.get(reason, 0) + 1
+        return reason
 
 
 def _split_series(content: bytes) -> dict[int, dict[str, Vector]]:

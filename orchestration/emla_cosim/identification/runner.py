@@ -28,6 +28,7 @@ from ..sweeps.folder import hash_plain_data
 from ..sweeps.plan import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
+from ..sweeps.targets import merge_options
 from ..sweeps.worker_payload import Preparation, WorkerPayload
 from .certainty import Certainty, Estimate, judge
 from .design import Candidate, rank_experiments
@@ -220,7 +221,7 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
             if (left := len(whole.time) - len(part.time)) > 0:
                 notes.append(f"{format_count(left, 'sample')} of {whole.label} outside of the run: not used.")
         signals.append(inside)
-    parameters = resolve_parameters(plan, preparations[0], units)
+    parameters = resolve_parameters(plan, preparations, units)
     sigma = _read_sigma(given, units)
     if not plan.design:
         _check_counts(plan, signals, parameters)
@@ -444,7 +445,7 @@ class _Identification:
         result = IdentificationResult(
             plan.name,
             certainty.estimates,
-            self.task.parameters.options(point).get("set", {}),
+            self.task.parameters.start_values(point, 0),
             certainty.correlations,
             certainty.condition,
             fits,
@@ -459,15 +460,12 @@ class _Identification:
             notes,
             None if self.folder is None else self.folder.path,
         )
-        self._keep(result)
+        if self.folder is not None:
+            content = scenario_content(plan.scenario, plan.options) or {}
+            estimates = self.task.parameters.options(point)
+            self.folder.keep(result, _record(self.task, result), merge_options([content, estimates]))
+            self.folder.settle()
         return result
-
-    def _keep(self, result: IdentificationResult) -> None:
-        if self.folder is None:
-            return
-        content = scenario_content(self.task.plan.scenario, self.task.plan.options)
-        self.folder.keep(result, _record(self.task, result), content)
-        self.folder.settle()
 
     def _fits(self, problem: Problem, point: Vector) -> tuple[list[Fit], polars.DataFrame]:
         (predictions,) = problem.predictor.predict([point])
@@ -542,7 +540,7 @@ class _Identification:
             folder=None if self.folder is None else self.folder.path,
         )
         if self.folder is not None:
-            self.folder.keep(result, _record(self.task, result), None)
+            self.folder.keep(result, _record(self.task, result), {})
             self.folder.settle()
         return result
 

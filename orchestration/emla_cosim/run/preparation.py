@@ -46,7 +46,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
     looked_at = looked_at or options.kind
     interfaces = read_interfaces(fmus) if looked_at else {}
-    system = _apply_parameter_files(system, options.parameters, interfaces)
+    system = apply_parameter_files(system, options.parameters, interfaces)
     if tables:
         placed = wire_inputs(system, tables, interfaces, options.platform)
         system = placed.system
@@ -134,7 +134,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
 
-def _apply_parameter_files(
+def apply_parameter_files(
     system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
 ) -> System:
     """Return the system with the values of parameter files; later files override earlier ones."""

@@ -1,0 +1,66 @@
+"""Entries of data sheets as unknown parameters: the start values that follow from them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..fmu.interface import Interface
+from ..run.followers import following_values
+from ..run.preparation import apply_parameter_files
+from ..run.scenarios.scenario import Scenario
+from ..sweeps.targets import SHEET, merge_options
+from ..sweeps.worker_payload import Preparation
+from ..system.model import Value
+from ..system.start_values import resolve_start_values
+from .plan import IdentificationPlan
+
+_READ = ("input",)
+"""Options whose files are not read again for other entries: no start value follows from them."""
+
+
+@dataclass(frozen=True)
+class SheetEntries:
+    """The start values that follow from entries of data sheets, by experiment.
+
+    Attributes:
+        plan: the plan.
+        preparations: the prepared experiments.
+    """
+
+    plan: IdentificationPlan
+    preparations: Sequence[Preparation]
+
+    def start_values(self, experiment: int, entries: Mapping[str, Value]) -> dict[str, Value]:
+        """Return the start values of an experiment that entries change, by full name.
+
+        Values that the experiment sets itself stay, and those that follow from them.
+
+        Args:
+            experiment: Position of the experiment.
+            entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+
+        Raises:
+            CommandError: A data sheet with these entries has errors.
+        """
+        preparation = self.preparations[experiment]
+        assert preparation.scenario is not None
+        before = _all_start_values(preparation.scenario, preparation.interfaces)
+        plan = replace(self.plan, options=_without_data(self.plan.options))
+        own = _without_data(plan.experiments[experiment].options)
+        changed = plan.load_scenario(merge_options([own, {SHEET: entries}]))
+        after = _all_start_values(changed, preparation.interfaces)
+        return {name: value for name, value in after.items() if before.get(name) != value}
+
+
+def _without_data(options: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if name not in _READ}
+
+
+def _all_start_values(scenario: Scenario, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+    """Return the start values of a scenario with its options, by full name."""
+    options = scenario.options
+    system = apply_parameter_files(scenario.system, options.parameters, interfaces)
+    own: dict[str, Any] = {
+        f"{c.name}.{name}": x for c in system.components for name, x in c.parameters.items()
+    }
+    return own | resolve_start_values(system, interfaces, options.set) | following_values(system, options)

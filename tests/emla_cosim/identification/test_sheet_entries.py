@@ -1,0 +1,128 @@
+"""Entries of data sheets as unknown parameters: the start values that follow, wrong entries, the estimate."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError
+from emla_cosim.identification.plan import IdentificationPlan
+from emla_cosim.identification.sheet_entries import SheetEntries
+from emla_cosim.sweeps.worker_payload import Preparation
+from tests.support.clusters import shared_cluster
+
+ENTRY, LEAD = "prototype.screw.lead", "prototype.plant.screw.lead"
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster(2) as client:
+        yield client
+
+
+def prepared(options: dict[str, Any]) -> dict[str, Any]:
+    """All start values of a prepared scenario."""
+    system = Preparation.of(ec.load("prototype", **options)).system
+    return {f"{c.name}.{name}": value for c in system.components for name, value in c.parameters.items()}
+
+
+def test_an_entry_changes_the_start_values_that_loading_changes(fmu_folder: Path) -> None:
+    """Values that an experiment sets itself stay, and those that follow from these with `follow_models`."""
+    common: dict[str, Any] = {"fmus": fmu_folder}
+    own: list[dict[str, Any]] = [
+        {},
+        {"set": {LEAD: "15 mm"}},
+        {"set": {"prototype.plant.screw.le*": 0.015, "prototype.observer.model.A_eq": 19.0}},
+        {"set": {LEAD: 0.015}, "follow_models": True},
+    ]
+    experiments = [ec.Experiment(str(i), options=options) for i, options in enumerate(own)]
+    plan = IdentificationPlan("p", "prototype", {"x": "0:1"}, experiments, options=common)
+    entries = SheetEntries(plan, [Preparation.of(plan.load_scenario(options)) for options in own])
+    for value in ("9 mm", "0.018 m"):
+        for i, options in enumerate(own):
+            found = entries.start_values(i, {ENTRY: value})
+            before = prepared({**common, **options})
+            after = prepared({**common, **options, "sheet": {ENTRY: value}})
+            assert {**before, **found} == after
+            assert found and all(before[name] != x for name, x in found.items())
+            assert (LEAD in found) == (i == 0)
+
+
+def test_an_entry_is_estimated(fmu_folder: Path, cluster: Client, tmp_path: Path) -> None:
+    common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
+    true = {"sheet": {ENTRY: "15.2 mm"}, "set": {"prototype.plant.friction.F_C": 300.0}}
+    run = ec.load("prototype", **common, **true).prepare().run()
+    name = f"actuator.{ENTRY}"
+    x, i_q = "prototype.plant.x_L", "prototype.plant.i_q"
+    found = ec.identify(
+        "prototype",
+        {name: "14 mm:18.1 mm", "prototype.plant.friction.F_C": "1:2000"},
+        measured=[ec.Input(data={"time": run.time, x: run[x], i_q: run[i_q]}, signals={x: x, i_q: i_q})],
+        sigma={x: "1 um", i_q: "0.1 A"},
+        scheduler=cluster,
+        output=tmp_path / "found",
+        plots=False,
+        **common,
+    )
+    one = found[name]
+    assert one.unit == "mm" and one.value == pytest.approx(15.2, rel=1e-4) and one.error is not None
+    assert found.set[LEAD] == pytest.approx(0.0152, rel=1e-4) and len(found.set) > 5
+    again = ec.load(str(tmp_path / "found/identified.toml"), **common)
+    assert not set(again.options.set) - {"prototype.plant.friction.F_C"}
+    assert again.prepare().run()[x] == pytest.approx(run[x], abs=1e-7)
+
+
+def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, cluster: Client) -> None:
+    """The search starts in the middle of the range, with an efficiency above 1."""
+    common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
+    run = ec.load("prototype", **common, sheet={"prototype.gearbox.efficiency": 0.8}).prepare().run()
+    i_q, name = "prototype.plant.i_q", "actuator.prototype.gearbox.efficiency"
+    found = ec.identify(
+        "prototype",
+        {name: "0.5:1.9"},
+        measured=[ec.Input(data={"time": run.time, i_q: run[i_q]}, signals={i_q: i_q})],
+        sigma={i_q: "0.1 A"},
+        scheduler=cluster,
+        starts=4,
+        **common,
+    )
+    assert found[name].start == pytest.approx(1.2)
+    assert found[name].value == pytest.approx(0.8, rel=1e-3)
+    assert any("failed, most because: the actuator with changes cannot be used" in x for x in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        ({"actuator.prototype.screw.leed": "14 mm:18 mm"}, "has the unknown entry 'leed'; did you mean"),
+        ({"actuator.prototype.screw.lead": "14:18"}, "screw.lead is 14.0 without a unit; add one"),
+        ({"actuator.prototype.screw.lead": "14 mm:18 mm", LEAD: "0.01:0.02"}, f"changes {LEAD}, which is"),
+        ({"actuator.prototype.screw.lead": ["14 mm", "18 mm"]}, "needs a range LOW:HIGH"),
+        ({"actuator.prototype": "14:18"}, "cannot be estimated: prototype is not a start value"),
+    ],
+)
+def test_wrong_entries_are_told(vary: dict[str, Any], words: str, fmu_folder: Path) -> None:
+    data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
+    with pytest.raises(CommandError) as refused:
+        ec.identify(
+            "prototype",
+            vary,
+            measured=[ec.Input(data=data, signals={"prototype.plant.x_L": "x"})],
+            fmus=fmu_folder,
+        )
+    assert words in str(refused.value)
+
+
+def test_an_entry_that_an_experiment_overrides_is_told(fmu_folder: Path) -> None:
+    data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
+    kept = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
+    experiment = ec.Experiment(
+        "fixed", [ec.Input(data=data, signals={"prototype.plant.x_L": "x"})], {"set": kept}
+    )
+    with pytest.raises(CommandError, match="changes no start value of the experiment 'fixed'"):
+        ec.identify(
+            "prototype", {f"actuator.{ENTRY}": "14 mm:18 mm"}, experiments=[experiment], fmus=fmu_folder
+        )
