@@ -23,7 +23,7 @@ import numpy as np
 import emla_cosim as ec
 from emla_cosim.base.errors import CosimError
 from emla_cosim.identification import runner
-from emla_cosim.identification.prediction import Prediction, Predictor
+from emla_cosim.identification.prediction import Prediction, Predictor, Task
 from emla_cosim.run.simulation import Simulation
 from emla_cosim.sweeps.data import DONE, FAILED
 from emla_cosim.sweeps.worker_payload import PackedPreparation
@@ -134,15 +134,9 @@ class LocalPredictor(Predictor):
 
     simulations: list[Simulation]
 
-    def _run(
-        self, missing: Mapping[tuple[float, ...], np.ndarray]
-    ) -> dict[tuple[float, ...], list[Prediction]]:
-        found = {
-            key: [self._predict(point, i) for i in range(len(self.experiments))]
-            for key, point in missing.items()
-        }
-        self.runs += len(missing) * len(self.experiments)
-        return found
+    def _run(self, missing: Mapping[Task, np.ndarray]) -> dict[Task, Prediction]:
+        self.runs += len(missing)
+        return {task: self._predict(point, task[0]) for task, point in missing.items()}
 
     def _predict(self, point: np.ndarray, group: int) -> Prediction:
         try:

@@ -23,13 +23,16 @@ class KnownPredictor:
     failures: dict[str, int] = field(default_factory=dict)
     runs: int = 0
 
-    def predict(self, points: Sequence[np.ndarray]) -> list[list[Any]]:
-        found = [list(self.model(self.parameters.values(point))) for point in points]
+    def predict(
+        self, points: Sequence[np.ndarray], experiments: Sequence[int] | None = None
+    ) -> list[dict[int, Any]]:
+        asked = range(len(self.experiments)) if experiments is None else experiments
+        modelled = [self.model(self.parameters.values(point)) for point in points]
+        found = [{i: of[i] for i in asked} for of in modelled]
         self.runs += len(points)
-        for one in found:
-            for data in one:
-                if isinstance(data, str):
-                    self.failures[data] = self.failures.get(data, 0) + 1
+        for data in (data for one in found for data in one.values()):
+            if isinstance(data, str):
+                self.failures[data] = self.failures.get(data, 0) + 1
         return found
 
 

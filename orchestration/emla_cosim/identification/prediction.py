@@ -24,10 +24,13 @@ _BYTES = 8
 """Size of a value."""
 
 _KEPT = 64
-"""Most predictions that are kept for repeated values."""
+"""Most predictions of an experiment that are kept for repeated values."""
 
 Prediction = Mapping[str, Vector] | str
 """Signals of a run and `time`, or why it failed."""
+
+Task = tuple[int, tuple[float, ...]]
+"""Position of an experiment, and the values of the parameters that decide its result."""
 
 
 class InterruptedRunsError(Exception):
@@ -59,55 +62,59 @@ class Predictor:
     runs: int = 0
     failures: dict[str, int] = field(default_factory=dict)
     lost: str = ""
-    _kept: dict[tuple[float, ...], list[Prediction]] = field(default_factory=dict)
+    _kept: dict[Task, Prediction] = field(default_factory=dict)
     _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
 
-    def predict(self, points: Sequence[Vector]) -> list[list[Prediction]]:
-        """Return the prediction of each experiment at each point.
+    def predict(
+        self, points: Sequence[Vector], experiments: Sequence[int] | None = None
+    ) -> list[dict[int, Prediction]]:
+        """Return the prediction of experiments at each point.
 
         Args:
             points: places of the parameters, each of shape (p,).
+            experiments: positions of the experiments. Default: all.
 
         Raises:
             InterruptedRunsError: The user interrupted.
             RunError: The workers are lost.
         """
+        asked = range(len(self.experiments)) if experiments is None else experiments
         keys = [self.parameters.key(point) for point in points]
-        missing = {key: point for key, point in zip(keys, points, strict=True) if key not in self._kept}
+        tasks = {(i, key): point for i in asked for key, point in zip(keys, points, strict=True)}
+        missing = {task: point for task, point in tasks.items() if task not in self._kept}
         found = {**self._kept, **self._run(missing)}
         if missing:
-            self._kept = dict(list(found.items())[-_KEPT:])
-        return [found[key] for key in keys]
+            self._kept = dict(list(found.items())[-_KEPT * len(self.experiments) :])
+        return [{i: found[i, key] for i in asked} for key in keys]
 
-    def _run(self, missing: Mapping[tuple[float, ...], Vector]) -> dict[tuple[float, ...], list[Prediction]]:
-        count = len(self.experiments)
-        found: dict[tuple[float, ...], list[Prediction]] = {key: [""] * count for key in missing}
-        jobs = dict[int, tuple[tuple[float, ...], int, dict[str, Any]]]()
-        for group, (key, point) in itertools.product(range(count), missing.items()):
+    def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
+        found, jobs = dict[Task, Prediction](), dict[int, tuple[Task, dict[str, Any]]]()
+        for task, point in missing.items():
             try:
-                options = {START: self.parameters.start_values(point, group)}
-                jobs[next(self._numbers)] = key, group, options
+                options = {START: self.parameters.start_values(point, task[0])}
+                jobs[next(self._numbers)] = task, options
             except CommandError as error:  # entries of a data sheet that contradict each other
-                found[key][group] = self._fail(str(error))
+                found[task] = self._fail(str(error))
         if not jobs:
             return found
         work = [
-            WorkPackage(group, [number for number, (_, of, _) in jobs.items() if of == group])
-            for group in range(count)
+            WorkPackage(group, numbers)
+            for group in range(len(self.experiments))
+            if (numbers := [number for number, (task, _) in jobs.items() if task[0] == group])
         ]
         measures = Measures(signals=list(self.signals), read=list(self.signals))
 
         def keep(chunk: Chunk) -> None:
             series = {} if chunk.series is None else _split_series(chunk.series)
             for outcome in chunk.outcomes:
-                key, group, _ = jobs[outcome.number]
+                task, _ = jobs[outcome.number]
                 data = series.get(outcome.number)
                 if tells_lost_values(outcome.problem):
                     self.lost = self.lost or str(outcome.problem)
-                found[key][group] = self._judge(outcome.status, outcome.problem, data, group)
+                found[task] = self._judge(outcome.status, outcome.problem, data, task[0])
 
         def variant(number: int) -> Variant:
-            return Variant(number, jobs[number][2])
+            return Variant(number, jobs[number][1])
 
         size = _BYTES * (1 + len(self.signals)) * self.rows
         if not self.executor.run(work, variant, measures, size, keep, self.interrupted):

@@ -90,11 +90,12 @@ class Problem:
 
     def residuals(self, points: Sequence[Vector]) -> list[Vector | None]:
         """Return prediction minus measurement at each point in standard deviations; None if a run failed."""
-        return [
-            self._weigh(p, found) for p, found in zip(points, self.predictor.predict(points), strict=True)
-        ]
+        found = self.predictor.predict(points, self.fitted)
+        return [self._weigh(point, of) for point, of in zip(points, found, strict=True)]
 
-    def differences(self, point: Vector, predictions: Sequence[Prediction], i: int) -> Mapping[str, Vector]:
+    def differences(
+        self, point: Vector, predictions: Mapping[int, Prediction], i: int
+    ) -> Mapping[str, Vector]:
         """Return prediction minus measurement by signal, in its unit; empty if the run failed."""
         data = predictions[i]
         if isinstance(data, str):
@@ -235,7 +236,7 @@ class Problem:
             self.steps[i] = float(np.clip(aim / change, *_STEPS))
         return (values - other) / (at - bt)
 
-    def _weigh(self, point: Vector, predictions: Sequence[Prediction]) -> Vector | None:
+    def _weigh(self, point: Vector, predictions: Mapping[int, Prediction]) -> Vector | None:
         parts = list[Vector]()
         for i in self.fitted:
             differences = self.differences(point, predictions, i)

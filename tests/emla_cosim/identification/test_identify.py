@@ -134,6 +134,30 @@ def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(fmu: Pa
         assert not any("second" in note for note in found.notes)
 
 
+def test_held_out_experiments_run_once(fmu: Path, cluster: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    from emla_cosim.identification import prediction
+
+    ran, whole = list[int](), prediction.Predictor._run
+
+    def counted(self: prediction.Predictor, missing: Any) -> Any:
+        ran.extend(experiment for experiment, _ in missing)
+        return whole(self, missing)
+
+    monkeypatch.setattr(prediction.Predictor, "_run", counted)
+    x = data(noisy())
+    second = ec.Experiment("second", x["measured"], {"input": x["input"]}, held_out=True)
+    found = ec.identify(
+        str(fmu),
+        {"Cart.m": "0.2:10"},
+        experiments=[second],
+        sigma={"Cart.x": 1e-3},
+        scheduler=cluster,
+        **x,
+        **RUN,
+    )
+    assert ran.count(1) == 1 and ran.count(0) > 5 and found.runs == len(ran)
+
+
 def test_what_data_do_not_tell_is_said(fmu: Path, cluster: Client) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
     found = ec.identify(str(fmu), vary, scheduler=cluster, **data(noisy(c=0.0)), **RUN)
@@ -329,10 +353,10 @@ def test_an_interrupted_search_keeps_the_best_and_continues(
 
     x, place, whole = noisy(), tmp_path / "out", prediction.Predictor.predict
 
-    def limited(self: prediction.Predictor, points: Any) -> Any:
+    def limited(self: prediction.Predictor, *asked: Any) -> Any:
         if self.runs > 12:
             raise prediction.InterruptedRunsError
-        return whole(self, points)
+        return whole(self, *asked)
 
     monkeypatch.setattr(prediction.Predictor, "predict", limited)
     found = ec.identify(str(fmu), RANGES, scheduler=cluster, output=place, **data(x), **RUN)
