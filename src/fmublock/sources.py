@@ -188,9 +188,11 @@ def _import_statements(text: str) -> Sequence[tuple[int, str, tuple[str, ...]]]:
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield all nodes except those that only type checkers see."""
+    """Yield all statements except those that only type checkers see."""
     yield tree
     for child in ast.iter_child_nodes(tree):
+        if not isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+            continue
         if isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
             for other in child.orelse:
                 yield from _nodes(other)
