@@ -11,6 +11,7 @@ from .description import FmuFeatures, model_description
 from .documentation import docstring_page, html_page, icon, with_variables
 from .files import accept
 from .recipe import Documents, Producer
+from .related import related_files
 from .symbolic import SymbolicBlock
 from .terminals import terminals_and_icons
 
@@ -65,6 +66,7 @@ def draft(
         page = docstring_page(block, is_brief=not has_sources)
     files = {
         **content,
+        **related_files(documents.related),
         "documentation/index.html": html_page(with_variables(page, block), name).encode(),
         "model.png": picture,
         "terminalsAndIcons/icon.png": picture,

@@ -5,6 +5,7 @@ Nothing here imports CasADi, so that an FMU that is up to date costs little time
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,15 @@ from .variables import Parameter
 
 FLAVOURS = ("native", "python")
 """Native FMUs need nothing else to run. PythonFMU FMUs need a Python host and are readable inside."""
+
+LS_REF = "org.fmi-standard.fmi-ls-ref"
+"""Name of the layered standard that lists related files with their roles."""
+
+RELATED = f"extra/{LS_REF}"
+"""Folder of related files in an FMU."""
+
+RELATED_LIST = f"{RELATED}/fmi-ls-manifest.xml"
+"""File in an FMU that lists them."""
 
 _TOOLS = ("casadi", "fmpy", "latex2mathml", "markdown-it-py", "matplotlib", "mdit-py-plugins")
 _FLAVOUR_TOOLS = {"native": ("ziglang",), "python": ("pythonfmu",)}
@@ -39,16 +49,37 @@ class Producer:
 
 
 @dataclass(frozen=True)
+class RelatedFile:
+    """A related file of an FMU, with its role.
+
+    Args:
+        name: file name.
+        text: its content.
+        role: a role of FMI-LS-REF, such as `result`.
+        type: MIME type.
+        description: one line for users.
+    """
+
+    name: str
+    text: str
+    role: str
+    type: str
+    description: str
+
+
+@dataclass(frozen=True)
 class Documents:
     """Texts to include in an FMU.
 
     Args:
         readme: page in Markdown. Default: the docstring of the block. A table of the variables follows it.
         license: text of the license.
+        related: further files with their roles, such as reference results.
     """
 
     readme: str | None = None
     license: str | None = None
+    related: Sequence[RelatedFile] = ()
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import sys
 import zipfile
 from pathlib import Path
 from textwrap import dedent
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from fmpy.validation import validate_fmu
 from fmublock import Block, BuildError, Input, Output, Parameter, Producer, build, load_block
 from fmublock.__main__ import main
 from fmublock.errors import LoadError
+from fmublock.recipe import Documents, RelatedFile
 from tests.support.paths import ROOT
 
 DRIVE = """
@@ -269,3 +271,24 @@ def test_a_unit_that_the_fmi_does_not_know_is_named(folder: Path) -> None:
         BuildError, match="F of Drive has a wrong unit: 'kN' is not a product of coherent SI units"
     ):
         build(Drive, folder / "Drive.fmu")
+
+
+def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
+    text = "time,y\n0,1\n"
+    related = [RelatedFile("a&b_ref.csv", text, "result", "text/csv", 'A "result" of 1 < 2')]
+    other, place = load_block("mine.py:Other"), "extra/org.fmi-standard.fmi-ls-ref"
+    with zipfile.ZipFile(build(other, "with.fmu", documents=Documents(related=related))) as archive:
+        assert archive.read(f"{place}/a&b_ref.csv").decode() == text
+        root = ElementTree.fromstring(archive.read(f"{place}/fmi-ls-manifest.xml"))
+    space = "{http://fmi-standard.org/fmi-ls-manifest}"
+    assert root.tag == "fmiReferences" and root.get(f"{space}fmi-ls-name") == place.partition("/")[2]
+    assert [one.attrib for one in root] == [
+        {
+            "type": "text/csv",
+            "source": "a&b_ref.csv",
+            "role": "result",
+            "description": 'A "result" of 1 < 2',
+        }
+    ]
+    with zipfile.ZipFile(build(other, "without.fmu")) as archive:
+        assert not [name for name in archive.namelist() if name.startswith("extra")]

@@ -20,7 +20,7 @@ from fmublock.disclosure import Disclosure
 from fmublock.errors import BuildError, DisclosureError, LoadError
 from fmublock.files import accept
 from fmublock.platforms import TARGETS, host_platform
-from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
+from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.ownership import check_replaceable, refuse_others
@@ -216,6 +216,19 @@ def _lock_build(path: Path) -> Iterator[None]:
         yield
 
 
+_REFERENCES = {
+    "ref.csv": ("result", "text/csv", "Reference solution"),
+    "in.csv": ("testcase", "text/csv", "Inputs of the reference solution"),
+    "ref.opt": ("testcase", "text/plain", "Times of the reference solution"),
+    "ref.toml": (
+        "testcase",
+        "application/toml",
+        "Start values, tolerances and origin of the reference solution",
+    ),
+}
+"""Role, type and description of the reference files of a model, by the end of their names."""
+
+
 def _recipe(model: str | type[Block], flavour: str, disclosure: Disclosure | None = None) -> Recipe:
     """Return the recipe of a model. Raise CommandError if the disclosure does not fit it."""
     try:
@@ -237,8 +250,14 @@ def producer(license_name: str | None = None) -> Producer:
 
 
 def _documents(model: str) -> Documents:
-    readme = documents_root() / "fmus" / model / "README.md"
-    return Documents(readme=readme.read_text(encoding="utf-8"), license=license_text())
+    folder = documents_root() / "fmus" / model
+    related = [
+        RelatedFile(path.name, path.read_text(encoding="utf-8"), role, type_, f"{description} of {model}")
+        for kind, (role, type_, description) in _REFERENCES.items()
+        if (path := folder / f"{model}_{kind}").is_file()
+    ]
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    return Documents(readme=readme, license=license_text(), related=tuple(related))
 
 
 def license_text() -> str:

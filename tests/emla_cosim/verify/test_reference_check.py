@@ -1,6 +1,7 @@
 """FMUs held against reference files: ours, made ones, and files that are wrong in every way."""
 
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.verification.findings import Finding
-from emla_cosim.verification.references.reference_files import read_reference, reference_folder
+from emla_cosim.verification.references.reference_files import find_solution, read_reference
 from emla_cosim.verification.verdict import Verdict
 from tests.support.paths import ROOT
 
@@ -44,13 +45,87 @@ def test_the_file_beside_the_fmu_is_taken(plant: Path) -> None:
     assert ec.verify(plant, only="reference")[plant]["reference.agrees"].verdict == Verdict.PASSED
 
 
-def test_without_reference_files_there_is_nothing_to_hold_it_against(plant: Path, tmp_path: Path) -> None:
-    (tmp_path / "EmlaPlant_ref.csv").unlink()
-    found = ec.verify(plant, only="reference")[plant]["reference.agrees"]
+# ---- results inside the FMU ---------------------------------------------------------------------
+
+RELATED = "extra/org.fmi-standard.fmi-ls-ref"
+MANIFEST = f"{RELATED}/fmi-ls-manifest.xml"
+
+
+def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
+    """The plant's FMU in a folder of its own, with other texts of its related files; None removes one."""
+    names = {"manifest": MANIFEST} | {
+        kind: f"{RELATED}/EmlaPlant_{kind}.csv" for kind in ("ref", "in")
+    }  # fmt: skip
+    (folder / "alone").mkdir()
+    path = folder / "alone" / "Renamed.fmu"
+    with zipfile.ZipFile(plant) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            kind = next((kind for kind, of in names.items() if of == name), "")
+            text = changes.get(kind, source.read(name))
+            if text is not None:
+                target.writestr(name, text)
+    return path
+
+
+def own_result(fmu: Path) -> Finding:
+    return ec.verify(fmu, only="reference")[fmu]["reference.agrees"]
+
+
+def test_the_result_in_the_fmu_is_taken(plant: Path, tmp_path: Path) -> None:
+    found = own_result(alone(plant, tmp_path))
+    assert found.verdict == Verdict.PASSED and "i_q" in {c.signal for c in found.outcome.comparisons}
+
+
+def test_another_result_in_the_fmu_is_found(plant: Path, tmp_path: Path) -> None:
+    changed(tmp_path / "EmlaPlant_ref.csv", "i_q", 1.0)
+    found = own_result(alone(plant, tmp_path, ref=(tmp_path / "EmlaPlant_ref.csv").read_text()))
+    assert found.verdict == Verdict.FAILED and found.sentence.startswith("i_q left its tube")
+
+
+def test_files_beside_the_fmu_count_more_than_those_in_it(plant: Path, tmp_path: Path) -> None:
+    changed(tmp_path / "EmlaPlant_ref.csv", "i_q", 1.0)
+    assert own_result(plant).verdict == Verdict.FAILED
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"in": None}, "The result in the FMU has no file with its inputs."),
+        ({"ref": "time,i_q\n0,false\n1,true\n"}, "The result in the FMU is no reference: "),
+    ],
+)
+def test_a_result_that_cannot_be_compared_is_not_examined(
+    changes: dict[str, str | None], words: str, plant: Path, tmp_path: Path
+) -> None:
+    found = own_result(alone(plant, tmp_path, **changes))
+    assert found.verdict == Verdict.SKIPPED and found.sentence.startswith(words)
+    assert "The result in the FMU was not compared." in found.outcome.gaps
+
+
+@pytest.mark.parametrize(
+    "related",
+    [
+        '<Related type="text/csv" role="result" source="gone.csv"/>',
+        '<Related type="text/csv" role="result" source="../../../EmlaPlant_ref.csv"/>',
+        '<Related type="text/csv" role="result" source="https://example.com/EmlaPlant_ref.csv"/>',
+        '<Related type="text/csv" role="other" source="EmlaPlant_ref.csv"/>',
+        '<Related type="application/x-mat" role="result" source="EmlaPlant_ref.csv"/>',
+        "<Related/>",
+        "",
+    ],
+)
+def test_related_files_that_are_no_results_do_not_count(related: str, plant: Path, tmp_path: Path) -> None:
+    shutil.copy(plant.with_name("EmlaPlant_ref.csv"), tmp_path / "outside_ref.csv")
+    found = own_result(alone(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>"))
     assert (found.verdict, found.sentence) == (
         Verdict.SKIPPED,
-        "There is no EmlaPlant_ref.csv next to the FMU.",
+        "There is no Renamed_ref.csv next to the FMU, and no result in it.",
     )
+
+
+def test_a_list_of_related_files_that_is_no_xml_fails(plant: Path, tmp_path: Path) -> None:
+    found = own_result(alone(plant, tmp_path, manifest="<fmiReferences>"))
+    assert found.verdict == Verdict.FAILED and f"'{MANIFEST}' is not valid XML" in found.sentence
 
 
 def test_a_folder_that_was_named_and_has_none_is_a_warning(plant: Path, tmp_path: Path) -> None:
@@ -61,7 +136,7 @@ def test_a_folder_that_was_named_and_has_none_is_a_warning(plant: Path, tmp_path
 
 
 def test_a_drift_of_a_ten_thousandth_is_found_where_tubes_are_narrow(plant: Path, tmp_path: Path) -> None:
-    clean = read_reference(tmp_path, "EmlaPlant")
+    clean = read_reference(tmp_path / "EmlaPlant_ref.csv")
     time, i_q = clean.solution["time"], clean.solution["i_q"]
     drift = 1e-4 * np.ptp(i_q) * time / time[-1]
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", drift)
@@ -156,7 +231,7 @@ def test_without_options_times_are_those_of_the_rows(plant: Path, tmp_path: Path
 
 def test_names_with_commas_and_quotes_are_names(tmp_path: Path) -> None:
     (tmp_path / "M_ref.csv").write_text('"time","a[1,2]","say ""x"""\n0,1,2\n1,3,4\n', encoding="utf-8-sig")
-    found = read_reference(tmp_path, "M")
+    found = read_reference(tmp_path / "M_ref.csv")
     assert list(found.solution) == ["time", "a[1,2]", 'say "x"']
     assert (found.start, found.stop, found.step) == (0.0, 1.0, None)
 
@@ -164,9 +239,10 @@ def test_names_with_commas_and_quotes_are_names(tmp_path: Path) -> None:
 def test_a_folder_may_have_references_of_many(tmp_path: Path) -> None:
     (tmp_path / "M").mkdir()
     (tmp_path / "M" / "M_ref.csv").touch()
-    assert reference_folder(Path("/elsewhere/M.fmu"), tmp_path) == tmp_path / "M"
-    assert reference_folder(tmp_path / "M" / "python" / "M.fmu", None) == tmp_path / "M"
-    assert reference_folder(Path("/elsewhere/N.fmu"), tmp_path) is None
+    solution = tmp_path / "M" / "M_ref.csv"
+    assert find_solution(Path("/elsewhere/M.fmu"), tmp_path) == solution
+    assert find_solution(tmp_path / "M" / "python" / "M.fmu", None) == solution
+    assert find_solution(Path("/elsewhere/N.fmu"), tmp_path) is None
 
 
 def test_a_folder_that_is_not_there_is_a_wrong_command(plant: Path, tmp_path: Path) -> None:

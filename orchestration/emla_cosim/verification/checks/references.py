@@ -1,5 +1,7 @@
 """Compare results with references, and record references."""
 
+from pathlib import Path
+
 from ...base.errors import CommandError, find_machine_fault
 from ...recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
 from ...recorders.tubes.tolerance import find_tolerance
@@ -7,7 +9,7 @@ from ..check import check
 from ..messages import sentence
 from ..references.playback import run_reference
 from ..references.recording import record_reference as write_references
-from ..references.reference_files import ReferenceSolution, read_reference, reference_folder
+from ..references.reference_files import ReferenceSolution, find_solution, read_reference
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped
 
@@ -16,6 +18,8 @@ _RULES = Clause(
     "The rules have been tightened to allow automatic result comparison with specified epsilon bands.",
     "FMI Cross-Check Rules 4.1",
 )
+
+_UNREAD = "The result in the FMU was not compared."
 
 
 @check(
@@ -27,19 +31,33 @@ _RULES = Clause(
     time_factor=6.0,
 )
 def agrees(subject: Subject) -> CheckOutcome:
-    """Run the FMU along its reference files and check every column against its tube."""
-    folder = reference_folder(subject.path, subject.settings.reference)
-    name = subject.path.stem
-    if folder is None:
-        given = subject.settings.reference
-        if given is not None:
-            return blocked(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
-        return skipped(f"There is no {name}_ref.csv next to the FMU.")
+    """Run the FMU along its reference files and check every column against its tube.
+
+    They are those next to the FMU, or in the FMU as FMI-LS-REF lists them.
+    """
+    given, name = subject.settings.reference, subject.path.stem
     try:
-        reference = read_reference(folder, name)
-        return _judged(subject, reference)
+        solution = find_solution(subject.path, given, subject.folder)
+        if solution is None and given is not None:
+            return blocked(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
+        if solution is None:
+            return skipped(f"There is no {name}_ref.csv next to the FMU, and no result in it.")
+        if solution.is_relative_to(subject.folder.resolve()):
+            return _judge_related(subject, solution)
+        return _judged(subject, read_reference(solution))
     except CommandError as error:
         return failed(sentence(error), hint="Correct the reference files.")
+
+
+def _judge_related(subject: Subject, solution: Path) -> CheckOutcome:
+    """Judge by a result in the FMU. Others make it, and need not say with which inputs."""
+    try:
+        reference = read_reference(solution)
+    except CommandError as error:
+        return skipped(f"The result in the FMU is no reference: {sentence(error)}", gaps=(_UNREAD,))
+    if not reference.inputs and any(v.causality == "input" for v in subject.variables.values()):
+        return skipped("The result in the FMU has no file with its inputs.", gaps=(_UNREAD,))
+    return _judged(subject, reference)
 
 
 def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:

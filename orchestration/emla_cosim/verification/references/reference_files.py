@@ -18,9 +18,13 @@ from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.tubes.tolerance import Tolerance, parse_tolerances
+from .related_result import find_related_result
 
 _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
+
+_SOLUTION = "_ref.csv"
+"""End of the name of a solution."""
 
 _KEYS = ("made_by", "set", "tolerance")
 
@@ -54,31 +58,41 @@ class ReferenceSolution:
     made_by: str = ""
 
 
-def reference_folder(fmu: Path, given: Path | None) -> Path | None:
-    """Return the folder with the references of an FMU, or None.
+def find_solution(fmu: Path, given: Path | None, unpacked: Path | None = None) -> Path | None:
+    """Return the file with the reference solution of an FMU, or None.
 
-    Look in `given` and in its subfolder with the FMU's name; by default in the FMU's folder and its parent.
+    Args:
+        fmu: The FMU file.
+        given: Folder with references; they may be in a subfolder with the FMU's name. Default: the folder of
+            the FMU, the one above, then the FMU itself.
+        unpacked: Folder with the content of the FMU.
+
+    Raises:
+        CommandError: The FMU's list of related files cannot be read.
     """
     around = (fmu.parent, fmu.parent.parent) if given is None else (given, given / fmu.stem)
-    return next((f for f in around if solution_file(f, fmu.stem).is_file()), None)
+    name = f"{fmu.stem}{_SOLUTION}"
+    found = next((folder / name for folder in around if (folder / name).is_file()), None)
+    return (
+        find_related_result(unpacked) if found is None and given is None and unpacked is not None else found
+    )
 
 
-def solution_file(folder: Path, name: str) -> Path:
-    """Return the path of the solution."""
-    return folder / f"{name}_ref.csv"
+def read_reference(solution: Path) -> ReferenceSolution:
+    """Read a solution and the files that belong to it. Raise CommandError if they are invalid.
 
-
-def read_reference(folder: Path, name: str) -> ReferenceSolution:
-    """Read the reference files with this name. Raise CommandError if they are invalid."""
-    solution = read_columns(solution_file(folder, name), "the reference")
-    given = folder / f"{name}_in.csv"
-    options = _options(folder / f"{name}_ref.opt")
-    about = _about(folder / f"{name}_ref.toml")
-    time = solution["time"]
+    Files belong to a solution `NAME_ref.csv` by their names.
+    """
+    columns = read_columns(solution, "the reference")
+    name = solution.name.removesuffix(_SOLUTION)
+    given = solution.with_name(f"{name}_in.csv")
+    options = _options(solution.with_name(f"{name}_ref.opt"))
+    about = _about(solution.with_name(f"{name}_ref.toml"))
+    time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
-        folder=folder,
-        solution=solution,
+        folder=solution.parent,
+        solution=columns,
         inputs=read_columns(given, "the inputs") if given.is_file() else {},
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
