@@ -26,6 +26,12 @@ _BYTES = 8
 _KEPT = 64
 """Most predictions of an experiment that are kept for repeated values."""
 
+_MEMORY = 2**28
+"""Most bytes of predictions that are kept, and that one batch of runs returns."""
+
+_FEWEST = 8
+"""Fewest points of a batch, which keep the workers busy."""
+
 Prediction = Mapping[str, Vector] | str
 """Signals of a run and `time`, or why it failed."""
 
@@ -65,6 +71,16 @@ class Predictor:
     _kept: dict[Task, Prediction] = field(default_factory=dict)
     _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
 
+    @property
+    def _size(self) -> int:
+        """Return the bytes of a prediction."""
+        return _BYTES * (1 + len(self.signals)) * max(self.rows, 1)
+
+    def batches(self, points: Sequence[Vector], experiments: Sequence[int]) -> list[Sequence[Vector]]:
+        """Return points in batches whose predictions fit into memory together."""
+        most = max(_MEMORY // (self._size * max(len(experiments), 1)), _FEWEST)
+        return [points[i : i + most] for i in range(0, len(points), most)]
+
     def predict(
         self, points: Sequence[Vector], experiments: Sequence[int] | None = None
     ) -> list[dict[int, Prediction]]:
@@ -84,7 +100,8 @@ class Predictor:
         missing = {task: point for task, point in tasks.items() if task not in self._kept}
         found = {**self._kept, **self._run(missing)}
         if missing:
-            self._kept = dict(list(found.items())[-_KEPT * len(self.experiments) :])
+            kept = min(_KEPT * len(self.experiments), max(_MEMORY // self._size, 1))
+            self._kept = dict(list(found.items())[-kept:])
         return [{i: found[i, key] for i in asked} for key in keys]
 
     def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
@@ -116,8 +133,7 @@ class Predictor:
         def variant(number: int) -> Variant:
             return Variant(number, jobs[number][1])
 
-        size = _BYTES * (1 + len(self.signals)) * self.rows
-        if not self.executor.run(work, variant, measures, size, keep, self.interrupted):
+        if not self.executor.run(work, variant, measures, self._size, keep, self.interrupted):
             raise InterruptedRunsError
         self.runs += len(jobs)
         return found

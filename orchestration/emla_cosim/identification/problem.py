@@ -90,8 +90,11 @@ class Problem:
 
     def residuals(self, points: Sequence[Vector]) -> list[Vector | None]:
         """Return prediction minus measurement at each point in standard deviations; None if a run failed."""
-        found = self.predictor.predict(points, self.fitted)
-        return [self._weigh(point, of) for point, of in zip(points, found, strict=True)]
+        return [
+            self._weigh(point, found)
+            for batch in self.predictor.batches(points, self.fitted)
+            for point, found in zip(batch, self.predictor.predict(batch, self.fitted), strict=True)
+        ]
 
     def differences(
         self, point: Vector, predictions: Mapping[int, Prediction], i: int

@@ -158,6 +158,29 @@ def test_held_out_experiments_run_once(fmu: Path, cluster: Client, monkeypatch: 
     assert ran.count(1) == 1 and ran.count(0) > 5 and found.runs == len(ran)
 
 
+def test_batches_fit_into_memory_and_change_nothing(
+    fmu: Path, cluster: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run of 2001 rows and two columns has 32 kB; two batches of eight points are the smallest."""
+    from emla_cosim.identification import prediction
+
+    whole = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(noisy()), **RUN)
+    asked, predict = list[int](), prediction.Predictor.predict
+
+    def counted(self: prediction.Predictor, points: Any, *more: Any) -> Any:
+        asked.append(len(points))
+        found = predict(self, points, *more)
+        assert len(self._kept) <= 3
+        return found
+
+    monkeypatch.setattr(prediction.Predictor, "predict", counted)
+    monkeypatch.setattr(prediction, "_MEMORY", 10_000)
+    found = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(noisy()), **RUN)
+    assert max(asked) == 8 and len(asked) > 20
+    for name in RANGES:
+        assert found[name].value == whole[name].value and found[name].error == whole[name].error
+
+
 def test_what_data_do_not_tell_is_said(fmu: Path, cluster: Client) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
     found = ec.identify(str(fmu), vary, scheduler=cluster, **data(noisy(c=0.0)), **RUN)
