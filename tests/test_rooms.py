@@ -37,7 +37,7 @@ LATE = {
     ),
     "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
-    "run.scenarios.scenario": (ON_DEMAND, {"container.writer"}),
+    "run.scenarios.scenario": (ON_DEMAND, {"c_code.writer", "container.writer"}),
     "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),
     "recorders.signal_figures": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (

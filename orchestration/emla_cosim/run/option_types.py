@@ -72,6 +72,8 @@ class PrepareOptions(RunOptions, total=False):
     platform: Sequence[str]
     inputs: Sequence[str]
     outputs: Sequence[str]
+    components: Sequence[str]
+    precision: str
     integrate_together: bool
     isolate: Sequence[str] | bool
     lenient: bool

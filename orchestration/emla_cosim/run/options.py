@@ -210,9 +210,20 @@ class Options:
     )
     outputs: Sequence[str] = _exported(
         [],
-        help="Output of an exported FMU (repeatable; * matches any text). Default: position and reference of "
-        "each joint; without joints, all outputs.",
+        help="Output of an exported FMU or C file (repeatable; * matches any text). Default: position and "
+        "reference of each joint; without joints, all outputs; in C, those that drive other components.",
         metavar="COMPONENT.VARIABLE",
+    )
+    components: Sequence[str] = _exported(
+        [],
+        help="Component of an exported C file, such as controller or lift.controller (repeatable; * matches "
+        "any text).",
+        metavar="COMPONENT",
+    )
+    precision: str = _exported(
+        "double",
+        help="Type of the numbers in an exported C file.",
+        choices=lambda: ("double", "float"),
     )
     start_time: float | None = _stepping(
         help="Start time of the simulation. Default: the scenario's, or 0.",

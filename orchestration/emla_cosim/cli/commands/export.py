@@ -21,33 +21,48 @@ EXAMPLES = (
     "emla export study study.ssp",
     "emla export lift lift.ssp --set lift.plant.motor.R_s=0.2 --platform win64",
     "emla export lift lift.fmu --platform linux64 --platform win64 --outputs 'lift.plant.*'",
+    "emla export lift control.c --components controller --components observer --precision float",
 )
 """Examples in the help."""
 
-_OF_FMUS = (
-    "algorithm",
-    "extrapolation",
-    "step_multiples",
-    "order",
-    "coupling_tolerance",
-    "inputs",
-    "outputs",
-)
-"""Options that an SSP has no place for."""
+_STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance", "outputs")
+
+_NOT_IN = {
+    ".ssp": (*_STEPPED, "inputs", "components", "precision"),
+    ".fmu": ("components", "precision"),
+    ".c": ("inputs", "platform"),
+}
+"""Options that a kind of file has no place for."""
+
+_KINDS = {".fmu": "the FMU", ".c": "the C file"}
+"""What files are called by their ends; all others are packages."""
 
 
 def command(
     scenario: Annotated[str, typer.Argument(help=SOURCE)],
-    file: Annotated[Path, typer.Argument(help="SSP or FMU to write.", metavar="FILE.ssp|FILE.fmu")],
+    file: Annotated[
+        Path, typer.Argument(help="SSP, FMU or C file to write.", metavar="FILE.ssp|FILE.fmu|FILE.c")
+    ],
     given: dict[str, Any],
 ) -> None:
-    """Export a scenario as an SSP, or as one FMU that steps its components; see docs/containers.md."""
-    if file.suffix.lower() != ".fmu" and (others := [name for name in _OF_FMUS if name in given]):
+    """Export a scenario as an SSP or as one FMU, or components as plain C.
+
+    See docs/containers.md for an FMU, and docs/c-code.md for C.
+    """
+    kind = file.suffix.lower() if file.suffix.lower() in _KINDS else ".ssp"
+    if others := [name for name in _NOT_IN[kind] if name in given]:
         flag = list_options()[others[0]].flag
-        raise CommandError(f"an SSP cannot hold {flag}; leave it out, or export to a file that ends in .fmu.")
+        ends = [end for end, names in _NOT_IN.items() if others[0] not in names]
+        what = {".ssp": "an SSP", ".fmu": "an FMU", ".c": "a C file"}[kind]
+        raise CommandError(
+            f"{what} cannot hold {flag}; leave it out, or export to a file that ends in {' or '.join(ends)}."
+        )
     chosen = load(scenario, **given)
-    what = "the FMU" if file.suffix.lower() == ".fmu" else "the package"
-    check_output_files({file: what}, {Path(scenario): "the scenario"} | chosen.options.files_read())
+    files = {file: _KINDS.get(kind, "the package")}
+    if kind == ".c":
+        files[file.with_suffix(".h")] = "the header"
+    check_output_files(files, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
         chosen.export(file, progress)
-    show_file(file)
+    for one in files:
+        show_file(one)

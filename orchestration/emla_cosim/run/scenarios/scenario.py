@@ -127,12 +127,13 @@ class Scenario:
         progress: Progress | None = None,
         **options: Unpack[PrepareOptions],
     ) -> Path:
-        """Write the system and its FMUs as an SSP or as one FMU, with all changes that the options make.
+        """Write the system as an SSP, as one FMU, or components as plain C, with all changes by the options.
 
-        The FMU steps the components as a run of the scenario does; see docs/containers.md.
+        The FMU steps the components as a run of the scenario does; see docs/containers.md. A C file has a
+        header beside it; see docs/c-code.md.
 
         Args:
-            file: path, which ends in .ssp or .fmu.
+            file: path, which ends in .ssp, .fmu or .c.
             progress: receives the progress of building FMUs.
             **options: values by name. With `overwrite`, a file that emla did not write is replaced.
 
@@ -149,11 +150,15 @@ class Scenario:
             'lift.ssp'
         """
         chosen = limit_to_data_end(self.with_options(options).options)
-        as_fmu = Path(file).suffix.lower() == ".fmu"
-        if as_fmu:
+        kind = Path(file).suffix.lower()
+        if kind == ".fmu":
             from ...container.writer import check_container
 
             check_container(Path(file), chosen.overwrite)
+        elif kind == ".c":
+            from ...c_code.writer import check_code
+
+            check_code(Path(file), chosen.overwrite)
         else:
             check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
@@ -163,15 +168,34 @@ class Scenario:
             faults.merge(self.accepted)
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
-            if as_fmu:
+            if kind == ".fmu":
                 told.advance(1)  # compiling is another task
                 self._write_fmu(Path(file), system, fmus, chosen, told)
+            elif kind == ".c":
+                told.advance(1)
+                self._write_code(Path(file), system, fmus, chosen)
             else:
                 write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
                 told.advance(1)
         for remark in faults.remarks(self.unpacked):
             told.note(f"Note: {remark}")
         return Path(file)
+
+    def _write_code(self, file: Path, system: System, fmus: Mapping[str, Path], options: Options) -> None:
+        """Write components of the prepared system as plain C."""
+        from ...c_code.writer import write_code
+
+        write_code(
+            file,
+            system,
+            fmus,
+            options.components,
+            options.make_algorithm(),
+            run_times(options, self.name),
+            options.outputs,
+            options.precision,
+            options.overwrite,
+        )
 
     def _write_fmu(
         self, file: Path, system: System, fmus: Mapping[str, Path], options: Options, progress: Progress

@@ -1,0 +1,86 @@
+"""Write components of a system as plain C."""
+
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from ..base.errors import CommandError, RunError
+from ..base.files import write_atomically
+from ..base.ownership import check_replaceable, refuse_others
+from ..master.algorithms.algorithm import Algorithm
+from ..master.stepping.timing import CommunicationPoints
+from ..system.model import System
+from .plan import as_identifier, plan_code
+from .text import MARK, header_text, source_text
+
+
+def list_files(path: Path) -> tuple[Path, Path]:
+    """Return the source and its header.
+
+    Raises:
+        CommandError: The file's name is no name in C.
+    """
+    if as_identifier(path.stem) != path.stem or not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
+        raise CommandError(
+            f"'{path.name}' begins all names in C, so it needs letters, digits and _, such as control.c."
+        )
+    return path, path.with_suffix(".h")
+
+
+def check_code(path: Path, overwrite: bool = False) -> None:
+    """Check that the files may be written; see `check_replaceable`.
+
+    Raises:
+        CommandError: If one must not be written.
+    """
+    for file in list_files(path):
+        if file.parent.is_dir():  # otherwise it is created later
+            check_replaceable(file, "the C file", _is_ours, overwrite)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(MARK)) == MARK.encode()
+    except OSError:
+        return False
+
+
+def write_code(
+    path: Path,
+    system: System,
+    fmus: Mapping[str, Path],
+    components: Collection[str],
+    algorithm: Algorithm,
+    times: CommunicationPoints,
+    outputs: Collection[str],
+    precision: str,
+    overwrite: bool = False,
+) -> None:
+    """Write components as a C file and its header.
+
+    Args:
+        path: The C file.
+        system: The system, with its start values.
+        fmus: FMU file of every component.
+        components: Names or patterns of the components.
+        algorithm: The algorithm that steps the system.
+        times: Start, stop and step size.
+        outputs: Names or patterns of the outputs. Default: those that drive other components, else all.
+        precision: Type of all numbers, one of `PRECISIONS`.
+        overwrite: Whether to replace files that emla did not write.
+
+    Raises:
+        CommandError: The components cannot be plain C, or a file must not be replaced.
+        RunError: They cannot be initialized, or a file cannot be written.
+    """
+    source, header = list_files(path)
+    plan = plan_code(source.stem, system, fmus, components, algorithm, times, outputs)
+    texts = {header: header_text(plan, precision), source: source_text(plan, precision)}
+    check = refuse_others(_is_ours, overwrite)
+    for file, text in texts.items():
+        try:
+            with write_atomically(file, check) as stream:
+                stream.write(text.encode())
+        except OSError as error:
+            raise RunError(f"the C file '{file}' cannot be written: {error.strerror or error}.") from error
