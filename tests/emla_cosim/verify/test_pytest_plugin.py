@@ -135,8 +135,12 @@ def test_references_lie_where_the_option_says(pytester: pytest.Pytester, fmu_fol
     (pytester.path / "build").mkdir()
     (pytester.path / "kept" / "Reference.fmu").rename(pytester.path / "build" / "Reference.fmu")
     agrees = ["--fmu", "build/*.fmu", "-k", "reference.agrees", "-rA"]
-    run_here(pytester, *agrees).assert_outcomes(skipped=1)
+    run_here(pytester, *agrees).assert_outcomes(passed=1)  # with the reference in the FMU
     run_here(pytester, *agrees, "--fmu-reference", "kept").assert_outcomes(passed=1)
+    solution = pytester.path / "kept" / "Reference_ref.csv"
+    *rows, last = solution.read_text().splitlines()
+    solution.write_text("\n".join([*rows, f"{last.rpartition(',')[0]},9.0", ""]))
+    run_here(pytester, *agrees, "--fmu-reference", "kept").assert_outcomes(failed=1)
 
 
 def test_what_needs_a_failed_check_is_skipped_with_the_reason(pytester: pytest.Pytester) -> None:
