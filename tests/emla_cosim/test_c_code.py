@@ -18,6 +18,7 @@ from typer.testing import CliRunner, Result
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import app
+from fmublock import Block, DiscreteState, Input, Output, Parameter, State, sin, where
 
 COMPILER = [
     sys.executable,
@@ -219,6 +220,70 @@ def test_double_gives_the_bits_of_the_fmus(
     again = [getattr(code.outputs, field) for field, _ in type(code.outputs)._fields_]
     code.step()
     assert np.isfinite(again).all()
+
+
+def pid(gain: float) -> type[Block]:
+    """A block class; all have one name."""
+
+    class Pid(Block):
+        """A controller with both kinds of states, a Boolean, a whole number and an array."""
+
+        r = Input()
+        y = Input()
+        auto = Input(True)
+        k = Parameter([3.0, 1.0], shape=2, name="gain.k", minimum=0.0)
+        s_0 = Parameter(0.5)
+        n = Parameter(2)
+        i = DiscreteState(0.0)
+        s = State(s_0)
+        u = Output()
+        count = Output(0)
+
+        def derivatives(self, v: Any) -> dict[str, Any]:
+            return {"s": v.r - v.y - 0.1 * v.s}
+
+        def update(self, v: Any) -> dict[str, Any]:
+            return {"i": where(v.auto, v.i + gain * sin(v.time) + 0.01 * (v.r - v.y), v.i)}
+
+        def outputs(self, v: Any) -> dict[str, Any]:
+            return {"u": v.k[0] * v.i + v.k[1] * v.s, "count": where(v.s > 0.6, v.n, 0)}
+
+    return Pid
+
+
+def test_own_blocks_give_the_bits_of_a_run(tmp_path: Path) -> None:
+    """Two components of one block, and one of another block with the same name."""
+    first, second = pid(0.1), pid(0.2)
+    components = [
+        ec.Component("a", model=first),
+        ec.Component("b", model=first, parameters={"gain.k[2]": 0.25, "s_0": 0.75, "n": 7}),
+        ec.Component("a_b", model=second),
+    ]
+    links = [
+        ec.Connection("a", "u", "b", "r"),
+        ec.Connection("b", "u", "a_b", "y"),
+        ec.Connection("a_b", "u", "a", "y"),
+    ]
+    for algorithm in ("gauss-seidel", "jacobi"):
+        scenario = ec.load(
+            ec.System(components, links),
+            step_size=0.01,
+            stop_time=1.0,
+            algorithm=algorithm,
+            set={"a.r": 1.5, "a_b.auto": False},
+        )
+        source = tmp_path / f"{algorithm.partition('-')[0]}.c"
+        scenario.export(source, components=["*"], outputs=["*"])
+        code, run = Code(source), scenario.prepare().run()
+        assert code.start() is None
+        fields = {signal: code.field(signal) for signal in ("a.u", "b.u", "a_b.u", "b.count", "a_b.count")}
+        for k in range(101):
+            for signal, field in fields.items():
+                assert getattr(code.outputs, field) == run[signal][k], (algorithm, signal, k)
+            assert code.step()
+        assert (run["b.count"] == 7).all() and all(
+            np.ptp(run[f"{name}.u"]) > 0.0 for name in ("a", "b", "a_b")
+        )
 
 
 def test_float_is_near_double(fmu_folder: Path, tmp_path: Path) -> None:

@@ -99,11 +99,25 @@ def source_text(plan: CodePlan, precision: str) -> str:
     for block in plan.symbols:
         helpers, own = _block_text(plan, block)
         functions.append(own)
-    numeric = "\n".join([helpers, *functions])
+    numeric = "\n".join([*_used(helpers, functions), *functions])
     if precision == FLOAT:
         _check_float(plan, numeric)
     lines += [_typed(numeric, precision), *_exchange(plan, precision), *_calls(plan, precision)]
     return "\n".join(lines)
+
+
+def _used(helpers: str, functions: Sequence[str]) -> list[str]:
+    """Return the lines of the common functions that are called."""
+    text, lines = "\n".join(functions), helpers.splitlines()
+    called = [x for x in lines if (own := re.match(r"static inline \w+ (\w+)\(", x)) and f"{own[1]}(" in text]
+    return [*lines[:1], *called, ""] if called else []
+
+
+def _prefix(plan: CodePlan, block: type[Block]) -> str:
+    """Return what begins the names of a block's functions; blocks of several files may have one name."""
+    same = [other for other in plan.symbols if other.__name__ == block.__name__]
+    number = same.index(block)
+    return f"{block.__name__}{number + 1}_" if number else f"{block.__name__}_"
 
 
 def _struct(name: str, real: str, variables: Sequence[CodeVariable]) -> list[str]:
@@ -132,7 +146,7 @@ def _block_text(plan: CodePlan, block: type[Block]) -> tuple[str, str]:
     parts = re.split(r"(?m)^(?=static void )", text)
     constants = {n: int(x) for n, x in re.findall(r"#define (N_\w+) (\d+)", parts[0])}
     helpers = parts[0].split("\n\n", 1)[1]
-    prefix = f"{block.__name__}_"
+    prefix = _prefix(plan, block)
     kept = [
         re.sub(r"^static void ", f"static void {prefix}", part)
         for part in parts[1:]
@@ -289,7 +303,7 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
                 lines.append(f"    m->{field}[{r}] = m->{field}[{layout.start_reference(r)}];")
             if isinstance(layout.scalars[r].variable, StartTime):
                 lines.append(f"    m->{field}[{r}] = time;")
-        lines.append(f"    {block.__name__}_fixed_values(m->{field}, m->{field}_fixed);")
+        lines.append(f"    {_prefix(plan, block)}fixed_values(m->{field}, m->{field}_fixed);")
     for field, block in parts:
         lines += _conditions(plan, field, block)
     lines.append("    pass_inputs(m, inputs);")
@@ -297,7 +311,7 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
     for s in range(len(plan.system.network.signals)):
         lines.append(f"    m->signals[{s}] = {_literal(assumed.get(s, 0.0), precision)};")
     for i in [*find_initial_order(plan.system), *range(len(parts))]:
-        lines += [f"    set_{parts[i][0]}(m);", *_outputs_call(parts[i])]
+        lines += [f"    set_{parts[i][0]}(m);", *_outputs_call(plan, *parts[i])]
     lines += [f"    get_{field}(m);" for field, _ in parts]
     lines += [f"    set_{parts[i][0]}(m);" for i in plan.system.network.order]
     lines += [
@@ -318,7 +332,7 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
     for operation in plan.system.operations:
         field, block = parts[operation.instance]
         if operation.call == Call.STEP:
-            lines.append(f"    {block.__name__}_advance(m->{field}, m->{field}_fixed, time, step, end);")
+            lines.append(f"    {_prefix(plan, block)}advance(m->{field}, m->{field}_fixed, time, step, end);")
         else:
             lines.append(f"    {'set' if operation.call == Call.SET else 'get'}_{field}(m);")
     lines += ["    pass_outputs(m, outputs);", "    return is_finite(m);", "}", ""]
@@ -332,14 +346,13 @@ def _evolving(block: type[Block]) -> tuple[int, int] | None:
     return (first, len(layout.scalars)) if first < len(layout.scalars) else None
 
 
-def _outputs_call(part: tuple[str, type[Block]]) -> list[str]:
-    field, block = part
+def _outputs_call(plan: CodePlan, field: str, block: type[Block]) -> list[str]:
     layout = block().layout()
     outputs = layout.references(layout.outputs)
     if not len(outputs):
         return []
     return [
-        f"    {block.__name__}_outputs(time, m->{field}, m->{field}_fixed, m->{field} + {outputs[0]});",
+        f"    {_prefix(plan, block)}outputs(time, m->{field}, m->{field}_fixed, m->{field} + {outputs[0]});",
         f"    get_{field}(m);",
     ]
 
@@ -351,7 +364,7 @@ def _conditions(plan: CodePlan, field: str, block: type[Block]) -> list[str]:
     lines = [
         "    {",
         f"        real holds[{len(demands)}];",
-        f"        {block.__name__}_conditions(time, m->{field}, m->{field}_fixed, holds);",
+        f"        {_prefix(plan, block)}conditions(time, m->{field}, m->{field}_fixed, holds);",
     ]
     lines += [
         f"        if (holds[{i}] == 0) return {_text(f'{field}: {message}')};"
