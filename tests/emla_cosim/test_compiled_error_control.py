@@ -142,6 +142,7 @@ class Shuffled(ErrorControl):
         for flags in (self._instant, self._unread, self._beside, self._looked_at):
             flags[:] = random.random(len(flags)) < 0.3
         self._looked_at[:] = random.random(len(self._looked_at)) < 0.8
+        self._jumped[:] = random.random(len(self._jumped)) < 0.5
         self._per_unit = bool(random.random() < 0.5)
         if self._kernel is not None:
             self._kernel.use(self._controlled())
@@ -163,7 +164,7 @@ class Shuffled(ErrorControl):
 
 
 SHUFFLED = [
-    (0, {"jump", "beside", "bend", "crawl"}, False),
+    (0, {"jump", "beside", "bend"}, False),
     (1, {"jump", "beside", "bend"}, True),  # no step is short enough in the end
     (2, {"jump", "beside", "bend", "crawl"}, False),
 ]
