@@ -185,6 +185,47 @@ def test_rows_that_wait_behind_those_passed_on_are_kept(
     assert np.allclose(table(tmp_path)["time"], 1e-4 * np.arange(5500))
 
 
+@pytest.mark.parametrize("at", [0.54995, 1.04995])
+def test_rows_that_wait_for_a_slow_disk_are_kept(at: float, package: Path, tmp_path: Path) -> None:
+    """The thread that stores them has stored none, or a part, when the process ends."""
+    slow = (
+        "import os, time, emla_cosim.recorders.csv_file as c, emla_cosim.cli.program as p\n"
+        "whole = c.CsvFile.store\n"
+        "def store(file, rows):\n"
+        "    if len(rows) > 1000 and not os.path.exists('slow'):  # the process that saves the rest is fast\n"
+        "        whole(file, rows[:500])\n"
+        "        open('slow', 'w').close()\n"
+        "        time.sleep(3.0)\n"
+        "        whole(file, rows[500:])\n"
+        "    else:\n"
+        "        whole(file, rows)\n"
+        "c.CsvFile.store = store\n"
+        "p.main()"
+    )
+    small = (
+        "--step-size",
+        "1e-4",
+        "--output-interval",
+        "1e-4",
+        "--set",
+        f"j.bad.at={at}",
+        "--stop-time",
+        "2",
+    )
+    (tmp_path / "temporary").mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-c", slow, *of_the_line(package, Fault.SEGFAULT)[:-2], *small,
+         *of_the_line(package, Fault.SEGFAULT)[-2:]],
+        cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
+    )  # fmt: skip
+    failed(process, tmp_path)
+    assert (tmp_path / "slow").exists()
+    rows = table(tmp_path)
+    assert np.allclose(rows["time"], 1e-4 * np.arange(round(at * 1e4 + 0.5)))
+    assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == len(rows) - 1
+
+
 def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_path: Path) -> None:
     sentence = failed(running(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
     assert "before its first step: j.bad ended the process in exitInitializationMode (SIGSEGV)" in sentence

@@ -501,6 +501,7 @@ def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
         file.write(rows[:2])
         with pytest.raises(OSError, match="File too large"):
             file.write(rows[2:])
+            file.memory()  # waits until the rows are on the disk
         file.end()
     found = polars.read_csv(path).to_numpy()
     assert path.read_bytes().endswith(b"\n")

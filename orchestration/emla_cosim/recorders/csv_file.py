@@ -3,7 +3,7 @@
 import contextlib
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO, StringIO
 from itertools import islice
 from pathlib import Path
@@ -69,19 +69,22 @@ class CsvFile(FileTable):
         Raises:
             OSError: The file cannot be written, or was removed or replaced during the run.
         """
+        in_place = False
         try:
             super().end()
-            if not self._in_place():
-                raise OSError(0, "it was removed or replaced while the run wrote to it")
         finally:
+            in_place = self._in_place()
             self._stream.close()
-        self.settle()
+            if in_place:
+                self.settle()
+        if not in_place:
+            raise OSError(0, "it was removed or replaced while the run wrote to it")
 
-    def memory(self) -> Any:
-        """Return the number of rows so far, the length of the file in bytes, and its last line."""
-        return {**super().memory(), "bytes": self._length, "line": self._line}
+    def progress(self) -> Mapping[str, Any]:
+        """Return the length of the file in bytes, and its last line."""
+        return {"bytes": self._length, "line": self._line}
 
-    def append(self, rows: Vector) -> None:
+    def store(self, rows: Vector) -> None:
         """Write these rows. Raises OSError."""
         text = BytesIO()
         frame = typed_frame(rows, self.names, self.types, self.texts)
@@ -102,6 +105,7 @@ class CsvFile(FileTable):
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the file does not have; see `Table.read`."""
+        self.drain()
         return read_csv(self.path, names, most)
 
     def _in_place(self) -> bool:

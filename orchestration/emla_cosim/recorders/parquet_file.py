@@ -43,7 +43,7 @@ class ParquetFile(FileTable):
         (11,)
     """
 
-    quick_memory = False  # it writes a part
+    quick_memory = False  # it waits for all rows and writes a part
 
     def __init__(self, path: str | Path, overwrite: bool = False) -> None:
         super().__init__(path, overwrite)
@@ -73,7 +73,10 @@ class ParquetFile(FileTable):
         if earlier is not None:
             self._hold(earlier)
 
-    def append(self, rows: Vector) -> None:
+    def share_memory(self) -> None:
+        """Keep nothing: rows are kept by `memory`, which writes a part."""
+
+    def store(self, rows: Vector) -> None:
         """Keep these rows in memory, and write a part when there are many."""
         self._hold(typed_frame(rows.copy(), self.names, self.types, self.texts))
 
@@ -91,6 +94,7 @@ class ParquetFile(FileTable):
 
     def memory(self) -> Any:
         """Write the kept rows to disk, and return the numbers of all rows and of kept rows."""
+        self.drain()
         self._close_part()
         return {**super().memory(), "kept": self._rows}
 

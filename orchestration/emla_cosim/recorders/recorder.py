@@ -82,8 +82,8 @@ class Pause(Protocol):
         """Whether the last step is done."""
         ...
 
-    def memory(self) -> Mapping[str, Any]:
-        """Pass all rows to the recorders, and return their states by key."""
+    def memory(self, now: bool = False) -> Mapping[str, Any]:
+        """Pass all rows to the recorders, and return their states by key, `now` or when all are stored."""
         ...
 
 
@@ -135,6 +135,10 @@ class Recorder:
 
     def memory(self) -> Any:
         """Return plain data from which a recorder can continue, or None."""
+
+    def memory_now(self) -> Any:
+        """Return `memory` without waiting for threads, for a process that shares the memory of this one."""
+        return self.memory()
 
 
 class RecordingError(RunError):

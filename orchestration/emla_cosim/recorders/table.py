@@ -29,7 +29,7 @@ class Table(Recorder):
 
     key = "table"
     quick_memory = True
-    """Whether `memory` is fast."""
+    """Whether `memory_now` is fast."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a table with the columns of the outline."""
@@ -61,6 +61,12 @@ class Table(Recorder):
     def memory(self) -> Any:
         """Return the number of rows received."""
         return {"rows": self._seen}
+
+    def share_memory(self) -> None:
+        """Before `begin`: keep rows that wait where another process finds them. Only one table can do so."""
+
+    def recover(self, memory: Any) -> None:
+        """After `begin`, store the rows that another process left in shared memory; `memory` says which."""
 
     @abstractmethod
     def append(self, rows: Vector) -> None:

@@ -99,14 +99,14 @@ class Run:
             return None
         return self._profiler.report(self.wall_s, self.stepping.seconds_beside)
 
-    def memory(self) -> dict[str, Any]:
-        """Pass all rows to the recorders, and return their memories by key."""
+    def memory(self, now: bool = False) -> dict[str, Any]:
+        """Pass all rows to the recorders, and return their memories by key, those `now` if asked."""
         self._buffer.flush()
         found = {}
         for recorder in self._recorders:
             if recorder.key:
                 with recording(recorder):
-                    found[recorder.key] = recorder.memory()
+                    found[recorder.key] = recorder.memory_now() if now else recorder.memory()
         return found
 
     def begin(self, stop_time: float | None) -> None:

@@ -44,7 +44,7 @@ class Activity(ctypes.Structure):
     ended: int
 
 
-SIZE = 64 * 2**20
+SIZE = 80 * 2**20
 """Bytes of memory, enough for everything; the system provides only the pages that are used."""
 
 THREADS = 32
@@ -53,7 +53,7 @@ THREADS = 32
 RUN, MEMORY = 0, 1
 """The two messages: on the run, and the state of its recorders."""
 
-_MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
+_MESSAGES, _LONGEST, _ROWS, _TABLE = 2**12, 2**23 - 2**12, 2**24, 2**25
 _APART = _MESSAGES // THREADS
 
 LONGEST_NOTE = 2**12
@@ -131,9 +131,18 @@ def read_message(which: int = RUN) -> bytes:
 
 def reserve_rows(size: int) -> memoryview:
     """Return memory for `size` bytes of rows, shared if there is enough."""
-    fits = is_shared() and _ROWS + size <= len(_Box.memory)
+    fits = is_shared() and _ROWS + size <= min(_TABLE, len(_Box.memory))
     current_activity().room = size if fits else 0
     return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))
+
+
+def reserve_table(size: int) -> memoryview | None:
+    """Return shared memory for `size` bytes of rows that a table stores later; None if there is not enough.
+
+    All callers in a process get the same memory.
+    """
+    fits = is_shared() and _TABLE + size <= len(_Box.memory)
+    return memoryview(_Box.memory)[_TABLE : _TABLE + size] if fits else None
 
 
 class BlackBoxFile:

@@ -147,7 +147,7 @@ class CrashRecorder(Recorder):
     def _look(self) -> None:
         assert self._run is not None
         self._looked = time.monotonic()
-        self._memory = self._run.memory()
+        self._memory = self._run.memory(now=True)
         self._at = self._run.stepping.time
         self._write_memory(follows=True)
 
@@ -260,11 +260,13 @@ def _finish_result(
     """Return the result with all recorded rows. If they are `written`, the table has them already."""
     memory, follows, end = pickle.loads(black_box.read_message(black_box.MEMORY))
     table, metrics = output.table(), MetricsRecorder()
+    table.share_memory()
     metrics.begin(begun.outline, memory[metrics.key])
     count = memory[table.key]["rows"]
     if not written:
         with recording(table):
             table.begin(begun.outline, memory[table.key])
+            table.recover(memory[table.key])
         rows = RowBuffer(1 + len(begun.outline.names), [table, metrics], shown=begun.shown)
         if follows and (last := rows.recover()) is not None:
             end = last

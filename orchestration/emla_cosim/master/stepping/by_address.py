@@ -8,7 +8,20 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OBSERVED, OPERATION, PRESENT, TASK, TIMED
+from .record_layout import (
+    BLOCK,
+    CONTROL,
+    GROUP,
+    INPUT,
+    INSTANCE,
+    LANE,
+    LOOP,
+    OBSERVED,
+    OPERATION,
+    PRESENT,
+    TASK,
+    TIMED,
+)
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """Options of numba for all functions."""
@@ -45,17 +58,17 @@ def _numbers(kind: types.Type) -> Any:
     return numbers
 
 
-def _caller(*argument_types: types.Type) -> Any:
-    """Return a function that calls a C function by address, with these argument types and an int result."""
+def _caller(*argument_types: types.Type, result: types.Type = types.int32) -> Any:
+    """Return a function that calls a C function by address, with these types of arguments and result."""
 
     @intrinsic
     def call(typing_context: Any, address: Any, arguments: Any) -> Any:
-        signature = types.int32(types.intp, types.Tuple(argument_types))
+        signature = result(types.intp, types.Tuple(argument_types))
 
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             function, packed = values
             prototype = ir.FunctionType(
-                context.get_value_type(types.int32), [context.get_value_type(t) for t in argument_types]
+                context.get_value_type(result), [context.get_value_type(t) for t in argument_types]
             )
             given = [builder.extract_value(packed, i) for i in range(len(argument_types))]
             return builder.call(builder.inttoptr(function, prototype.as_pointer()), given)
@@ -126,7 +139,7 @@ _NOTHING = ir.FunctionType(ir.VoidType(), ())
 loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at, observed_at = (
     _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK, OBSERVED)
 )
-timed_at = _records(TIMED)
+timed_at, control_at, block_at = (_records(r) for r in (TIMED, CONTROL, BLOCK))
 doubles, positions, integers = _numbers(types.float64), _numbers(types.intp), _numbers(types.int32)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
@@ -136,4 +149,5 @@ give_way = _caller()
 read_clock = _caller(types.int32, types.intp)
 read_counter = _caller(types.intp)
 seconds = _caller(types.intp)
+power = _caller(types.float64, types.float64, result=types.float64)
 counted, count_to, lower, pause = _counter("acquire"), _count("release"), _lower(), _pause()

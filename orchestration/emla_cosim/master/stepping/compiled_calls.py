@@ -10,7 +10,7 @@ _NONE, _SET_REAL, _SET_DERIVATIVES = int(Failure.NONE), int(Failure.SET_REAL), i
 _DO_STEP, _GET_REAL = int(Failure.DO_STEP), int(Failure.GET_REAL)
 _GET_STATE, _SET_STATE = int(Failure.GET_STATE), int(Failure.SET_STATE)
 _OBSERVE = int(Failure.OBSERVE)
-_SETTING, _DERIVING, _STEPPING, _GETTING, _SAVING, _RESTORING = (
+_SETTING, _DERIVING, _STEPPING, _GETTING, SAVING, RESTORING = (
     CALLS.index(call)
     for call in (
         "setReal",
@@ -25,7 +25,7 @@ _OK, _WARNING = 0, 1
 
 
 @part
-def _is_bad(status):
+def is_bad(status):
     """Whether a status is worse than a warning, or not in the standard."""
     return status > _WARNING or status < _OK
 
@@ -76,7 +76,7 @@ def set_inputs(instance, present, time, length):
     _compute_inputs(instance, time, length)
     present.code = instance.code + _SETTING
     status = exchange(instance.set_real, (instance.component, references, count, instance.inputs))
-    if _is_bad(status):
+    if is_bad(status):
         return _SET_REAL, status
     if instance.mode == _LINE:
         orders, values = instance.derivative_orders, instance.derivatives
@@ -84,7 +84,7 @@ def set_inputs(instance, present, time, length):
         status = derive(
             instance.set_real_input_derivatives, (instance.component, references, count, orders, values)
         )
-        if _is_bad(status):
+        if is_bad(status):
             return _SET_DERIVATIVES, status
     return _NONE, _OK
 
@@ -94,7 +94,7 @@ def step(instance, present, time, length):
     """Do the step of an instance."""
     present.code, present.time = instance.code + _STEPPING, time
     status = do_step(instance.do_step, (instance.component, time, length, instance.no_way_back))
-    return _DO_STEP if _is_bad(status) else _NONE, status
+    return _DO_STEP if is_bad(status) else _NONE, status
 
 
 @part
@@ -139,7 +139,7 @@ def get_outputs(instance, present):
     status = exchange(
         instance.get_real, (instance.component, instance.output_references, count, instance.outputs)
     )
-    return _GET_REAL if _is_bad(status) else _NONE, status
+    return _GET_REAL if is_bad(status) else _NONE, status
 
 
 @part
@@ -148,7 +148,7 @@ def get_observed(observed, present):
     count, targets = observed.count, positions(observed.targets)
     present.code = observed.code
     status = exchange(observed.get, (observed.component, observed.references, count, observed.values))
-    if _is_bad(status):
+    if is_bad(status):
         return _OBSERVE, status
     if observed.real:
         numbers = doubles(observed.values)
@@ -167,14 +167,14 @@ def get_observed(observed, present):
 @part
 def save(instance, present):
     """Save the state of an instance."""
-    present.code = instance.code + _SAVING
+    present.code = instance.code + SAVING
     status = copy_state(instance.get_state, (instance.component, instance.state))
-    return _GET_STATE if _is_bad(status) else _NONE, status
+    return _GET_STATE if is_bad(status) else _NONE, status
 
 
 @part
 def restore(instance, present):
     """Restore the saved state of an instance."""
-    present.code = instance.code + _RESTORING
+    present.code = instance.code + RESTORING
     status = copy_state(instance.set_state, (instance.component, positions(instance.state)[0]))
-    return _SET_STATE if _is_bad(status) else _NONE, status
+    return _SET_STATE if is_bad(status) else _NONE, status

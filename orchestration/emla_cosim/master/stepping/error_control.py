@@ -4,7 +4,7 @@ import math
 import time
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,14 @@ from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
 from ..instances.fmu_instance import DiscardedStepError
+from .compilation import COMPILED, compile_trials
+from .controlled_signals import ControlledSignals, TrialState
 from .step_control import StepControl
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
+
+if TYPE_CHECKING:
+    from .trial_kernel import TrialKernel
 
 SMALLEST = 1e-6
 """Smallest step, as a fraction of the first step."""
@@ -86,6 +91,7 @@ class ErrorControl(Stepping):
         largest: float | None = None,
         events: Sequence[float] = (),
         sampled: bool = False,
+        compiled: bool = True,
     ) -> None:
         """Prepare for a run.
 
@@ -97,6 +103,7 @@ class ErrorControl(Stepping):
             largest: Longest step in s; None is a fiftieth of the run's time.
             events: Times in s at which inputs jump or bend; steps end there.
             sampled: Whether a component computes at communication points, as a digital controller does.
+            compiled: Whether to compile the steps if possible.
 
         Raises:
             CommandError: An instance cannot restore its state, cannot vary its step, or has a step multiple.
@@ -141,6 +148,23 @@ class ErrorControl(Stepping):
         late = {link.target for link in algorithm.late() if link.direct}
         self._instant = np.isin(algorithm.exchange.owners[self._judged], list(late))
         """Signals that depend directly on an extrapolated input: their errors do not add up."""
+        can_compile = compiled and not algorithm.network.observer.strings
+        self._kernel = compile_trials(algorithm) if can_compile else None
+        if self._kernel is not None:
+            limits = (2.0 * JUST_BEFORE, UNREAD, SHORT, CRAWLING)
+            self._kernel.prepare(
+                self._controlled(),
+                self._scale,
+                tolerance,
+                times.start,
+                times.step,
+                tuple(limit * times.step for limit in limits),
+            )
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether compiled code does the steps."""
+        return self._kernel is not None
 
     @property
     def time(self) -> float:
@@ -162,30 +186,75 @@ class ErrorControl(Stepping):
         if self.watch is not None and self._time == self.times.start:
             self.watch(self._time, self.algorithm.network.signals)
         ends = time.monotonic() + LONGEST
-        for _ in range(most):
-            if self.reached(until) or time.monotonic() > ends:
-                return
-            point, output, event = self._next_point(until)
-            step = self.control.propose(point - self._time)
-            met = step == point - self._time
-            end = point if met else self._time + step
-            leap = event and met and step <= 2.0 * JUST_BEFORE * self.times.step
-            if not self._try_step(step, end, leap):
-                continue
-            self.algorithm.network.check_finite(end)
-            self._time = end
-            if self.watch is not None:
-                self.watch(end, self.algorithm.network.signals)
-            self._points += met and output
-            if met and event:
-                self.algorithm.exchange.begin(end)  # do not extrapolate across a jump
-            if (met and output) or self._output is None:
+        while most > 0 and not (self.reached(until) or time.monotonic() > ends):
+            if self._kernel is None:
+                self._advance_here(rows, until)
+                most -= 1
+            else:
+                most -= self._advance_compiled(self._kernel, rows, most, until)
+
+    def _advance_here(self, rows: RowSink, until: float) -> None:
+        """Try one step in Python."""
+        point, output, event = self._next_point(until)
+        step = self.control.propose(point - self._time)
+        met = step == point - self._time
+        end = point if met else self._time + step
+        leap = event and met and step <= 2.0 * JUST_BEFORE * self.times.step
+        if not self._try_step(step, end, leap):
+            return
+        self.algorithm.network.check_finite(end)
+        self._time = end
+        if self.watch is not None:
+            self.watch(end, self.algorithm.network.signals)
+        if met:
+            self._meet(output, event)
+        if (met and output) or self._output is None:
+            self.record(rows)
+
+    def _meet(self, output: bool, event: bool) -> None:
+        """Note that the next point is reached: whether to record it, and whether it is an event."""
+        self._points += output
+        if event:
+            self.algorithm.exchange.begin(self._time)  # do not extrapolate across a jump
+
+    def _advance_compiled(self, kernel: "TrialKernel", rows: RowSink, most: int, until: float) -> int:
+        """Try steps to the next point, at most `most`, and return how many were tried."""
+        point, output, event = self._next_point(until)
+        block = rows.room(most) if self._output is None else None
+        state = TrialState(
+            self._time, self.control, self._rejected, self._last_rejected, self._jumped, self._short_steps
+        )
+        enough = min(self._end, until - ROUNDING * self.times.step)
+        watches = self.watch is not None
+        done = kernel.try_steps(state, self._per_unit, (point, event, enough), most, block, watches)
+        self._time, self._short_steps, self._jumped = state.time, state.short_steps, state.jumped
+        self._rejected, self._last_rejected = state.rejected, state.last_rejected
+        if self.watch is not None:
+            for row in done.watched:
+                self.watch(float(row[0]), row[1:])
+        if done.crawls:
+            self._judge_each_step()
+        if done.recorded:
+            rows.commit(done.recorded)
+        if isinstance(done.failure, DiscardedStepError):
+            kernel.restore()
+            self._discard(done.length, done.failure)
+        elif done.failure is not None:
+            raise done.failure
+        if done.met:
+            self._meet(output, event)
+            if output and self._output is not None:
                 self.record(rows)
+        if done.needs_python:
+            self._advance_here(rows, until)
+            return done.tried + 1
+        return done.tried
 
     def report(self) -> dict[str, Any]:
-        """Add rejected steps, the longest allowed step in s, and the sum of the errors to the report."""
+        """Add how the steps were made, and the sum of the errors, to the report."""
         return {
             **super().report(),
+            **({"compiled": self.is_compiled} if isinstance(self.algorithm, COMPILED) else {}),
             "rejected_steps": self.control.rejected,
             "largest_step_s": self.control.largest,
             "estimated_error": float(self._sum.max(initial=0.0)),
@@ -246,6 +315,8 @@ class ErrorControl(Stepping):
     def close(self) -> None:
         """Free the saved states."""
         self._start.close()
+        if self._kernel is not None:
+            self._kernel.close()
 
     def _next_point(self, until: float) -> tuple[float, bool, bool]:
         """Return the next time in s to reach exactly, whether to record it, and whether it is an event."""
@@ -271,10 +342,7 @@ class ErrorControl(Stepping):
             errors = self._try_doubled_step(end)
         except DiscardedStepError as discarded:
             self._start.restore()
-            try:
-                self.control.discard(step)
-            except RunError:
-                raise discarded from None
+            self._discard(step, discarded)
             return False
         if leap and np.isfinite(errors).all():
             self._rejected = self._last_rejected = None
@@ -304,6 +372,13 @@ class ErrorControl(Stepping):
             self._start.restore()
         return accepted
 
+    def _discard(self, step: float, discarded: DiscardedStepError) -> None:
+        """Shorten the next step after a discarded one; raise `discarded` if it would be too short."""
+        try:
+            self.control.discard(step)
+        except RunError:
+            raise discarded from None
+
     def _try_doubled_step(self, end: float) -> Vector:
         """Do a step as a whole, restore, and do it in halves. Return the errors relative to the sizes."""
         algorithm, time = self.algorithm, self._time
@@ -324,6 +399,13 @@ class ErrorControl(Stepping):
         self._per_unit, self._sampled = False, True
         self.control.power = self.algorithm.accuracy + 1
         self._looked_at = ~self._unread | _find_unread_signals(self.algorithm)[self._judged]
+        if self._kernel is not None:
+            self._kernel.use(self._controlled())
+
+    def _controlled(self) -> ControlledSignals:
+        return ControlledSignals(
+            self._judged, self._unread, self._looked_at, self._beside, self._instant, self._sum
+        )
 
     def _allowed(self, step: float) -> float:
         """Return the allowed error of a step from the present point, relative to the sizes."""

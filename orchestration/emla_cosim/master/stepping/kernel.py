@@ -235,6 +235,7 @@ class Kernel:
         saved = {i for group in groups if group.start is not None for i in group.members}
         instances = keep(instance_records(algorithm, points, inputs, self._states, saved))
         add_undo(instances, keep)
+        self._instance_records = instances
         loop["groups"] = keep(group_records(algorithm, groups, scale, keep)).ctypes.data
         loop["group_count"] = len(groups)
         loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
@@ -254,9 +255,13 @@ class Kernel:
             return None
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(clock.point(reached + 1))
-        i = int(lane["instance"])
-        instance, status = network.instances[i], int(lane["status"])
-        time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
+        multiple = int(self._algorithm.multiples[int(lane["instance"])])
+        return self._call_error(failure, clock.point(reached + 1 - multiple))
+
+    def _call_error(self, failure: Failure, time: float) -> RunError:
+        """Return the error of a call that failed, in a step that begins at a time in s."""
+        lane = self._lane_records[int(self._loop["lane"])]
+        instance, status = self._algorithm.network.instances[int(lane["instance"])], int(lane["status"])
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
         return instance.error(call, status)
 
@@ -278,8 +283,13 @@ def _advance_lane() -> Callable[..., int]:
     return prototype(compiled_address("advance_lane", "parallel_loop"))
 
 
-def compiled_address(name: str, module: str) -> int:
+def compiled_address(name: str, module: str, beside: Sequence[str] = ()) -> int:
     """Return the address of a compiled function. Its module is imported only to be compiled.
+
+    Args:
+        name: Name of the function.
+        module: Name of its module in this package.
+        beside: Names of further modules in this package that it is compiled from.
 
     Raises:
         ImportError: It must be compiled, and numba is missing.
@@ -289,7 +299,8 @@ def compiled_address(name: str, module: str) -> int:
         return import_module(f".{module}", __package__).text(name)
 
     modules = (record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box)
-    texts = [Path(__file__).with_name(text) for text in (*_TEXTS, f"{module}.py")]
+    names = (*_TEXTS, f"{module}.py", *(f"{other}.py" for other in beside))
+    texts = [Path(__file__).with_name(text) for text in names]
     files = [*(Path(str(m.__file__)) for m in modules), *texts]
     return machine_code.load(name, b"".join(f.read_bytes() for f in files), generate)
 

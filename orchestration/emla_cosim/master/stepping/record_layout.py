@@ -184,6 +184,67 @@ LOOP = _record(
 )
 """Inputs and outputs of a loop. Lanes exchange the last three fields."""
 
+BLOCK = _record(values=_ADDRESS, copy=_ADDRESS, count=_NUMBER)
+"""Doubles that a repeated step restores, and room for their copy."""
+
+CONTROL = _record(
+    instance_count=_NUMBER,
+    states=_ADDRESS,  # of the addresses of the saved states of the instances
+    blocks=_ADDRESS,  # of BLOCK records
+    block_count=_NUMBER,
+    power=_ADDRESS,  # of the C function `pow`
+    start="float64",  # time at which the run starts
+    first_step="float64",
+    leap_limit="float64",  # longest step over an event whose error is not checked
+    unread_limit="float64",  # see `UNREAD`, `SHORT` and `CRAWLING` in `error_control`; as steps in s
+    short_limit="float64",
+    crawling_limit="float64",
+    tolerance="float64",
+    divisor="float64",  # of the difference between a step and two halves
+    count=_NUMBER,  # of controlled signals; the following arrays are as long
+    judged=_ADDRESS,  # of the positions of these signals
+    unread=_ADDRESS,  # of integers that are 1 or 0, as in the next fields
+    looked_at=_ADDRESS,
+    beside=_ADDRESS,
+    instant=_ADDRESS,
+    jumped=_ADDRESS,
+    jumps=_ADDRESS,  # those of the present trial
+    total=_ADDRESS,  # sum of the errors of all steps
+    whole=_ADDRESS,  # values after a whole step
+    errors=_ADDRESS,
+    judged_errors=_ADDRESS,
+    rejected_errors=_ADDRESS,
+    last_rejected_errors=_ADDRESS,
+    largest_values=_ADDRESS,  # per signal, see `Scale`
+    floors=_ADDRESS,
+    records="bool",  # whether each accepted step has a row
+    per_unit="bool",  # whether the error per unit step is controlled
+    exponent="float64",  # see `StepControl` for this and the next fields
+    smallest="float64",
+    largest="float64",
+    step="float64",
+    last_error="float64",
+    accepted=_NUMBER,
+    rejected=_NUMBER,
+    short_steps=_NUMBER,
+    rejected_step="float64",  # NaN without one
+    last_rejected_step="float64",
+    time="float64",
+    point="float64",  # time to reach exactly
+    enough="float64",  # time at which to return
+    event="bool",  # whether the point is an event
+    watched_rows=_ADDRESS,  # time and signals of accepted steps
+    watch_room=_NUMBER,  # number of these rows; 0 without `Stepping.watch`
+    watched=_NUMBER,  # output: number of filled ones
+    tried=_NUMBER,  # output: number of trials
+    met="bool",  # output: whether the point is reached
+    crawls="bool",  # output: whether many steps were short
+    began="float64",  # output: begin of the last step of the algorithm
+    end="float64",  # output: end of the last trial
+    length="float64",  # output: length of the last trial
+)
+"""State of `ErrorControl` for `compiled_trials.py`."""
+
 TIMED = _record(
     component=_ADDRESS,  # fmi2Component
     clock=_ADDRESS,  # of the C function that reads the clock

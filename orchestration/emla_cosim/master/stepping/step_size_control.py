@@ -117,5 +117,12 @@ class ErrorControlledStepSize(StepSizeControl):
         if largest is None:
             largest = min(default_largest_step(request.times), request.row_distance())
         return ErrorControl(
-            algorithm, request.times, self.error_tolerance, request.interval, largest, events, request.sampled
+            algorithm,
+            request.times,
+            self.error_tolerance,
+            request.interval,
+            largest,
+            events,
+            request.sampled,
+            request.compiled,
         )

@@ -1,0 +1,232 @@
+"""Run the compiled trials of `ErrorControl`: many trial steps per call."""
+
+import ctypes
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from ..algorithms.explicit import Explicit
+from ..algorithms.scale import Scale
+from ..algorithms.strong import Strong
+from ..instances.fmu_instance import EntryPoints
+from .controlled_signals import ControlledSignals, TrialState
+from .kernel import Kernel, c_address, compiled_address
+from .record_layout import BLOCK, CONTROL, Failure
+
+WATCHED = 500
+"""Largest number of steps in a call if `Stepping.watch` gets each of them."""
+
+
+@dataclass
+class Trials:
+    """What came out of a call.
+
+    Attributes:
+        tried: number of trials.
+        met: whether the point is reached.
+        crawls: whether many steps were short.
+        recorded: number of filled rows.
+        watched: time and signals of each accepted step, if they are watched.
+        needs_python: whether Python must do the next trial.
+        length: length of the last trial in s.
+        failure: error of the last trial, or None.
+    """
+
+    tried: int
+    met: bool
+    crawls: bool
+    recorded: int
+    watched: Vector
+    length: float
+    needs_python: bool = False
+    failure: RunError | None = None
+
+
+class TrialKernel(Kernel):
+    """The compiled trials for one algorithm, after its `setup`."""
+
+    def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
+        """Fill the records, and load the loop from the cache or compile it; ImportError without numba."""
+        self._try_steps = _try_steps()
+        super().__init__(algorithm, entry_points)
+        self._instance_records["no_way_back"] = 0  # each step may be repeated
+        self._control = np.zeros((), CONTROL)
+        self._saved = np.zeros(len(entry_points), dtype=np.uintp)
+        """Addresses of the states of the instances at the begin of a trial."""
+
+    def prepare(
+        self,
+        signals: ControlledSignals,
+        scale: Scale,
+        tolerance: float,
+        start: float,
+        first_step: float,
+        limits: Sequence[float],
+    ) -> None:
+        """Fill in what stays the same during a run.
+
+        Args:
+            signals: The controlled signals.
+            scale: Sizes of the signals.
+            tolerance: Allowed error.
+            start: Start time in s.
+            first_step: First trial step in s.
+            limits: Steps in s, see `leap_limit` and the next fields in `CONTROL`.
+        """
+        keep, control, algorithm = self._keep, self._control, self._algorithm
+        self._present = [algorithm.network.signals, *algorithm.kept.values()]
+        self._copies = [np.empty_like(values) for values in self._present]
+        pairs = zip(self._present, self._copies, strict=True)
+        rows = [(values.ctypes.data, copy.ctypes.data, len(values)) for values, copy in pairs]
+        blocks = keep(np.array(rows, dtype=BLOCK))
+        control["blocks"], control["block_count"] = blocks.ctypes.data, len(blocks)
+        control["instance_count"], control["states"] = len(self._saved), self._saved.ctypes.data
+        control["power"] = _power()
+        control["start"], control["first_step"], control["tolerance"] = start, first_step, tolerance
+        for name, limit in zip(
+            ("leap_limit", "unread_limit", "short_limit", "crawling_limit"), limits, strict=True
+        ):
+            control[name] = limit
+        control["divisor"] = 2.0**algorithm.accuracy - 1.0
+        count = len(signals.judged)
+        control["count"] = count
+        control["judged"] = keep(np.ascontiguousarray(signals.judged, dtype=np.intp)).ctypes.data
+        control["total"] = keep(signals.total).ctypes.data
+        self._flags: dict[str, Any] = {}
+        for name in ("unread", "looked_at", "beside", "instant", "jumped", "jumps"):
+            self._flags[name] = np.zeros(count, dtype=np.intp)
+            control[name] = self._flags[name].ctypes.data
+        self.use(signals)
+        for name in ("whole", "errors", "judged_errors"):
+            control[name] = keep(np.zeros(count)).ctypes.data
+        self._rejected, self._last_rejected = np.zeros(count), np.zeros(count)
+        control["rejected_errors"] = self._rejected.ctypes.data
+        control["last_rejected_errors"] = self._last_rejected.ctypes.data
+        control["largest_values"] = keep(scale.largest).ctypes.data
+        control["floors"] = keep(scale.floor).ctypes.data
+        self._watched = np.zeros((0, 1 + len(algorithm.network.signals)))
+
+    def use(self, signals: ControlledSignals) -> None:
+        """Use other flags of the same signals."""
+        for name in ("unread", "looked_at", "beside", "instant"):
+            self._flags[name][:] = getattr(signals, name)
+
+    def try_steps(
+        self,
+        state: TrialState,
+        per_unit: bool,
+        target: tuple[float, bool, float],
+        most: int,
+        rows: Vector | None,
+        watches: bool,
+    ) -> Trials:
+        """Try steps to a point of time, for a second of wall time at most.
+
+        Args:
+            state: Input and output.
+            per_unit: Whether the error per unit step is controlled.
+            target: Time to reach exactly, in s, whether it is an event, and a time in s at which to return.
+            most: Largest number of trials.
+            rows: Output: a row for each accepted step, as in `Kernel.run`; None for no rows.
+            watches: Whether to return time and signals of each accepted step.
+        """
+        if rows is not None:
+            self._check_room(rows, 1)
+        if watches and not len(self._watched):
+            self._watched = np.zeros((WATCHED, self._watched.shape[1]))
+        control, algorithm, sizes = self._control, self._algorithm, state.control
+        control["records"], control["per_unit"] = rows is not None, per_unit
+        control["exponent"], control["smallest"] = 1.0 / sizes.power, sizes.smallest
+        control["largest"], control["step"], control["last_error"] = (
+            sizes.largest,
+            sizes.step,
+            sizes.last_error,
+        )
+        control["accepted"], control["rejected"] = sizes.accepted, sizes.rejected
+        control["short_steps"], control["time"] = state.short_steps, state.time
+        control["point"], control["event"], control["enough"] = target
+        control["watched_rows"] = self._watched.ctypes.data
+        control["watch_room"] = len(self._watched) if watches else 0
+        self._flags["jumped"][:] = state.jumped
+        control["rejected_step"] = _put(state.rejected, self._rejected)
+        control["last_rejected_step"] = _put(state.last_rejected, self._last_rejected)
+        self._lane_records["sweeps"] = 0
+        place, room = (0, 0) if rows is None else (rows.ctypes.data, len(rows))
+        accepted = sizes.accepted
+        code = self._try_steps(self._loop.ctypes.data, control.ctypes.data, most, room, place)
+        failure = Failure(code)
+        if isinstance(algorithm, Strong):
+            algorithm.sweeps += int(self._lane_records["sweeps"].sum())
+        sizes.step, sizes.last_error = float(control["step"]), float(control["last_error"])
+        sizes.accepted, sizes.rejected = int(control["accepted"]), int(control["rejected"])
+        algorithm.steps += 2 * (sizes.accepted - accepted)
+        state.time, state.short_steps = float(control["time"]), int(control["short_steps"])
+        state.jumped = self._flags["jumped"] != 0
+        state.rejected = _get(float(control["rejected_step"]), self._rejected)
+        state.last_rejected = _get(float(control["last_rejected_step"]), self._last_rejected)
+        return Trials(
+            tried=int(control["tried"]),
+            met=bool(control["met"]),
+            crawls=bool(control["crawls"]),
+            recorded=int(self._loop["recorded"]),
+            watched=self._watched[: int(control["watched"])],
+            length=float(control["length"]),
+            needs_python=failure == Failure.NOT_IN_ONE,
+            failure=self._trial_error(failure),
+        )
+
+    def restore(self) -> None:
+        """Restore the state from the begin of the last trial; InstanceError if an FMU refuses it."""
+        for instance, state in zip(self._algorithm.network.instances, self._saved, strict=True):
+            instance.restore(ctypes.c_void_p(int(state)))
+        for copy, present in zip(self._copies, self._present, strict=True):
+            present[:] = copy
+
+    def close(self) -> None:
+        """Free saved states; never raises."""
+        for instance, state in zip(self._algorithm.network.instances, self._saved, strict=True):
+            if state:
+                instance.forget(ctypes.c_void_p(int(state)))
+        self._saved[:] = 0
+        super().close()
+
+    def _trial_error(self, failure: Failure) -> RunError | None:
+        if failure in (Failure.NONE, Failure.LATE, Failure.NOT_IN_ONE):
+            return None
+        if failure == Failure.NOT_FINITE:
+            return self._algorithm.network.find_nonfinite_signal(float(self._control["end"]))
+        return self._call_error(failure, float(self._control["began"]))
+
+
+def _put(rejected: tuple[float, Vector] | None, errors: Vector) -> float:
+    """Copy the errors of a rejected step, and return its length in s; NaN without one."""
+    if rejected is None:
+        return np.nan
+    errors[:] = rejected[1]
+    return rejected[0]
+
+
+def _get(step: float, errors: Vector) -> tuple[float, Vector] | None:
+    return None if np.isnan(step) else (step, errors.copy())
+
+
+_ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
+
+
+@cache
+def _try_steps() -> Callable[..., int]:
+    """Return the compiled trials as a function that releases the interpreter's lock."""
+    prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER, _ADDRESS)
+    return prototype(compiled_address("try_steps", "compiled_trials", ("error_control", "step_control")))
+
+
+@cache
+def _power() -> int:
+    """Return the address of the C function `pow`, which Python uses too."""
+    return c_address("ucrtbase" if os.name == "nt" else None, "pow")

@@ -1,0 +1,226 @@
+"""Rows on their way to the thread that stores them: in order, none twice, none lost, whatever fails."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.master.stepping.timing import make_communication_points
+from emla_cosim.recorders import row_queue
+from emla_cosim.recorders.csv_file import CsvFile
+from emla_cosim.recorders.parquet_file import ParquetFile
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.row_queue import RowQueue
+from emla_cosim.sandbox import black_box
+from tests.support.full_disk import files_of_at_most
+
+WIDTH, BLOCK = 3, 8
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rings of three blocks of 8 rows, and batches of at least 4."""
+    monkeypatch.setattr(row_queue, "BLOCK_ROWS", BLOCK)
+    monkeypatch.setattr(row_queue, "BATCH", 4)
+
+
+class Store:
+    """Stores rows as a slow disk does, up to a number of calls at which it fails."""
+
+    def __init__(self, fails_at: int | None = None, seconds: float = 0.0005) -> None:
+        self.rows: list[float] = []
+        self.calls = 0
+        self.threads: set[str] = set()
+        self._fails_at, self._seconds = fails_at, seconds
+
+    def __call__(self, rows: np.ndarray) -> None:
+        self.calls += 1
+        self.threads.add(threading.current_thread().name)
+        if self.calls == self._fails_at:
+            raise OSError(28, "No space left on device")
+        time.sleep(self._seconds)
+        assert (rows == rows[:, :1]).all()  # no row is overwritten before it is stored
+        self.rows.extend(rows[:, 0])
+
+    def progress(self) -> int:
+        return len(self.rows)
+
+
+def numbered(first: int, count: int) -> np.ndarray:
+    return np.repeat(np.arange(first, first + count, dtype=float)[:, None], WIDTH, axis=1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_all_rows_are_stored_in_order(seed: int) -> None:
+    random, store, count = np.random.default_rng(seed), Store(), 0
+    queue = RowQueue(WIDTH, store, store.progress)
+    for size in random.integers(0, 40, size=60):
+        queue.put(numbered(count, size))
+        count += size
+        if random.random() < 0.1:
+            queue.drain()
+            assert len(store.rows) == count
+    queue.drain()
+    assert store.rows == list(range(count))
+    assert store.threads - {threading.current_thread().name}
+
+
+def test_the_run_goes_on_while_rows_are_stored() -> None:
+    """One block is being stored, and the next one fits in."""
+    may_store, begun = threading.Event(), threading.Event()
+    stored = list[float]()
+
+    def store(rows: np.ndarray) -> None:
+        begun.set()
+        assert may_store.wait(60.0)
+        stored.extend(rows[:, 0])
+
+    queue = RowQueue(WIDTH, store, lambda: len(stored))
+    queue.put(numbered(0, BLOCK))
+    assert begun.wait(60.0)
+    queue.put(numbered(BLOCK, BLOCK))
+    assert not stored
+    may_store.set()
+    queue.drain()
+    assert stored == list(range(2 * BLOCK))
+
+
+@pytest.mark.parametrize("fails_at", [1, 2, 5])
+def test_a_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
+    store, count, raised = Store(fails_at), 0, 0
+    queue = RowQueue(WIDTH, store, store.progress)
+    for _ in range(20):
+        try:
+            queue.put(numbered(count, 5))
+        except OSError:
+            raised += 1
+        count += 5
+    try:
+        queue.drain()
+    except OSError:
+        raised += 1
+    queue.drain()
+    assert raised == 1
+    assert store.calls == fails_at
+    assert store.rows == list(range(len(store.rows)))
+
+
+def test_a_failure_of_the_last_rows_is_raised_by_waiting_for_them() -> None:
+    store = Store(fails_at=1)
+    queue = RowQueue(WIDTH, store, store.progress)
+    queue.put(numbered(0, 1))
+    with pytest.raises(OSError, match="No space left"):
+        queue.drain()
+
+
+def test_without_threads_rows_are_stored_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    store = Store()
+    queue = RowQueue(WIDTH, store, store.progress)
+    for n in range(10):
+        queue.put(numbered(7 * n, 7))
+    queue.drain()
+    assert store.rows == list(range(70))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_another_process_finds_the_rows_that_wait(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it was told stays true until it is told more, also while the next rows are put."""
+    memory = bytearray(2**25 + 2**12)
+    monkeypatch.setattr(black_box._Box, "memory", memory)
+    random, store, count = np.random.default_rng(seed), Store(), 0
+    queue = RowQueue(WIDTH, store, store.progress, shared=True)
+    assert queue.is_shared
+    waited = 0
+    for size in random.integers(0, BLOCK + 1, size=80):
+        stored, (first, last) = queue.list_waiting()
+        assert (stored, last) == (first, count)
+        queue.put(numbered(count, size))
+        copy = RowQueue(WIDTH, store, store.progress, shared=True).copy_rows(first, last)
+        assert copy[:, 0].tolist() == list(range(first, last))
+        count += size
+        waited += last - first
+    queue.drain()
+    assert store.rows == list(range(count))
+    assert waited
+
+
+def test_a_table_in_memory_that_nobody_shares_waits() -> None:
+    store = Store()
+    assert not RowQueue(WIDTH, store, store.progress, shared=True).is_shared
+
+
+def make_outline(every: int = 1) -> Outline:
+    return Outline(["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=every)
+
+
+def random_rows(count: int) -> np.ndarray:
+    rows = np.random.default_rng(2).normal(size=(count, 3))
+    rows[:, 0] = np.arange(count)
+    return rows
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_what_a_checkpoint_keeps_of_a_table_is_in_the_file(every: int, tmp_path: Path) -> None:
+    """A run that continues there leaves the same file, however slow the disk is."""
+    rows, found = random_rows(100), []
+    for cuts in ([], [10, 50], [7, 8, 9, 64]):
+        path = tmp_path / f"{len(found)}.csv"
+        file: Any = CsvFile(path)
+        outline = make_outline(every)
+        file.begin(outline)
+        for block, following in zip(np.split(rows, cuts), [*cuts, None], strict=True):
+            file.write(block)
+            if following is None:
+                break
+            memory = file.memory()
+            assert path.stat().st_size == memory["bytes"]
+            assert len(polars.read_csv(path)) == -(-following // every)
+            with path.open("ab") as stream:
+                stream.write(b"rows after the checkpoint\n")
+            file = CsvFile(path)
+            file.begin(outline, memory)
+        file.end()
+        found.append(path.read_bytes())
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize(("kind", "name"), [(CsvFile, "r.csv"), (ParquetFile, "r.parquet")])
+def test_the_thread_changes_no_byte(
+    kind: Any, name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ec.load("lift", stop_time=0.2, fmus=fmu_folder).prepare() as simulation:
+        simulation.run(recorders=[kind(tmp_path / name)])
+        monkeypatch.setattr(kind, "append", kind.store)
+        simulation.run(recorders=[kind(tmp_path / f"direct.{name}")], fresh=True)
+    assert (tmp_path / name).read_bytes() == (tmp_path / f"direct.{name}").read_bytes()
+
+
+@pytest.mark.parametrize("size", [3000, 20_000, 60_000])
+def test_a_full_disk_ends_a_run_with_the_rows_that_fit(size: int, fmu_folder: Path, tmp_path: Path) -> None:
+    """The error message is that of the file, and the rows are the first ones of a whole run."""
+    with ec.load("lift", stop_time=0.2, fmus=fmu_folder).prepare() as simulation:
+        simulation.run(recorders=[CsvFile(tmp_path / "whole.csv")])
+        with files_of_at_most(size):
+            result = simulation.attempt(recorders=[CsvFile(tmp_path / "r.csv")], fresh=True)
+    assert result.problem is not None
+    assert result.problem.endswith("r.csv cannot be written: File too large.")
+    whole, kept = (tmp_path / "whole.csv").read_bytes(), (tmp_path / "r.csv").read_bytes()
+    assert whole.startswith(kept)
+    assert kept.endswith(b"\n") and size - 2000 < len(kept) <= size
+
+
+def test_rows_that_wait_are_read_too(tmp_path: Path) -> None:
+    file, rows = CsvFile(tmp_path / "r.csv"), random_rows(3)
+    file.begin(make_outline())
+    file.write(rows)
+    assert file.read(["b"])["b"].tolist() == rows[:, 2].tolist()
+    file.end()
