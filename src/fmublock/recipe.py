@@ -12,7 +12,7 @@ from typing import Any
 
 from .block import Block
 from .disclosure import Disclosure
-from .errors import BuildError, DisclosureError
+from .errors import BuildError, DisclosureError, VersionError
 from .platforms import FMI_VERSIONS
 from .sources import gather_sources, module_of
 from .variables import Parameter
@@ -78,9 +78,11 @@ class Recipe:
         if flavour not in FLAVOURS:
             raise BuildError(f"the flavour '{flavour}' is not supported; choose from {', '.join(FLAVOURS)}.")
         if fmi not in FMI_VERSIONS:
-            raise BuildError(f"FMI {fmi} is not supported; choose from {', '.join(map(str, FMI_VERSIONS))}.")
+            raise VersionError(
+                f"FMI {fmi} is not supported; choose from {', '.join(map(str, FMI_VERSIONS))}."
+            )
         if fmi != 2 and flavour != "native":
-            raise BuildError(f"PythonFMU builds FMUs for FMI 2.0 only; build a native FMU for FMI {fmi}.0.")
+            raise VersionError(f"PythonFMU builds FMUs for FMI 2.0 only; build a native FMU for FMI {fmi}.0.")
         made = disclosure.restrict(_instance(block))
         if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
             raise DisclosureError(
