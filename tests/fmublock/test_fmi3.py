@@ -1,6 +1,9 @@
 """FMUs for FMI 3.0, against those for FMI 2.0 of the same block, differences and the published schemas."""
 
+import os
 import re
+import subprocess
+import sys
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from ctypes import byref, c_double, c_int, c_size_t, c_uint32
@@ -23,6 +26,7 @@ from fmublock import Block, BuildError, Output, build
 from fmublock.__main__ import main
 from fmublock.archive import read_built
 from fmublock.platforms import host_platform
+from tests.support.c_programs import SANITIZERS, needs_cc
 from tests.support.sessions import ERROR
 from tests.support.toy import Toy
 
@@ -396,3 +400,60 @@ def test_python_and_other_versions_are_refused(tmp_path: Path, capsys: pytest.Ca
     assert main(["build", block, "--fmi", "3", "--flavour", "python", "--output", str(tmp_path)]) == 2
     assert "PythonFMU" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@needs_cc
+def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
+    """The same calls again: `fmi3_calls.py`, with the sources compiled for the sanitizers."""
+    library, runtime = (
+        tmp_path / "Toy.so",
+        subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True),
+    )
+    subprocess.run(
+        [
+            "cc",
+            "-std=c11",
+            "-O1",
+            "-g",
+            "-Wall",
+            "-Wextra",
+            "-Wpedantic",
+            "-Werror",
+            "-Wno-unused-function",
+            "-shared",
+            "-fPIC",
+            "-fvisibility=hidden",
+            *SANITIZERS["address"],
+            "-I",
+            str(files("fmpy").joinpath("c-code")),
+            str(host.folder / "sources" / "fmi3_block.c"),
+            "-o",
+            str(library),
+            "-lm",
+        ],
+        check=True,
+    )
+    run = subprocess.run(
+        [
+            sys.executable,
+            str(files("tests.support").joinpath("fmi3_calls.py")),
+            str(library),
+            host.description.guid,
+            str(TIME + 1),
+            "1",
+            "20000",
+        ],
+        env={
+            **os.environ,
+            "LD_PRELOAD": runtime.strip(),
+            "PYTHONMALLOC": "malloc",
+            "ASAN_OPTIONS": "detect_leaks=0",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    counts = {name: [int(n) for n in numbers] for name, *numbers in map(str.split, run.stdout.splitlines())}
+    for function in ("DoStep", "GetFloat64", "SetFloat64", "GetAdjointDerivative", "SetFMUState"):
+        assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
