@@ -438,7 +438,7 @@ def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
             sys.executable,
             str(files("tests.support").joinpath("fmi3_calls.py")),
             str(library),
-            host.description.guid,
+            str(host.description.guid),
             str(TIME + 1),
             "1",
             "20000",

@@ -52,6 +52,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
     }
     flags, time, size = [c_bool() for _ in range(5)], c_double(), c_size_t()
     clock = 0.0
+    about = c_uint32()
     for _ in range(calls):
         i = rng.randrange(2)
         c, state = instances[i], states[i]
@@ -75,6 +76,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
             other,
             c_size_t(n_other),
         )
+        about.value = rng.randrange(variables + 2)
         name, arguments = rng.choice(
             (
                 (f"Get{kind}", (refs, c_size_t(n), values, c_size_t(count))),
@@ -83,7 +85,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
                 ("GetDirectionalDerivative", derivative),
                 ("GetAdjointDerivative", derivative),
                 ("GetOutputDerivatives", (refs, c_size_t(n), orders, seeds, c_size_t(n_seeds))),
-                ("GetNumberOfVariableDependencies", (c_uint32(rng.randrange(variables + 2)), byref(size))),
+                ("GetNumberOfVariableDependencies", (about, byref(size))),
                 (
                     "EnterInitializationMode",
                     (c_bool(False), c_double(0), c_double(0), c_bool(False), c_double(0)),
@@ -116,7 +118,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
         if name == "GetNumberOfVariableDependencies" and status == 0:
             k = size.value
             places = [(t * k)() for t in (c_size_t, c_uint32, c_size_t, c_int)]
-            call(library, "fmi3GetVariableDependencies", c, arguments[0], *places, c_size_t(k))
+            call(library, "fmi3GetVariableDependencies", c, about, *places, c_size_t(k))
     for c, state in zip(instances, states, strict=True):
         call(library, "fmi3FreeFMUState", c, byref(state))
         library.fmi3FreeInstance(c)
