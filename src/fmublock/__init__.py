@@ -1,4 +1,4 @@
-"""Write a block once, run it in process, and build it as an FMI 2.0 co-simulation FMU.
+"""Write a block once, run it in process, and build it as an FMU for FMI 2.0 or 3.0.
 
 A block is a class that declares typed variables and the equations that use them. A block file
 imports its functions from here. They need the standard library only, so that the same file can

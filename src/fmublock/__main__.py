@@ -9,9 +9,9 @@ from typing import NoReturn
 from .archive import check_replaceable
 from .building import build
 from .disclosure import Disclosure
-from .errors import BuildError, DisclosureError, LoadError
+from .errors import BuildError, DisclosureError, LoadError, VersionError
 from .loading import load_block
-from .platforms import TARGETS
+from .platforms import FMI_VERSIONS, TARGETS
 from .recipe import FLAVOURS, Recipe
 
 
@@ -44,13 +44,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0, 1 if an FMU could not be built, 2 if the command is wrong.
     """
-    parser = _Parser("python -m fmublock", description="Build blocks as FMI 2.0 FMUs.")
+    parser = _Parser("python -m fmublock", description="Build blocks as FMUs.")
     command = parser.add_subparsers(required=True, metavar="build", parser_class=_Parser).add_parser(
         "build", help="build FMUs of blocks", description="Build FMUs of blocks."
     )
     command.add_argument("blocks", nargs="+", metavar="FILE.py:BLOCK", help="file and class of a block")
     command.add_argument(
         "--flavour", choices=FLAVOURS, default="native", help="kind of FMU (default: native)"
+    )
+    command.add_argument(
+        "--fmi",
+        type=int,
+        choices=FMI_VERSIONS,
+        default=2,
+        help="version of FMI; 3 is native only (default: 2)",
     )
     command.add_argument(
         "--platform",
@@ -93,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if len(blocks) > 1 and (disclosure.values or disclosure.fixed or disclosure.hidden):
             raise LoadError("--set, --fix and --hide are for one block.")
         for block in blocks:
-            Recipe.of(block, options.flavour, disclosure=disclosure)
+            Recipe.of(block, options.flavour, disclosure=disclosure, fmi=options.fmi)
         paths = [options.output / f"{name}.fmu" for name in names]
         for path in paths:
             _check_place(path, options.overwrite)
@@ -102,6 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 block,
                 path,
                 flavour=options.flavour,
+                fmi=options.fmi,
                 platforms=options.platform,
                 disclosure=disclosure,
                 overwrite=options.overwrite,
@@ -109,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{path}  {path.stat().st_size / 1024:.0f} KiB")
     except BuildError as error:
         print(f"Error: {error}", file=sys.stderr)
-        return 2 if isinstance(error, (LoadError, DisclosureError)) else 1
+        return 2 if isinstance(error, (LoadError, DisclosureError, VersionError)) else 1
     return 0
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from .errors import BuildError
 from .files import accept, real_place, write_atomically
+from .platforms import platform_of
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # in the zip's comment, which is not part of the FMU; repacking drops it
@@ -65,7 +66,7 @@ def read_built(path: Path) -> BuiltFmu:
         if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
             raise  # a limit of the machine must not make it a file that others built
         return BuiltFmu()
-    platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
+    platforms = frozenset(platform_of(name.split("/")[1]) for name in names if name.startswith("binaries/"))
     return BuiltFmu(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
 
 

@@ -22,6 +22,7 @@ def build(
     path: str | os.PathLike[str],
     *,
     flavour: str = "native",
+    fmi: int = 2,
     platforms: Sequence[str] = (),
     producer: Producer | None = None,
     documents: Documents | None = None,
@@ -37,8 +38,9 @@ def build(
         block: a class or an instance of a block.
         path: path of the FMU.
         flavour: native (compiled C) or python (PythonFMU).
-        platforms: FMI platforms of a native FMU: "linux64", "win64", "darwin64", "aarch64-linux",
-            "aarch64-darwin". Default: this machine's.
+        fmi: version of FMI: 2, or 3 for native FMUs.
+        platforms: platforms of a native FMU, by their names in FMI 2.0: "linux64", "win64", "darwin64",
+            "aarch64-linux", "aarch64-darwin". Default: this machine's.
         producer: generation tool, version and license in the model description.
         documents: page and license to include. Default: the docstring of the class and a table of its
             variables.
@@ -60,7 +62,7 @@ def build(
         >>> fmublock.build(SignalFault, "SignalFault.fmu").name
         'SignalFault.fmu'
     """
-    recipe = Recipe.of(block, flavour, producer, documents, disclosure)
+    recipe = Recipe.of(block, flavour, producer, documents, disclosure, fmi)
     if platforms and flavour != "native":
         raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
@@ -78,7 +80,7 @@ def draft_of(recipe: Recipe) -> Draft:
         except ValueError as error:
             raise BuildError(f"{scalar.name} of {recipe.model} has a wrong unit: {error}.") from error
     if recipe.flavour == "native":
-        return native_draft(recipe.block, recipe.producer, recipe.documents, recipe.sources)
+        return native_draft(recipe.block, recipe.producer, recipe.documents, recipe.sources, recipe.fmi)
     return python_draft(recipe.block, recipe.producer, recipe.documents)
 
 

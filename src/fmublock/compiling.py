@@ -17,15 +17,20 @@ from . import instance
 from .cache import tool_environment
 from .errors import BuildError
 from .leftovers import mark_of_process
-from .platforms import TARGETS
+from .platforms import FMI_VERSIONS, TARGETS
 
 _FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
 
 
-def sources(folder: str) -> dict[str, bytes]:
-    """Return the C files in a folder of this package, by their path in an FMU."""
+def sources(folder: str, fmi: int = 2) -> dict[str, bytes]:
+    """Return the C files in a folder of this package, by their path in an FMU of this version of FMI."""
     inside = files("fmublock").joinpath(folder)
-    return {f"sources/{f.name}": f.read_bytes() for f in inside.iterdir() if f.name.endswith((".c", ".h"))}
+    others = tuple(f"fmi{version}_" for version in FMI_VERSIONS if version != fmi)
+    return {
+        f"sources/{f.name}": f.read_bytes()
+        for f in inside.iterdir()
+        if f.name.endswith((".c", ".h")) and not f.name.startswith(others)
+    }
 
 
 def compile_libraries(

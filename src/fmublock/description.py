@@ -10,7 +10,17 @@ from .errors import BuildError
 from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
 from .units import QUANTITIES, SiUnit, parse_unit
-from .variables import Access, Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
+from .variables import (
+    Access,
+    Derivative,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    ScalarVariable,
+    State,
+    Variable,
+)
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
 """Fixed, because an FMU's bytes depend on its content alone; also the time of its zip entries."""
@@ -48,15 +58,16 @@ def offers_model_exchange(block: Block) -> bool:
     return bool(layout.states) or not layout.discrete_states
 
 
-def describe_model(model: str, description: str, producer: Producer, guid: str) -> Element:
+def describe_model(model: str, description: str, producer: Producer, guid: str, fmi: int = 2) -> Element:
     """Return the root element, without content."""
+    token = {2: "guid", 3: "instantiationToken"}[fmi]
     texts = {"version": producer.version, "license": producer.license}
     return Element(
         "fmiModelDescription",
         {},
-        fmiVersion="2.0",
+        fmiVersion=f"{fmi}.0",
         modelName=model,
-        guid=guid,
+        **{token: guid},
         description=description,
         **{attribute: text for attribute, text in texts.items() if text is not None},
         generationTool=producer.tool,
@@ -86,18 +97,10 @@ def model_description(
         canHandleVariableCommunicationStepSize="true",
         **(_DERIVATIVE_CAPABILITIES if offers.derivatives else {}),
     )
-    _add_units(root, scalars)
-    _add_types(root, scalars)
+    add_units(root, scalars)
+    add_types(root, scalars)
     add_log_categories(root)
-    experiment = block.default_experiment
-    SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0",
-        stopTime=repr(experiment.stop_time),
-        tolerance=repr(experiment.tolerance),
-        stepSize=repr(experiment.step_size),
-    )
+    add_default_experiment(root, block)
     variables = SubElement(root, "ModelVariables")
     states = layout.references(layout.states)
     positions = {reference: str(k) for k, reference in enumerate(shown, 1)}
@@ -105,7 +108,11 @@ def model_description(
         element = _add_variable(variables, reference, scalar)
         if reference >= len(layout.scalars):
             element.set("derivative", positions[states[reference - len(layout.scalars)]])
-    _add_structure(root, block, symbolic, offers, positions)
+    found = find_structure(block, symbolic, offers.derivatives)
+    structure = SubElement(root, "ModelStructure")
+    _add_unknowns(structure, "Outputs", found.outputs, positions)
+    _add_unknowns(structure, "Derivatives", found.derivatives, positions)
+    _add_unknowns(structure, "InitialUnknowns", found.initial, positions)
     return format_xml(root)
 
 
@@ -123,11 +130,25 @@ def format_xml(root: Element) -> bytes:
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
 
-def add_log_categories(root: Element) -> None:
+def add_log_categories(root: Element, fmi: int = 2) -> None:
     """Add the categories of messages."""
     categories = SubElement(root, "LogCategories")
     for category, description in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=category, description=description)
+        text = description.replace("fmi2", f"fmi{fmi}")
+        SubElement(categories, "Category", name=category, description=text)
+
+
+def add_default_experiment(root: Element, block: Block) -> None:
+    """Add the block's default experiment."""
+    experiment = block.default_experiment
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=repr(experiment.stop_time),
+        tolerance=repr(experiment.tolerance),
+        stepSize=repr(experiment.step_size),
+    )
 
 
 def add_unit(definitions: Element, unit: SiUnit) -> Element:
@@ -163,7 +184,8 @@ def _add_interface(root: Element, kind: str, name: str, offers: FmuFeatures, **c
             SubElement(files, "File", name=file)
 
 
-def _add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
+def add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
+    """Add the units of these variables, with their display units."""
     names = sorted({s.variable.unit for s in scalars if s.variable.unit is not None})
     if names:
         definitions = SubElement(root, "UnitDefinitions")
@@ -176,7 +198,7 @@ def _add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
                 SubElement(unit, "DisplayUnit", name=quantity.display_unit, factor=repr(quantity.factor))
 
 
-def _add_types(root: Element, scalars: Sequence[ScalarVariable]) -> None:
+def add_types(root: Element, scalars: Sequence[ScalarVariable], fmi: int = 2) -> None:
     """Add one type per quantity, with its unit and display unit, and one per enumeration."""
     units = QUANTITIES.keys() & {s.variable.unit for s in scalars}
     enumerations = {s.variable.enumeration for s in scalars} - {None}
@@ -185,15 +207,26 @@ def _add_types(root: Element, scalars: Sequence[ScalarVariable]) -> None:
     definitions = SubElement(root, "TypeDefinitions")
     for unit in sorted(units, key=lambda u: QUANTITIES[u].name):
         quantity = QUANTITIES[unit]
-        simple_type = SubElement(definitions, "SimpleType", name=quantity.name)
-        real = SubElement(simple_type, "Real", quantity=quantity.name, unit=unit)
+        real = _add_type(definitions, "Real", quantity.name, fmi)
+        real.set("quantity", quantity.name)
+        real.set("unit", unit)
         if quantity.display_unit is not None:
             real.set("displayUnit", quantity.display_unit)
     for enumeration in sorted((c for c in enumerations if c), key=lambda c: c.__name__):
-        simple_type = SubElement(definitions, "SimpleType", name=enumeration.__name__)
-        items = SubElement(simple_type, "Enumeration")
+        items = _add_type(definitions, "Enumeration", enumeration.__name__, fmi)
         for member in enumeration:
             SubElement(items, "Item", name=member.name.lower(), value=str(member.value))
+
+
+def _add_type(definitions: Element, fmi_type: str, name: str, fmi: int) -> Element:
+    """Add a type and return the element with its attributes: in FMI 2.0 one inside of the other."""
+    if fmi == 3:
+        return SubElement(definitions, f"{FMI3_TYPES[fmi_type]}Type", name=name)
+    return SubElement(SubElement(definitions, "SimpleType", name=name), fmi_type)
+
+
+FMI3_TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
+"""Types of FMI 3.0 by those of FMI 2.0."""
 
 
 def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
@@ -220,16 +253,28 @@ def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
 
 def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) -> Element:
     """Add a ScalarVariable; returns the element of its type, which carries the values."""
+    element = SubElement(variables, "ScalarVariable", variable_attributes(reference, scalar.name, scalar))
+    kind = SubElement(element, scalar.variable.fmi_type)
+    set_type_attributes(kind, scalar.variable)
+    if element.get("initial") != "calculated":
+        kind.set("start", format_number(scalar.variable.fmi_type, scalar.start))
+    return kind
+
+
+def variable_attributes(reference: int, name: str, scalar: ScalarVariable) -> dict[str, str]:
+    """Return the attributes of a variable that do not depend on its type."""
     causality, variability, initial = _interface(scalar)
-    variable = scalar.variable
-    attributes = {"name": scalar.name, "valueReference": str(reference)}
-    if variable.description:
-        attributes["description"] = variable.description
+    attributes = {"name": name, "valueReference": str(reference)}
+    if scalar.variable.description:
+        attributes["description"] = scalar.variable.description
     attributes |= {"causality": causality, "variability": variability}
     if initial is not None:
         attributes["initial"] = initial
-    element = SubElement(variables, "ScalarVariable", attributes)
-    kind = SubElement(element, variable.fmi_type)
+    return attributes
+
+
+def set_type_attributes(kind: Element, variable: Variable) -> None:
+    """Set unit, range and the like of a variable."""
     if variable.enumeration is not None:
         kind.set("declaredType", variable.enumeration.__name__)
     if variable.unit is not None:
@@ -242,17 +287,15 @@ def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) ->
             kind.set("displayUnit", quantity.display_unit)
     for attribute, value in (("min", variable.minimum), ("max", variable.maximum)):
         if value is not None:
-            kind.set(attribute, _number(variable.fmi_type, value))
+            kind.set(attribute, format_number(variable.fmi_type, value))
     if variable.is_difference:
         kind.set("relativeQuantity", "true")
     if variable.nominal is not None:
-        kind.set("nominal", _number("Real", variable.nominal))
-    if initial != "calculated":
-        kind.set("start", _number(variable.fmi_type, scalar.start))
-    return kind
+        kind.set("nominal", format_number("Real", variable.nominal))
 
 
-def _number(fmi_type: str, value: float) -> str:
+def format_number(fmi_type: str, value: float) -> str:
+    """Return a value as the text of a type of FMI 2.0."""
     if fmi_type == "Real":
         return repr(float(value))
     if fmi_type == "Boolean":
@@ -260,14 +303,17 @@ def _number(fmi_type: str, value: float) -> str:
     return str(int(value))
 
 
-def _add_structure(
-    root: Element,
-    block: Block,
-    symbolic: SymbolicBlock,
-    offers: FmuFeatures,
-    positions: Mapping[int, str],
-) -> None:
-    """Add the dependencies of outputs, derivatives and initial unknowns.
+@dataclass(frozen=True)
+class Structure:
+    """Unknowns with the knowns that they depend on, as value references of scalar variables."""
+
+    outputs: Mapping[int, set[int]]
+    derivatives: Mapping[int, set[int]]
+    initial: Mapping[int, set[int]]
+
+
+def find_structure(block: Block, symbolic: SymbolicBlock, has_derivatives: bool) -> Structure:
+    """Return the dependencies of outputs, derivatives and initial unknowns.
 
     Nothing depends on a parameter that is fixed or hidden: it is a constant.
 
@@ -276,20 +322,19 @@ def _add_structure(
     layout = block.layout()
     dependencies = find_dependencies(block, symbolic)
     states = layout.references(layout.states)
-    knowns = {*layout.references(layout.inputs), *(states if offers.derivatives else ())}
-    structure = SubElement(root, "ModelStructure")
+    knowns = {*layout.references(layout.inputs), *(states if has_derivatives else ())}
     outputs = [r for r, s in enumerate(layout.scalars) if isinstance(s.variable, (State, Output))]
-    derivatives = [r for r in dependencies if r >= len(layout.scalars)] if offers.derivatives else []
-    for kind, unknowns in (("Outputs", outputs), ("Derivatives", derivatives)):
-        found = {r: knowns & set(dependencies.get(r, [r])) for r in unknowns}
-        _add_unknowns(structure, kind, found, positions)
+    derivatives = [r for r in dependencies if r >= len(layout.scalars)] if has_derivatives else []
     from_parameters = [r for r in states if layout.scalars[r].variable.start_parameter is not None]
     initial = {r: {layout.start_reference(r)} for r in from_parameters}
     for r in (*layout.references(layout.outputs), *derivatives):
         initial[r] = {layout.start_reference(d) for d in dependencies[r]}
     settable = {r for r, s in enumerate(layout.scalars) if s.access is Access.SETTABLE}
-    known = {r: settable & found for r, found in initial.items()}
-    _add_unknowns(structure, "InitialUnknowns", known, positions)
+    return Structure(
+        {r: knowns & set(dependencies.get(r, [r])) for r in outputs},
+        {r: knowns & set(dependencies.get(r, [r])) for r in derivatives},
+        {r: settable & found for r, found in initial.items()},
+    )
 
 
 def _add_unknowns(

@@ -13,5 +13,9 @@ class DisclosureError(BuildError):
     """What an FMU should disclose does not fit its block or its flavour."""
 
 
+class VersionError(BuildError):
+    """FMUs for this version of FMI cannot be built, or not with this flavour."""
+
+
 class CacheError(BuildError):
     """The cache folder that the environment variable names is not writable."""

@@ -10,6 +10,7 @@ from .block import Block
 from .description import FmuFeatures, model_description
 from .documentation import docstring_page, html_page, icon, with_variables
 from .files import accept
+from .fmi3_description import fmi3_model_description
 from .recipe import Documents, Producer
 from .related import related_files
 from .symbolic import SymbolicBlock
@@ -29,6 +30,7 @@ class Draft:
     files: Mapping[str, bytes]
     has_sources: bool = True
     """Whether the FMU contains `sources/`; the files are always in `files`, for the compiler."""
+    fmi: int = 2
 
     @property
     def key(self) -> str:
@@ -52,6 +54,7 @@ def draft(
     content: Mapping[str, bytes],
     offers: FmuFeatures,
     has_sources: bool = True,
+    fmi: int = 2,
 ) -> Draft:
     """Describe and document a block; `content` are the files that its flavour adds.
 
@@ -70,11 +73,12 @@ def draft(
         "documentation/index.html": html_page(with_variables(page, block), name).encode(),
         "model.png": picture,
         "terminalsAndIcons/icon.png": picture,
-        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block, has_arrays=fmi == 3),
     }
     if documents.license is not None:
         files["documentation/licenses/license.txt"] = documents.license.encode()
-    anonymous = model_description(block, symbolic, producer, "", offers)
+    describe = fmi3_model_description if fmi == 3 else model_description
+    anonymous = describe(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})
-    description = model_description(block, symbolic, producer, guid, offers)
-    return Draft(block, guid, description, files, has_sources)
+    description = describe(block, symbolic, producer, guid, offers)
+    return Draft(block, guid, description, files, has_sources, fmi)

@@ -1,4 +1,4 @@
-"""Native FMUs: the block's equations as C inside a generic FMI 2.0 shim, compiled by zig."""
+"""Native FMUs: the block's equations as C inside a generic shim for FMI 2.0 or 3.0, compiled by zig."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -7,16 +7,23 @@ from dataclasses import replace
 from .block import Block
 from .c_equations import c_equations
 from .compiling import c_number, compile_libraries, constants, sources
-from .description import FmuFeatures, offers_model_exchange
+from .description import FmuFeatures, find_structure, offers_model_exchange
 from .export import Draft, draft
+from .fmi3_description import build_description, element_counts, time_variable
+from .platforms import binaries_folder
 from .recipe import Documents, Producer
-from .symbolic import evaluate_symbolically
+from .symbolic import SymbolicBlock, evaluate_symbolically
 from .variables import Access, StartTime
 
-_SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
+
+def _shim(fmi: int) -> str:
+    """Return the only file to compile; it includes all others."""
+    return f"fmi{fmi}_block.c"
 
 
-def native_draft(block: Block, producer: Producer, documents: Documents, has_sources: bool = True) -> Draft:
+def native_draft(
+    block: Block, producer: Producer, documents: Documents, has_sources: bool = True, fmi: int = 2
+) -> Draft:
     """Return the FMU without binaries: description, documents and C sources.
 
     Without sources these are only for the compiler.
@@ -27,15 +34,17 @@ def native_draft(block: Block, producer: Producer, documents: Documents, has_sou
     symbolic = evaluate_symbolically(block)
     content = {
         "sources/generated.h": c_equations(block, symbolic).encode(),
-        "sources/model.h": _model_header(block, symbolic.demands).encode(),
-        **sources("shim"),
+        "sources/model.h": _model_header(block, symbolic, fmi).encode(),
+        **sources("shim", fmi),
     }
+    if fmi == 3:
+        content["sources/buildDescription.xml"] = build_description(type(block).__name__, _shim(fmi))
     offers = FmuFeatures(
         derivatives=True,
         model_exchange=offers_model_exchange(block),
-        source_files=(_SHIM,) if has_sources else (),
+        source_files=(_shim(fmi),) if has_sources else (),
     )
-    anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources)
+    anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources, fmi)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
     return replace(anonymous, files={**anonymous.files, **guid_header})
 
@@ -48,10 +57,17 @@ def native_binaries(
     Raises:
         BuildError: The compiler fails, or a platform is not supported.
     """
-    return compile_libraries(type(draft.block).__name__, [_SHIM], draft.files, platforms, advance)
+    libraries = compile_libraries(
+        type(draft.block).__name__, [_shim(draft.fmi)], draft.files, platforms, advance
+    )
+    found = {}
+    for path, library in libraries.items():
+        top, platform, name = path.split("/")
+        found[f"{top}/{binaries_folder(platform, draft.fmi)}/{name}"] = library
+    return found
 
 
-def _model_header(block: Block, demands: Sequence[str]) -> str:
+def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:
     """Return names, types, ranges, start and nominal values as C: all that the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
@@ -64,13 +80,18 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
     ]
     lines += constants()
+    types = "/* type: R Real, I Integer or enumeration, B Boolean;"
+    letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
+    if fmi == 3:
+        types = "/* type: R Float64, I Int32, E Enumeration, B Boolean;"
+        letters["Enumeration"] = "E"
     if offers_model_exchange(block):
         lines.append("#define MODEL_EXCHANGE")
     if layout.states:
         lines.append(f"#define INTERNAL_STEP {layout.references((type(block).internal_step,))[0]}")
     lines += [
         "",
-        "/* type: R Real, I Integer or enumeration, B Boolean;",
+        types,
         " * access: S settable, F fixed, H hidden;",
         " * start_reference: the parameter that a state starts from, -1, or -2 for the start time */",
         "typedef struct {",
@@ -82,7 +103,6 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         "",
         "static const Variable variables[] = {",
     ]
-    letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
     for reference, scalar in enumerate((*layout.scalars, *layout.derivatives)):
         variable = scalar.variable
         start_reference = -2 if isinstance(variable, StartTime) else -1
@@ -94,7 +114,30 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         access = scalar.access
         name = "" if access is Access.HIDDEN else scalar.name
         lines.append(f"    {{\"{name}\", '{letter}', '{access.value}', {values}, {start_reference}}},")
-    return "\n".join([*lines, "};", *_limits(block), *_conditions(demands), ""])
+    more = _limits(block) + _conditions(symbolic.demands)
+    if fmi == 3:
+        lines.append(f"    {{\"{time_variable(block).name}\", 'R', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
+        more += _arrays_and_dependencies(block, symbolic)
+    return "\n".join([*lines, "};", *more, ""])
+
+
+def _arrays_and_dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
+    """Return which values are the elements of arrays, and on which others values depend, as C."""
+    structure = find_structure(block, symbolic, has_derivatives=True)
+    unknowns = sorted({**structure.outputs, **structure.derivatives}.items())
+    rows = [f"    {{{unknown}, {known}}}," for unknown, knowns in unknowns for known in sorted(knowns)]
+    return [
+        "",
+        "/* number of values of the variable that begins at each value reference; 0 inside of an array */",
+        f"static const int elements[] = {{{', '.join(map(str, element_counts(block)))}}};",
+        "",
+        f"#define N_DEPENDENCIES {len(rows)}",
+        "static const struct {",
+        "    int unknown, known;",
+        "} dependencies[] = {",
+        *(rows or ["    {-1, -1},"]),
+        "};",
+    ]
 
 
 def _conditions(demands: Sequence[str]) -> list[str]:

@@ -11,6 +11,21 @@ TARGETS = {
     "aarch64-darwin": ("aarch64-macos", ".dylib"),
 }
 
+FMI_VERSIONS = (2, 3)
+"""Versions of FMI for which native FMUs can be built."""
+
+_FMI3_FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "darwin64": "x86_64-darwin"}
+
+
+def binaries_folder(platform: str, fmi: int) -> str:
+    """Return the name of a platform's folder in `binaries/`: FMI 3.0 has other names than FMI 2.0."""
+    return _FMI3_FOLDERS.get(platform, platform) if fmi == 3 else platform
+
+
+def platform_of(folder: str) -> str:
+    """Return the platform of a folder in `binaries/`, for any version of FMI."""
+    return next((p for p, name in _FMI3_FOLDERS.items() if name == folder), folder)
+
 
 def host_platform() -> str:
     """Return the FMI platform of this machine."""

@@ -13,7 +13,8 @@ from typing import Any
 
 from .block import Block
 from .disclosure import Disclosure
-from .errors import BuildError, DisclosureError
+from .errors import BuildError, DisclosureError, VersionError
+from .platforms import FMI_VERSIONS
 from .sources import gather_sources, module_of
 from .variables import Parameter
 
@@ -91,6 +92,7 @@ class Recipe:
     producer: Producer = Producer()
     documents: Documents = Documents()
     sources: bool = True
+    fmi: int = 2
 
     @classmethod
     def of(
@@ -100,18 +102,27 @@ class Recipe:
         producer: Producer | None = None,
         documents: Documents | None = None,
         disclosure: Disclosure | None = None,
+        fmi: int = 2,
     ) -> "Recipe":
         """Make a recipe from a caller's arguments. Raises BuildError if they are wrong."""
         disclosure = disclosure or Disclosure()
         if flavour not in FLAVOURS:
             raise BuildError(f"the flavour '{flavour}' is not supported; choose from {', '.join(FLAVOURS)}.")
+        if fmi not in FMI_VERSIONS:
+            raise VersionError(
+                f"FMI {fmi} is not supported; choose from {', '.join(map(str, FMI_VERSIONS))}."
+            )
+        if fmi != 2 and flavour != "native":
+            raise VersionError(f"PythonFMU builds FMUs for FMI 2.0 only; build a native FMU for FMI {fmi}.0.")
         made = disclosure.restrict(_instance(block))
         if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
             raise DisclosureError(
                 f"FMUs of the flavour {flavour} contain equations and values as Python files; "
                 "build a native FMU."
             )
-        return cls(made, flavour, producer or Producer(), documents or Documents(), disclosure.has_sources)
+        return cls(
+            made, flavour, producer or Producer(), documents or Documents(), disclosure.has_sources, fmi
+        )
 
     @property
     def model(self) -> str:
@@ -120,7 +131,7 @@ class Recipe:
 
     @property
     def _settings(self) -> tuple[object, ...]:
-        return self.flavour, self.producer, self.documents, self.sources
+        return self.flavour, self.producer, self.documents, self.sources, self.fmi
 
     def key(self) -> str | None:
         """64 hexadecimal digits that change with all that this FMU is made of.

@@ -25,7 +25,7 @@ from .variables import ContainerVariable, list_variables
 
 _MAIN = "fmi2_container.c"
 
-_SHARED = ("messages.h", "logging.h", "conversions.h", "status.h")
+_SHARED = ("fmi2_types.h", "messages.h", "logging.h", "conversions.h", "fmi2_status.h")
 """C files of fmublock's FMUs that this one has, too."""
 
 

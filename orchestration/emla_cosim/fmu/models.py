@@ -17,9 +17,9 @@ from fmublock import Block
 from fmublock.archive import BuiltFmu, read_built
 from fmublock.cache import cache_folder
 from fmublock.disclosure import Disclosure
-from fmublock.errors import BuildError, DisclosureError, LoadError
+from fmublock.errors import BuildError, DisclosureError, LoadError, VersionError
 from fmublock.files import accept
-from fmublock.platforms import TARGETS, host_platform
+from fmublock.platforms import FMI_VERSIONS, TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
@@ -27,6 +27,7 @@ from ..base.ownership import check_replaceable, refuse_others
 
 __all__ = [
     "FLAVOURS",
+    "FMI_VERSIONS",
     "FMU_FOLDER",
     "MODELS",
     "PLATFORMS",
@@ -79,6 +80,7 @@ def build(
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
     disclosure: Disclosure | None = None,
+    fmi: int = 2,
 ) -> Path:
     """Build the FMU of a model, unless the same one already exists.
 
@@ -94,6 +96,7 @@ def build(
         overwrite: Whether to replace a file that is not an FMU of ours.
         disclosure: What the FMU contains and lets its user set. Default: everything. With anything
             else, `folder` is required and is not that of our own FMUs.
+        fmi: Version of FMI: 2, or 3 for native FMUs. `folder` is as for `disclosure` if it is 3.
 
     Returns:
         The path of the FMU.
@@ -107,11 +110,11 @@ def build(
     check_choice("flavour", flavour, FLAVOURS)
     for platform in platforms:
         check_choice("platform", platform, PLATFORMS)
-    if disclosure is not None:
-        check_disclosure(model, flavour, folder, disclosure)
+    if disclosure is not None or fmi != 2:
+        check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi)
     name = model if isinstance(model, str) else model.__name__
     try:
-        return _build(_recipe(model, flavour, disclosure), platforms, folder, advance, overwrite)
+        return _build(_recipe(model, flavour, disclosure, fmi), platforms, folder, advance, overwrite)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
@@ -119,17 +122,19 @@ def build(
 
 
 def check_disclosure(
-    model: str | type[Block], flavour: str, folder: Path | None, disclosure: Disclosure
+    model: str | type[Block], flavour: str, folder: Path | None, disclosure: Disclosure, fmi: int = 2
 ) -> None:
-    """Check that a model can be built with this disclosure, in this folder. This builds nothing.
+    """Check that a model can be built with this disclosure and version, in this folder. This builds nothing.
 
     Raises:
         CommandError: If it cannot.
     """
-    _recipe(model, flavour, disclosure)
-    if disclosure != Disclosure() and (folder is None or folder.resolve() == FMU_FOLDER.resolve()):
+    _recipe(model, flavour, disclosure, fmi)
+    is_other = disclosure != Disclosure() or fmi != 2
+    if is_other and (folder is None or folder.resolve() == FMU_FOLDER.resolve()):
+        kind = "complete FMUs" if fmi == 2 else "FMUs for FMI 2.0"
         raise CommandError(
-            f"the folder '{FMU_FOLDER}' is for complete FMUs, which `emla run` uses and builds again; "
+            f"the folder '{FMU_FOLDER}' is for {kind}, which `emla run` uses and builds again; "
             "choose another one with --output."
         )
 
@@ -229,15 +234,17 @@ _REFERENCES = {
 """Role, type and description of the reference files of a model, by the end of their names."""
 
 
-def _recipe(model: str | type[Block], flavour: str, disclosure: Disclosure | None = None) -> Recipe:
-    """Return the recipe of a model. Raise CommandError if the disclosure does not fit it."""
+def _recipe(
+    model: str | type[Block], flavour: str, disclosure: Disclosure | None = None, fmi: int = 2
+) -> Recipe:
+    """Return the recipe of a model. Raise CommandError if the disclosure or the version does not fit it."""
     try:
         if not isinstance(model, str):
-            return Recipe.of(model, flavour, disclosure=disclosure)
+            return Recipe.of(model, flavour, disclosure=disclosure, fmi=fmi)
         complete = disclosure is None or disclosure.has_sources
         documents = _documents(model) if complete else Documents(license=license_text())
-        return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure)
-    except DisclosureError as error:
+        return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi)
+    except (DisclosureError, VersionError) as error:
         name = model if isinstance(model, str) else model.__name__
         raise CommandError(f"{name}: {error}", model=name) from error
 

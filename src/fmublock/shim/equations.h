@@ -14,7 +14,7 @@ static void fix_values(State *now) { fixed_values(now->values, now->fixed); }
  */
 static void evaluate_derivatives(State *now) {
     double set[ROOM(N_INPUTS)];
-    const int frozen = now->type == fmi2CoSimulation && now->phase & (STEP | TERMINATED);
+    const int frozen = now->type == FOR_CO_SIMULATION && now->phase & (STEP | TERMINATED);
     memcpy(set, now->values, N_INPUTS * sizeof(double));
     if (frozen) memcpy(now->values, now->held, N_INPUTS * sizeof(double));
     double stepwise[ROOM(N_STEPWISE)];

@@ -1,9 +1,4 @@
-/* FMI 2.0 around the generated equations of one block.
- *
- * guid.h, model.h and generated.h are generated for the block. All values of an instance are one array
- * of doubles, indexed by value reference: inputs, parameters, states, discrete states, outputs,
- * derivatives. This is the only file to compile.
- */
+/* FMI 2.0 around the generated equations of one block; see block.h. This is the only file to compile. */
 #include <limits.h>
 #include <math.h>
 #include <stdarg.h>
@@ -14,19 +9,8 @@
 
 #include "fmi2Functions.h"
 
-#include "guid.h"
-#include "model.h"
+#include "fmi2_types.h"
 
-#include "generated.h"
+#include "block.h"
 
-#include "instance.h"
-
-#include "equations.h"
-
-#include "fmi2_common.h"
-#include "fmi2_state.h"
-#include "fmi2_derivatives.h"
-#include "fmi2_co_simulation.h"
-#ifdef MODEL_EXCHANGE
-#include "fmi2_model_exchange.h"
-#endif
+#include "fmi2_functions.h"

@@ -24,7 +24,7 @@ typedef struct {
 /* All values that evolve or were set; begins with the GUID, so that states of other FMUs are recognized. */
 typedef struct {
     char guid[GUID_SIZE];
-    int type; /* fmi2CoSimulation or fmi2ModelExchange */
+    int type; /* FOR_CO_SIMULATION or FOR_MODEL_EXCHANGE */
     int phase;
     int inputs_move; /* whether any input derivative is not zero */
     double time, stop_time;
@@ -40,8 +40,8 @@ typedef struct {
 typedef struct {
     State now;
     char *name;
-    fmi2CallbackLogger logger;
-    fmi2ComponentEnvironment environment;
+    Logger logger;
+    Environment environment;
     unsigned logged;         /* categories that are switched on, as bits */
     unsigned char left[ROOM(N_LIMITS)]; /* whether leaving each limit was reported */
     int ended; /* the last step was discarded as it goes past the end of the resource */
@@ -57,11 +57,11 @@ typedef struct {
 #include RESOURCE_HEADER
 #else
 #define GUID(state) MODEL_GUID
-#define SHOWN(instance) N_VALUES
+#define SHOWN(instance) N_VARIABLES
 #define RESOURCE_END(state) HUGE_VAL
-static fmi2Status open_resource(Instance *instance, fmi2String location) {
+static Status open_resource(Instance *instance, String location) {
     (void)instance, (void)location;
-    return fmi2OK;
+    return StatusOK;
 }
 #endif
 
@@ -73,16 +73,16 @@ static const char *phase_name(int phase) {
     return "unknown";
 }
 
-static fmi2Status require(const Instance *instance, int phases, const char *action) {
-    if (instance->now.phase & phases) return fmi2OK;
-    return report(instance, fmi2Error, "cannot %s in phase %s.", action, phase_name(instance->now.phase));
+static Status require(const Instance *instance, int phases, const char *action) {
+    if (instance->now.phase & phases) return StatusOK;
+    return report(instance, StatusError, "cannot %s in phase %s.", action, phase_name(instance->now.phase));
 }
 
-static fmi2Status check_range(const Instance *instance, int reference) {
+static Status check_range(const Instance *instance, int reference) {
     const Variable *variable = &variables[reference];
     const double value = instance->now.values[reference];
-    if (variable->minimum <= value && value <= variable->maximum && isfinite(value)) return fmi2OK;
-    return report(instance, fmi2Error, "%s = %.9g is outside its range, %.9g to %.9g.", variable->name,
+    if (variable->minimum <= value && value <= variable->maximum && isfinite(value)) return StatusOK;
+    return report(instance, StatusError, "%s = %.9g is outside its range, %.9g to %.9g.", variable->name,
                   value, variable->minimum, variable->maximum);
 }
 
@@ -97,7 +97,7 @@ static int digits_apart(double a, double b) {
     return 17;
 }
 
-/* Report variables that have left their limits, once each. This is not an error: the call returns fmi2OK. */
+/* Report variables that have left their limits, once each. This is not an error: the call returns StatusOK. */
 static void report_limits(Instance *instance) {
     const double *values = instance->now.values;
     for (int i = 0; i < N_LIMITS; i++) {
@@ -106,23 +106,25 @@ static void report_limits(Instance *instance) {
         if (instance->left[i] || (low <= value && value <= high)) continue;
         instance->left[i] = 1;
         if (variables[limits[i].low].access == 'H' || variables[limits[i].high].access == 'H') {
-            report(instance, fmi2Warning, "%s = %.9g left its limits at t = %.9g s.",
+            report(instance, StatusWarning, "%s = %.9g left its limits at t = %.9g s.",
                    variables[limits[i].variable].name, value, instance->now.time);
             continue;
         }
         const int digits = digits_apart(value, value < low ? low : high);
-        report(instance, fmi2Warning, "%s = %.*g left its limits, %.9g to %.9g, at t = %.9g s.",
+        report(instance, StatusWarning, "%s = %.*g left its limits, %.9g to %.9g, at t = %.9g s.",
                variables[limits[i].variable].name, digits, value, low, high, instance->now.time);
     }
 }
 
-static fmi2Status check_type(const Instance *instance, fmi2ValueReference reference, char type) {
-    if (reference >= SHOWN(instance) || variables[reference].access == 'H')
-        return report(instance, fmi2Error, "there is no variable with value reference %u.", reference);
+static Status check_exists(const Instance *instance, ValueReference reference) {
+    if (reference < SHOWN(instance) && variables[reference].access != 'H' && ELEMENTS(reference) != 0)
+        return StatusOK;
+    return report(instance, StatusError, "there is no variable with value reference %u.", (unsigned)reference);
+}
+
+static Status check_type(const Instance *instance, ValueReference reference, char type) {
+    if (check_exists(instance, reference) != StatusOK) return StatusError;
     const Variable *variable = &variables[reference];
-    if (variable->type == type) return fmi2OK;
-    return report(instance, fmi2Error, "%s is of type %s.", variable->name,
-                  variable->type == 'R'   ? "Real"
-                  : variable->type == 'I' ? "Integer"
-                                          : "Boolean");
+    if (variable->type == type) return StatusOK;
+    return report(instance, StatusError, "%s is of type %s.", variable->name, TYPE_NAME(variable->type));
 }

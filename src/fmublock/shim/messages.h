@@ -11,28 +11,28 @@ static const char *const categories[N_CATEGORIES] = {
 #define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
 #define PROBLEMS (CATEGORY(LOG_WARNING) | CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
 
-static int category_of(fmi2Status status) {
+static int category_of(Status status) {
     switch (status) {
-        case fmi2OK: return LOG_EVENTS;
-        case fmi2Warning: return LOG_WARNING;
-        case fmi2Discard: return LOG_DISCARD;
-        case fmi2Error: return LOG_ERROR;
+        case StatusOK: return LOG_EVENTS;
+        case StatusWarning: return LOG_WARNING;
+        case StatusDiscard: return LOG_DISCARD;
+        case StatusError: return LOG_ERROR;
         default: return LOG_FATAL;
     }
 }
 
-static int is_logged(const Instance *instance, fmi2Status status) {
+static int is_logged(const Instance *instance, Status status) {
     return instance->logger != NULL && (instance->logged & CATEGORY(category_of(status)));
 }
 
-static void deliver(const Instance *instance, fmi2Status status, char *message) {
+static void deliver(const Instance *instance, Status status, char *message) {
     for (char *c = message; *c; c++)
         if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
-    instance->logger(instance->environment, instance->name, status, categories[category_of(status)], message);
+    LOG(instance, status, categories[category_of(status)], message);
 }
 
 /* Log a message, if its category is on; returns the status. */
-static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
+static Status report(const Instance *instance, Status status, const char *format, ...) {
     char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
     va_list arguments;
     if (!is_logged(instance, status)) return status;
@@ -46,25 +46,25 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
     return status;
 }
 
-static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
-    if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
-    return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
+static Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
+    if (n == 0 || (a != NULL && b != NULL)) return StatusOK;
+    return report(instance, StatusError, "%u values were announced, but the array is NULL.", (unsigned)n);
 }
 
 /* Check the pointer to which a call writes its result. */
-static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
-    if (place != NULL) return fmi2OK;
-    return report(instance, fmi2Error, "the pointer to %s is NULL.", what);
+static Status check_place(const Instance *instance, const void *place, const char *what) {
+    if (place != NULL) return StatusOK;
+    return report(instance, StatusError, "the pointer to %s is NULL.", what);
 }
 
-static fmi2Status check_experiment(const Instance *instance, fmi2Boolean toleranceDefined, fmi2Real tolerance,
-                                   fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
+static Status check_experiment(const Instance *instance, Boolean toleranceDefined, double tolerance,
+                                   double startTime, Boolean stopTimeDefined, double stopTime) {
     if (!isfinite(startTime))
-        return report(instance, fmi2Error, "the start time %g is not a finite number of seconds.", startTime);
+        return report(instance, StatusError, "the start time %g is not a finite number of seconds.", startTime);
     if (stopTimeDefined && !(stopTime >= startTime))
-        return report(instance, fmi2Error, "the stop time %g s is not after the start time %g s.", stopTime,
+        return report(instance, StatusError, "the stop time %g s is not after the start time %g s.", stopTime,
                       startTime);
     if (toleranceDefined && !(tolerance > 0.0 && isfinite(tolerance)))
-        return report(instance, fmi2Error, "the tolerance %g is not a positive number.", tolerance);
-    return fmi2OK;
+        return report(instance, StatusError, "the tolerance %g is not a positive number.", tolerance);
+    return StatusOK;
 }

@@ -16,6 +16,8 @@
 
 #include "fmi2Functions.h"
 
+#include "fmi2_types.h"
+
 #include "model.h"
 
 #include "data.h"
@@ -25,7 +27,9 @@
 
 #include "equations.h"
 
-#include "fmi2_common.h"
-#include "fmi2_state.h"
-#include "fmi2_derivatives.h"
-#include "fmi2_co_simulation.h"
+#include "common.h"
+#include "state.h"
+#include "derivatives.h"
+#include "co_simulation.h"
+
+#include "fmi2_functions.h"

@@ -9,6 +9,7 @@ from ...base.errors import CommandError, check_choice
 from ...base.option import BUILD
 from ...fmu.models import (
     FLAVOURS,
+    FMI_VERSIONS,
     FMU_FOLDER,
     MODELS,
     PLATFORMS,
@@ -31,6 +32,7 @@ OPTIONS = BUILD
 EXAMPLES = (
     "emla build EmlaPlant",
     "emla build mine.py:Drive --output mine",
+    "emla build EmlaPlant --fmi 3 --output fmi3",
     "emla build EmlaPlant --hide 'motor.*' --output handout",
 )
 """Examples in the help."""
@@ -42,6 +44,13 @@ def command(
         typer.Argument(help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models."),
     ] = None,
     flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    fmi: Annotated[
+        int,
+        typer.Option(
+            help=f"Version of FMI: {' or '.join(map(str, FMI_VERSIONS))} "
+            "(3: native FMUs only, and in another folder)."
+        ),
+    ] = 2,
     platform: Annotated[
         list[str] | None,
         typer.Option(
@@ -90,6 +99,7 @@ def command(
     """Build the FMUs of models for other tools and all platforms."""
     chosen = models or list(MODELS)
     check_choice("flavour", flavour, FLAVOURS)
+    check_choice("version of FMI", str(fmi), [str(version) for version in FMI_VERSIONS])
     if platform and flavour != "native":
         raise CommandError(
             "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
@@ -100,7 +110,7 @@ def command(
     if len(blocks) > 1 and (set_ or fix or hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
-        check_disclosure(model, flavour, output, disclosure)
+        check_disclosure(model, flavour, output, disclosure, fmi)
     overwrite = given.get("overwrite", False)
     places = dict[str, str]()
     for name, model in blocks.items():
@@ -121,6 +131,7 @@ def command(
                     lambda: progress.advance(1),
                     overwrite,
                     disclosure,
+                    fmi,
                 )
             )
             progress.finish()

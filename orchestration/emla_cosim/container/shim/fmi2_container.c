@@ -14,6 +14,8 @@
 
 #include "fmi2Functions.h"
 
+#include "fmi2_types.h"
+
 #include "guid.h"
 
 #include "functions.h"

@@ -100,4 +100,4 @@ static double reached_time(const Instance *instance) {
 
 static int has_ended(const Instance *instance) { return instance->memory.ended; }
 
-#include "status.h"
+#include "fmi2_status.h"

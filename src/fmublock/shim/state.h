@@ -35,85 +35,85 @@ static void reveal(State *state) {
     if (hides) fix_values(state);
 }
 
-static fmi2Status check_state(const Instance *instance, const State *state) {
+static Status check_state(const Instance *instance, const State *state) {
     if (state == NULL || memcmp(state->guid, GUID(&instance->now), sizeof state->guid) != 0)
-        return report(instance, fmi2Error, "this is not a state of %s %s.", MODEL_IDENTIFIER,
+        return report(instance, StatusError, "this is not a state of %s %s.", MODEL_IDENTIFIER,
                       GUID(&instance->now));
     if (state->type != instance->now.type)
-        return report(instance, fmi2Error, "states of Co-Simulation and Model Exchange are not compatible.");
-    return fmi2OK;
+        return report(instance, StatusError, "states of Co-Simulation and Model Exchange are not compatible.");
+    return StatusOK;
 }
 
-static fmi2Status copy_state(const Instance *instance, const State *source, fmi2FMUstate *target) {
-    if (check_place(instance, target, "the state") != fmi2OK) return fmi2Error;
-    if (*target != NULL && check_state(instance, *target) != fmi2OK) return fmi2Error;
+static Status copy_state(const Instance *instance, const State *source, FmuState *target) {
+    if (check_place(instance, target, "the state") != StatusOK) return StatusError;
+    if (*target != NULL && check_state(instance, *target) != StatusOK) return StatusError;
     if (*target == NULL) *target = malloc(sizeof(State));
-    if (*target == NULL) return report(instance, fmi2Error, "out of memory.");
+    if (*target == NULL) return report(instance, StatusError, "out of memory.");
     memcpy(*target, source, sizeof(State));
     ((State *)*target)->resource = NULL;
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
+Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
     Instance *instance = c;
-    return copy_state(instance, &instance->now, FMUstate);
+    return copy_state(instance, &instance->now, FMUState);
 }
 
 /* Going back further than the host promised works, but gives a warning, as other FMUs may fail. */
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
+Status FMI(SetFMUState)(Handle c, FmuState FMUState) {
     Instance *instance = c;
     const double *resource = instance->now.resource;
-    if (check_state(instance, FMUstate) != fmi2OK) return fmi2Error;
-    memcpy(&instance->now, FMUstate, sizeof instance->now);
+    if (check_state(instance, FMUState) != StatusOK) return StatusError;
+    memcpy(&instance->now, FMUState, sizeof instance->now);
     instance->now.resource = resource;
-    if (instance->now.time >= instance->no_return_before) return fmi2OK;
-    return report(instance, fmi2Warning,
+    if (instance->now.time >= instance->no_return_before) return StatusOK;
+    return report(instance, StatusWarning,
                   "set back to t = %.9g s, though noSetFMUStatePriorToCurrentPoint was given at t = %.9g s.",
                   instance->now.time, instance->no_return_before);
 }
 
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
+Status FMI(FreeFMUState)(Handle c, FmuState *FMUState) {
     (void)c;
-    if (FMUstate != NULL) {
-        free(*FMUstate);
-        *FMUstate = NULL;
+    if (FMUState != NULL) {
+        free(*FMUState);
+        *FMUState = NULL;
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size) {
-    if (check_state(c, FMUstate) != fmi2OK) return fmi2Error;
-    if (check_place(c, size, "the size") != fmi2OK) return fmi2Error;
+Status FMI(SerializedFMUStateSize)(Handle c, FmuState FMUState, size_t *size) {
+    if (check_state(c, FMUState) != StatusOK) return StatusError;
+    if (check_place(c, size, "the size") != StatusOK) return StatusError;
     *size = sizeof(Serialized);
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
+Status FMI(SerializeFMUState)(Handle c, FmuState FMUState, Byte serializedState[],
                                  size_t size) {
     Serialized serialized = {0};
-    if (check_state(c, FMUstate) != fmi2OK) return fmi2Error;
-    if (check_place(c, serializedState, "the bytes") != fmi2OK) return fmi2Error;
+    if (check_state(c, FMUState) != StatusOK) return StatusError;
+    if (check_place(c, serializedState, "the bytes") != StatusOK) return StatusError;
     if (size < sizeof serialized)
-        return report(c, fmi2Error, "a state needs %u bytes, not %u.", (unsigned)sizeof serialized,
+        return report(c, StatusError, "a state needs %u bytes, not %u.", (unsigned)sizeof serialized,
                       (unsigned)size);
-    memcpy(&serialized.state, FMUstate, sizeof serialized.state);
+    memcpy(&serialized.state, FMUState, sizeof serialized.state);
     conceal(&serialized.state);
     serialized.checksum = checksum(&serialized.state);
     memcpy(serializedState, &serialized, sizeof serialized);
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
-                                   fmi2FMUstate *FMUstate) {
+Status FMI(DeserializeFMUState)(Handle c, const Byte serializedState[], size_t size,
+                                   FmuState *FMUState) {
     Serialized serialized;
-    if (check_place(c, serializedState, "the bytes") != fmi2OK) return fmi2Error;
+    if (check_place(c, serializedState, "the bytes") != StatusOK) return StatusError;
     if (size != sizeof serialized)
-        return report(c, fmi2Error, "a state has %u bytes, not %u.", (unsigned)sizeof serialized,
+        return report(c, StatusError, "a state has %u bytes, not %u.", (unsigned)sizeof serialized,
                       (unsigned)size);
     memcpy(&serialized, serializedState, sizeof serialized);
-    if (check_state(c, &serialized.state) != fmi2OK) return fmi2Error;
+    if (check_state(c, &serialized.state) != StatusOK) return StatusError;
     if (serialized.checksum != checksum(&serialized.state))
-        return report(c, fmi2Error, "the serialized state is damaged.");
+        return report(c, StatusError, "the serialized state is damaged.");
     reveal(&serialized.state);
-    return copy_state(c, &serialized.state, FMUstate);
+    return copy_state(c, &serialized.state, FMUState);
 }

@@ -14,34 +14,34 @@ static int is_sliver(const State *now, double time, double step) {
     return now->clock.step > 0.0 && is_there;
 }
 
-static fmi2Status check_step(const Instance *instance, double time, double step) {
+static Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
     if (!(isfinite(time + step) && step > 0.0))
-        return report(instance, fmi2Error, "the step size %g s is not a positive, finite number.", step);
+        return report(instance, StatusError, "the step size %g s is not a positive, finite number.", step);
     const double end = time + step;
     if (!(fabs(time - now->time) <= fmax(STEP_TOLERANCE * step, rounding(now, time, step)))) {
         const int digits = digits_apart(time, now->time);
-        return report(instance, fmi2Error,
+        return report(instance, StatusError,
                       "the step starts at t = %.*g s, but the instance is at t = %.*g s.", digits, time,
                       digits, now->time);
     }
     if (end > now->stop_time + STEP_TOLERANCE * step + TIME_ROUNDING * fabs(time)) {
         const int digits = digits_apart(end, now->stop_time);
-        return report(instance, fmi2Error, "the step to t = %.*g s goes past the stop time %.*g s.", digits,
+        return report(instance, StatusError, "the step to t = %.*g s goes past the stop time %.*g s.", digits,
                       end, digits, now->stop_time);
     }
     if (!(substeps(now, step) <= MAXIMUM_SUBSTEPS))
-        return report(instance, fmi2Error, "the step of %g s needs more than %g internal steps.", step,
+        return report(instance, StatusError, "the step of %g s needs more than %g internal steps.", step,
                       MAXIMUM_SUBSTEPS);
-    return fmi2OK;
+    return StatusOK;
 }
 
 /* A step past the end of the resource is discarded: the FMU asks the host to end the run there. */
-static fmi2Status check_end(Instance *instance, double time, double step) {
+static Status check_end(Instance *instance, double time, double step) {
     const double last = RESOURCE_END(&instance->now);
     instance->ended = time + step > last + STEP_TOLERANCE * step + TIME_ROUNDING * fabs(time);
-    if (!instance->ended) return fmi2OK;
-    return report(instance, fmi2Discard, "the data end at t = %.9g s, and the step to t = %.9g s goes past it.",
+    if (!instance->ended) return StatusOK;
+    return report(instance, StatusDiscard, "the data end at t = %.9g s, and the step to t = %.9g s goes past it.",
                   last, time + step);
 }
 
@@ -63,12 +63,12 @@ static int find_not_finite(const State *now) {
 }
 
 /* Clear what the host set for one step; `begin` is the time before which it will not go back. */
-static fmi2Status end_step(Instance *instance, double begin, fmi2Boolean will_not_go_back) {
+static Status end_step(Instance *instance, double begin, Boolean will_not_go_back) {
     State *now = &instance->now;
     memset(now->input_derivatives, 0, sizeof now->input_derivatives);
     now->inputs_move = 0;
     if (will_not_go_back) instance->no_return_before = begin;
-    return fmi2OK;
+    return StatusOK;
 }
 
 static void advance(State *now, const double *u0) {
@@ -81,17 +81,15 @@ static void advance(State *now, const double *u0) {
     end_communication_step(now);
 }
 
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
-                      fmi2Boolean noSetFMUStatePriorToCurrentPoint) {
-    Instance *instance = c;
+static Status do_step(Instance *instance, double time, double step, Boolean noSetFMUStatePriorToCurrentPoint) {
     State *now = &instance->now;
-    const double time = currentCommunicationPoint, step = communicationStepSize, start = now->time;
+    const double start = now->time;
     const Clock clock = now->clock;
     double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
-    if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
-    if (check_step(instance, time, step) != fmi2OK) return fmi2Error;
+    if (require(instance, STEP, "do a step") != StatusOK) return StatusError;
+    if (check_step(instance, time, step) != StatusOK) return StatusError;
     if (is_sliver(now, time, step)) return end_step(instance, start, noSetFMUStatePriorToCurrentPoint);
-    if (check_end(instance, time, step) != fmi2OK) return fmi2Discard;
+    if (check_end(instance, time, step) != StatusOK) return StatusDiscard;
     memcpy(u0, now->values, N_INPUTS * sizeof(double));
     memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
     begin_step(now, time, step);
@@ -104,7 +102,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
         now->clock = clock;
         memcpy(now->values, u0, N_INPUTS * sizeof(double));
         memcpy(now->values + FIRST_STATE, before, N_EVOLVING * sizeof(double));
-        return report(instance, fmi2Discard,
+        return report(instance, StatusDiscard,
                       "step from t = %.9g s with h = %.9g s discarded: %s became %g.", time, step,
                       variables[bad].name, value);
     }
@@ -117,5 +115,3 @@ static double reached_time(const Instance *instance) { return instance->now.time
 
 /* Equations never end a run by themselves; data do. */
 static int has_ended(const Instance *instance) { return instance->ended; }
-
-#include "status.h"

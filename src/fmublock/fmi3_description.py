@@ -1,0 +1,145 @@
+"""modelDescription.xml and sources/buildDescription.xml of a block for FMI 3.0.
+
+An array of a block is one variable, whose value reference is that of its first element.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
+from xml.etree.ElementTree import Element, SubElement
+
+from .block import Block
+from .description import (
+    FMI3_TYPES,
+    FmuFeatures,
+    add_default_experiment,
+    add_log_categories,
+    add_types,
+    add_units,
+    describe_model,
+    find_structure,
+    format_number,
+    format_xml,
+    set_type_attributes,
+    variable_attributes,
+)
+from .recipe import Producer
+from .symbolic import SymbolicBlock
+from .variables import Access, ScalarVariable, Variable
+
+
+def fmi3_model_description(
+    block: Block, symbolic: SymbolicBlock, producer: Producer, token: str, offers: FmuFeatures
+) -> bytes:
+    """Return the model description as UTF-8 XML."""
+    layout = block.layout()
+    every = (*layout.scalars, *layout.derivatives)
+    shown = {r: s for r, s in enumerate(every) if s.access is not Access.HIDDEN}
+    name = type(block).__name__
+    root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, token, fmi=3)
+    capabilities = {
+        "modelIdentifier": name,
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
+        "providesPerElementDependencies": "true",
+    }
+    if offers.model_exchange:
+        SubElement(root, "ModelExchange", capabilities)
+    SubElement(
+        root,
+        "CoSimulation",
+        capabilities,
+        canHandleVariableCommunicationStepSize="true",
+        maxOutputDerivativeOrder="1",
+    )
+    described = (*shown.values(), time_variable(block))
+    add_units(root, described)
+    add_types(root, described, fmi=3)
+    add_log_categories(root, fmi=3)
+    add_default_experiment(root, block)
+    lengths = element_counts(block)
+    _add_variables(SubElement(root, "ModelVariables"), block, shown, lengths)
+    _add_structure(SubElement(root, "ModelStructure"), block, symbolic, lengths)
+    return format_xml(root)
+
+
+def build_description(model: str, main: str) -> bytes:
+    """Return the file that says how to compile the sources, as UTF-8 XML."""
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=model)
+    files = SubElement(configuration, "SourceFileSet", language="C99")
+    SubElement(files, "SourceFile", name=main)
+    return format_xml(root)
+
+
+def element_counts(block: Block) -> list[int]:
+    """Return how many values the variable at each value reference has.
+
+    It is 1 for a scalar, and for an array the number of its elements at the first of them, and 0 at the
+    others. The derivatives follow, and the time.
+    """
+    layout = block.layout()
+    counts = [_count(s) for s in layout.scalars]
+    return [*counts, *(counts[r] for r in layout.references(layout.states)), 1]
+
+
+def time_variable(block: Block) -> ScalarVariable:
+    """Return the time: named "time", or with underscores if the block has such a variable."""
+    names = {str(s.variable.name) for s in block.layout().scalars}
+    name = "time"
+    while name in names:
+        name += "_"
+    return ScalarVariable(Variable(name=name, unit="s", description="Time"), (), name, 0.0)
+
+
+def _count(scalar: ScalarVariable) -> int:
+    return 0 if any(scalar.index) else math.prod(scalar.variable.shape)
+
+
+def _add_variables(
+    variables: Element, block: Block, shown: Mapping[int, ScalarVariable], lengths: Sequence[int]
+) -> None:
+    """Add all variables; the time is the last one."""
+    layout = block.layout()
+    states = layout.references(layout.states)
+    for reference, scalar in shown.items():
+        if not lengths[reference]:
+            continue
+        fmi_type, of_state = scalar.variable.fmi_type, scalar
+        attributes = variable_attributes(reference, str(scalar.variable.name), scalar)
+        if reference >= len(layout.scalars):
+            state = states[reference - len(layout.scalars)]
+            of_state = layout.scalars[state]
+            name = str(of_state.variable.name)
+            attributes |= {"name": f"der({name})", "derivative": str(state)}
+            attributes["description"] = f"Time derivative of {name}"
+        element = SubElement(variables, FMI3_TYPES[fmi_type], attributes)
+        set_type_attributes(element, scalar.variable)
+        for length in of_state.variable.shape:
+            SubElement(element, "Dimension", start=str(length))
+        if attributes.get("initial") != "calculated":
+            starts = (shown[r].start for r in range(reference, reference + lengths[reference]))
+            element.set("start", " ".join(format_number(fmi_type, x) for x in starts))
+    time = time_variable(block)
+    attributes = {"name": time.name, "valueReference": str(len(lengths) - 1), "description": "Time"}
+    element = SubElement(variables, "Float64", attributes, causality="independent", variability="continuous")
+    set_type_attributes(element, time.variable)
+
+
+def _add_structure(structure: Element, block: Block, symbolic: SymbolicBlock, lengths: Sequence[int]) -> None:
+    """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
+    first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
+    found = find_structure(block, symbolic, has_derivatives=True)
+    for kind, unknowns in (
+        ("Output", found.outputs),
+        ("ContinuousStateDerivative", found.derivatives),
+        ("InitialUnknown", found.initial),
+    ):
+        whole = dict[int, set[int]]()
+        for reference, knowns in sorted(unknowns.items()):
+            whole.setdefault(first[reference], set()).update(first[known] for known in knowns)
+        for reference, knowns in whole.items():
+            dependencies = " ".join(map(str, sorted(knowns)))
+            SubElement(structure, kind, valueReference=str(reference), dependencies=dependencies)

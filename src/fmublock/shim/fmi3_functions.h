@@ -1,0 +1,268 @@
+/* The functions of FMI 3.0 that FMI 2.0 has not, or with other arguments. */
+
+/* ---- create ---------------------------------------------------------------------------- */
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment instanceEnvironment,
+                                          fmi3LogMessageCallback logMessage) {
+    (void)visible;
+    return create_instance(instanceName, instantiationToken, resourcePath, FOR_MODEL_EXCHANGE, loggingOn, logMessage,
+                           instanceEnvironment);
+}
+
+/* A step ends early for no reason, so that it does not matter whether it may. */
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
+                                         fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                         fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
+                                         const fmi3ValueReference requiredIntermediateVariables[],
+                                         size_t nRequiredIntermediateVariables,
+                                         fmi3InstanceEnvironment instanceEnvironment,
+                                         fmi3LogMessageCallback logMessage,
+                                         fmi3IntermediateUpdateCallback intermediateUpdate) {
+    (void)visible, (void)earlyReturnAllowed, (void)requiredIntermediateVariables, (void)intermediateUpdate;
+    Instance *instance = create_instance(instanceName, instantiationToken, resourcePath, FOR_CO_SIMULATION,
+                                         loggingOn, logMessage, instanceEnvironment);
+    if (instance == NULL || (!eventModeUsed && nRequiredIntermediateVariables == 0)) return instance;
+    report(instance, StatusError, "this FMU has no %s.",
+           eventModeUsed ? "event mode in co-simulation" : "intermediate update");
+    fmi3FreeInstance(instance);
+    return NULL;
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
+    fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
+    fmi3ClockUpdateCallback clockUpdate, fmi3LockPreemptionCallback lockPreemption,
+    fmi3UnlockPreemptionCallback unlockPreemption) {
+    (void)visible, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
+    Instance *instance = create_instance(instanceName, instantiationToken, resourcePath, FOR_CO_SIMULATION,
+                                         loggingOn, logMessage, instanceEnvironment);
+    if (instance == NULL) return NULL;
+    report(instance, StatusError, "this FMU has no scheduled execution.");
+    fmi3FreeInstance(instance);
+    return NULL;
+}
+
+/* ---- initialize ------------------------------------------------------------------------ */
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
+                                       fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
+    Instance *instance = c;
+    if (require(instance, INSTANTIATED, "enter initialization mode") != StatusOK) return fmi3Error;
+    if (set_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != StatusOK)
+        return fmi3Error;
+    instance->now.phase = INITIALIZATION;
+    return fmi3OK;
+}
+
+/* ---- the types ------------------------------------------------------------------------- */
+
+GET_AND_SET(Float64, fmi3Float64, 'R', AS_IT_IS, AS_IT_IS)
+GET_AND_SET(Int32, fmi3Int32, 'I', AS_INTEGER, AS_DOUBLE)
+GET_AND_SET(Int64, fmi3Int64, 'E', AS_INTEGER, AS_DOUBLE)
+GET_AND_SET(Boolean, fmi3Boolean, 'B', AS_BOOLEAN, AS_TRUTH)
+NEITHER_GET_NOR_SET(Float32, fmi3Float32)
+NEITHER_GET_NOR_SET(Int8, fmi3Int8)
+NEITHER_GET_NOR_SET(UInt8, fmi3UInt8)
+NEITHER_GET_NOR_SET(Int16, fmi3Int16)
+NEITHER_GET_NOR_SET(UInt16, fmi3UInt16)
+NEITHER_GET_NOR_SET(UInt32, fmi3UInt32)
+NEITHER_GET_NOR_SET(UInt64, fmi3UInt64)
+NEITHER_GET_NOR_SET(String, fmi3String)
+
+fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, size_t sizes[],
+                         fmi3Binary values[], size_t n) {
+    (void)sizes;
+    return prepare_get(c, vr, nvr, '-', values, n);
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const size_t sizes[],
+                         const fmi3Binary values[], size_t n) {
+    (void)sizes;
+    return prepare_set(c, vr, nvr, '-', values, n);
+}
+
+/* ---- dependencies and derivatives ------------------------------------------------------ */
+
+/* Value reference of the variable that has this value: an array's is that of its first element. */
+static int variable_of(int value) {
+    while (elements[value] == 0) value--;
+    return value;
+}
+
+/* Find the dependencies of a variable's elements; returns their number. The table is in model.h. */
+static size_t find_dependencies(ValueReference variable, size_t from[], ValueReference independents[], size_t to[],
+                                fmi3DependencyKind kinds[]) {
+    size_t n = 0;
+    for (int i = 0; i < N_DEPENDENCIES; i++) {
+        const int unknown = dependencies[i].unknown, known = dependencies[i].known;
+        if (variable_of(unknown) != (int)variable) continue;
+        if (from != NULL) {
+            const int independent = variable_of(known);
+            from[n] = (size_t)(unknown - (int)variable) + 1;
+            independents[n] = (ValueReference)independent;
+            to[n] = (size_t)(known - independent) + 1;
+            kinds[n] = fmi3Dependent;
+        }
+        n++;
+    }
+    return n;
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference valueReference,
+                                               size_t *nDependencies) {
+    if (check_exists(c, valueReference) != StatusOK) return fmi3Error;
+    if (check_place(c, nDependencies, "the number") != StatusOK) return fmi3Error;
+    *nDependencies = find_dependencies(valueReference, NULL, NULL, NULL, NULL);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference dependent,
+                                       size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
+                                       size_t elementIndicesOfIndependents[],
+                                       fmi3DependencyKind dependencyKinds[], size_t nDependencies) {
+    if (check_exists(c, dependent) != StatusOK) return fmi3Error;
+    const size_t n = find_dependencies(dependent, NULL, NULL, NULL, NULL);
+    if (n != nDependencies)
+        return report(c, fmi3Error, "%u dependencies were announced, but there are %u.", (unsigned)nDependencies,
+                      (unsigned)n);
+    if (check_arrays(c, n, elementIndicesOfDependent, independents) != StatusOK) return fmi3Error;
+    if (check_arrays(c, n, elementIndicesOfIndependents, dependencyKinds) != StatusOK) return fmi3Error;
+    if (n > 0)
+        find_dependencies(dependent, elementIndicesOfDependent, independents, elementIndicesOfIndependents,
+                          dependencyKinds);
+    return fmi3OK;
+}
+
+/* The transposed matrix of `fmi3GetDirectionalDerivative`, times the seeds of the unknowns: one tangent of
+ * the equations for each known.
+ */
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+    Instance *instance = c;
+    double tangents[ROOM(N_VALUES)];
+    if (require(instance, ~INSTANTIATED, "get adjoint derivatives") != StatusOK) return fmi3Error;
+    if (check_arrays(instance, nUnknowns, unknowns, seed) != StatusOK) return fmi3Error;
+    if (check_arrays(instance, nKnowns, knowns, sensitivity) != StatusOK) return fmi3Error;
+    for (size_t i = 0; i < nUnknowns; i++)
+        if (check_unknown(instance, unknowns[i]) != StatusOK) return fmi3Error;
+    for (size_t i = 0; i < nKnowns; i++)
+        if (check_known(instance, knowns[i]) != StatusOK) return fmi3Error;
+    if (check_count(instance, unknowns, nUnknowns, nSeed) != StatusOK) return fmi3Error;
+    if (check_count(instance, knowns, nKnowns, nSensitivity) != StatusOK) return fmi3Error;
+    for (size_t i = 0, k = 0; i < nKnowns; i++)
+        for (int j = 0; j < ELEMENTS(knowns[i]); j++, k++) {
+            double direction[ROOM(N_VALUES)] = {0};
+            direction[(int)knowns[i] + j] = 1.0;
+            tangents_here(&instance->now, direction, tangents);
+            sensitivity[k] = 0.0;
+            for (size_t u = 0, s = 0; u < nUnknowns; u++)
+                for (int e = 0; e < ELEMENTS(unknowns[u]); e++, s++)
+                    if (seed[s] != 0.0) sensitivity[k] += seed[s] * tangents[(int)unknowns[u] + e];
+        }
+    return fmi3OK;
+}
+
+/* ---- co-simulation --------------------------------------------------------------------- */
+
+fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
+                      fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
+                      fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn,
+                      fmi3Float64 *lastSuccessfulTime) {
+    if (check_place(c, eventHandlingNeeded, "eventHandlingNeeded") != StatusOK) return fmi3Error;
+    if (check_place(c, terminateSimulation, "terminateSimulation") != StatusOK) return fmi3Error;
+    if (check_place(c, earlyReturn, "earlyReturn") != StatusOK) return fmi3Error;
+    if (check_place(c, lastSuccessfulTime, "lastSuccessfulTime") != StatusOK) return fmi3Error;
+    const Status status =
+        do_step(c, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint);
+    *eventHandlingNeeded = fmi3False;
+    *terminateSimulation = has_ended(c) ? fmi3True : fmi3False;
+    *earlyReturn = fmi3False;
+    *lastSuccessfulTime = reached_time(c);
+    return status;
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance c) { return require(c, 0, "enter step mode"); }
+
+/* ---- Model Exchange -------------------------------------------------------------------- */
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation,
+                                    fmi3Boolean *nominalsOfContinuousStatesChanged,
+                                    fmi3Boolean *valuesOfContinuousStatesChanged,
+                                    fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime) {
+    fmi3Boolean *const flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
+                                  valuesOfContinuousStatesChanged, nextEventTimeDefined};
+    if (require(c, EVENT, "update discrete states") != StatusOK) return fmi3Error;
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
+        if (check_place(c, flags[i], "the event information") != StatusOK) return fmi3Error;
+    if (check_place(c, nextEventTime, "the event information") != StatusOK) return fmi3Error;
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) *flags[i] = fmi3False;
+    *nextEventTime = 0.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *nContinuousStates) {
+    if (check_place(c, nContinuousStates, "the number") != StatusOK) return fmi3Error;
+    *nContinuousStates = N_STATES;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *nEventIndicators) {
+    if (check_place(c, nEventIndicators, "the number") != StatusOK) return fmi3Error;
+    *nEventIndicators = 0;
+    return fmi3OK;
+}
+
+/* ---- what a block has not -------------------------------------------------------------- */
+
+static fmi3Status lacks(fmi3Instance c, const char *what) {
+    return report(c, fmi3Error, "this FMU has no %s.", what);
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) { return lacks(c, "structural parameters"); }
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) { return lacks(c, "structural parameters"); }
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) { return lacks(c, "discrete states to evaluate"); }
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clockReference,
+                                      fmi3Float64 activationTime) {
+    (void)clockReference, (void)activationTime;
+    return lacks(c, "scheduled execution");
+}
+
+/* A call for no clocks is no error. */
+static fmi3Status refuse_clocks(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr) {
+    (void)vr;
+    return nvr == 0 ? fmi3OK : lacks(c, "clocks");
+}
+
+#define NO_CLOCKS_1(Name, A)                                                                       \
+    fmi3Status fmi3##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, A a[]) {      \
+        (void)a;                                                                                   \
+        return refuse_clocks(c, vr, nvr);                                                          \
+    }
+#define NO_CLOCKS_2(Name, A, B)                                                                    \
+    fmi3Status fmi3##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, A a[], B b[]) { \
+        (void)a, (void)b;                                                                          \
+        return refuse_clocks(c, vr, nvr);                                                          \
+    }
+
+NO_CLOCKS_1(GetClock, fmi3Clock)
+NO_CLOCKS_1(SetClock, const fmi3Clock)
+NO_CLOCKS_2(GetIntervalDecimal, fmi3Float64, fmi3IntervalQualifier)
+NO_CLOCKS_1(GetShiftDecimal, fmi3Float64)
+NO_CLOCKS_2(GetShiftFraction, fmi3UInt64, fmi3UInt64)
+NO_CLOCKS_1(SetIntervalDecimal, const fmi3Float64)
+NO_CLOCKS_2(SetIntervalFraction, const fmi3UInt64, const fmi3UInt64)
+NO_CLOCKS_1(SetShiftDecimal, const fmi3Float64)
+NO_CLOCKS_2(SetShiftFraction, const fmi3UInt64, const fmi3UInt64)
+
+fmi3Status fmi3GetIntervalFraction(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3UInt64 counters[],
+                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
+    (void)counters, (void)resolutions, (void)qualifiers;
+    return refuse_clocks(c, vr, nvr);
+}

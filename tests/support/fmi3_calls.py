@@ -1,0 +1,130 @@
+"""Random calls of the FMI 3.0 functions of a library, with arrays of exactly the announced sizes.
+
+Arguments: the library, the instantiation token, the number of value references, the seed, the calls.
+"""
+
+import ctypes
+import random
+import sys
+from ctypes import byref, c_bool, c_double, c_int, c_int32, c_int64, c_size_t, c_uint32, c_void_p
+from typing import Any
+
+LOGGER = ctypes.CFUNCTYPE(None, c_void_p, c_int, ctypes.c_char_p, ctypes.c_char_p)
+NUMBERS = (0.0, 1.0, -1.0, 0.1, 1e-3, 2.0, 1e308, float("inf"), float("nan"))
+
+
+def call(library: Any, name: str, *arguments: Any) -> int:
+    return int(getattr(library, name)(*arguments))
+
+
+def references(rng: random.Random, n: int) -> tuple[Any, int]:
+    count = rng.randrange(4)
+    return (c_uint32 * count)(*(rng.randrange(n + 2) for _ in range(count))), count
+
+
+def numbers(rng: random.Random, kind: Any) -> tuple[Any, int]:
+    count = rng.randrange(7)
+    is_float = kind is c_double
+    values = (rng.choice(NUMBERS) if is_float else rng.randrange(-1, 9) for _ in range(count))
+    return (kind * count)(*values), count
+
+
+def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
+    rng, library = random.Random(seed), ctypes.CDLL(path)
+    logger = LOGGER(lambda environment, status, category, message: None)
+    for kind in ("CoSimulation", "ModelExchange"):
+        getattr(library, f"fmi3Instantiate{kind}").restype = c_void_p
+    counts: dict[str, list[int]] = {}
+    instances, states = [], []
+    for k in (0, 1):
+        extra = (c_bool(False), c_bool(False), None, c_size_t(0)) if k == 0 else ()
+        last = (None,) if k == 0 else ()
+        create = library.fmi3InstantiateCoSimulation if k == 0 else library.fmi3InstantiateModelExchange
+        made = create(b"x", token.encode(), b"/", c_bool(False), c_bool(True), *extra, None, logger, *last)
+        instances.append(c_void_p(made))
+        states.append(c_void_p())
+    types = {
+        "Float64": c_double,
+        "Int32": c_int32,
+        "Int64": c_int64,
+        "Boolean": c_bool,
+        "Int8": ctypes.c_int8,
+    }
+    flags, time, size = [c_bool() for _ in range(5)], c_double(), c_size_t()
+    clock = 0.0
+    about = c_uint32()
+    for _ in range(calls):
+        i = rng.randrange(2)
+        c, state = instances[i], states[i]
+        kind = rng.choice(list(types))
+        refs, n = references(rng, variables)
+        knowns, m = references(rng, variables)
+        values, count = numbers(rng, types[kind])
+        seeds, n_seeds = numbers(rng, c_double)
+        other, n_other = numbers(rng, c_double)
+        data = (ctypes.c_uint8 * rng.choice((0, 8, size.value)))()
+        length = c_size_t(len(data))
+        start = rng.choice((clock, 0.0, 5.0))
+        orders = (c_int32 * n)(*(rng.randrange(3) for _ in range(n)))
+        derivative = (
+            refs,
+            c_size_t(n),
+            knowns,
+            c_size_t(m),
+            seeds,
+            c_size_t(n_seeds),
+            other,
+            c_size_t(n_other),
+        )
+        about.value = rng.randrange(variables + 2)
+        name, arguments = rng.choice(
+            (
+                (f"Get{kind}", (refs, c_size_t(n), values, c_size_t(count))),
+                (f"Set{kind}", (refs, c_size_t(n), values, c_size_t(count))),
+                ("GetFloat64", (refs, c_size_t(n), seeds, c_size_t(n_seeds))),
+                ("GetDirectionalDerivative", derivative),
+                ("GetAdjointDerivative", derivative),
+                ("GetOutputDerivatives", (refs, c_size_t(n), orders, seeds, c_size_t(n_seeds))),
+                ("GetNumberOfVariableDependencies", (about, byref(size))),
+                (
+                    "EnterInitializationMode",
+                    (c_bool(False), c_double(0), c_double(0), c_bool(False), c_double(0)),
+                ),
+                ("ExitInitializationMode", ()),
+                (
+                    "DoStep",
+                    (c_double(start), c_double(0.01), c_bool(False), *map(byref, flags[:3]), byref(time)),
+                ),
+                ("DoStep", (c_double(start), c_double(0.01), c_bool(False), None, None, None, None)),
+                ("Reset" if rng.random() < 0.05 else "EnterEventMode", ()),
+                ("Terminate" if rng.random() < 0.05 else "EnterContinuousTimeMode", ()),
+                ("UpdateDiscreteStates", (*map(byref, flags), byref(time))),
+                ("SetContinuousStates", (seeds, c_size_t(n_seeds))),
+                ("GetContinuousStates", (seeds, c_size_t(n_seeds))),
+                ("GetContinuousStateDerivatives", (seeds, c_size_t(n_seeds))),
+                ("GetFMUState", (byref(state),)),
+                ("SetFMUState", (state,)),
+                ("FreeFMUState" if rng.random() < 0.2 else "GetFMUState", (byref(state),)),
+                ("SerializedFMUStateSize", (state, byref(size))),
+                ("SerializeFMUState", (state, data, length)),
+                ("DeserializeFMUState", (data, length, byref(state))),
+                ("GetClock", (refs, c_size_t(n), (c_bool * n)())),
+            )
+        )
+        status = call(library, f"fmi3{name}", c, *arguments)
+        if name == "DoStep" and status == 0:
+            clock = time.value
+        counts.setdefault(name, [0] * 5)[status] += 1
+        if name == "GetNumberOfVariableDependencies" and status == 0:
+            k = size.value
+            places = [(t * k)() for t in (c_size_t, c_uint32, c_size_t, c_int)]
+            call(library, "fmi3GetVariableDependencies", c, about, *places, c_size_t(k))
+    for c, state in zip(instances, states, strict=True):
+        call(library, "fmi3FreeFMUState", c, byref(state))
+        library.fmi3FreeInstance(c)
+    for name, found in sorted(counts.items()):
+        print(name, *found)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:]))
