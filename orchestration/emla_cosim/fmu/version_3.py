@@ -1,4 +1,4 @@
-"""FMI 3.0 libraries: the functions of a step, and fmpy's object with the methods that instances of FMI 2.0 have."""
+"""FMI 3.0 libraries: functions of a step, and fmpy's object with the methods of FMI 2.0's instances."""
 
 import ctypes
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class StepEnd:
         return bool(self._flags[1])
 
     def call(self, function: Callable[..., int], component: Any, *step: Any) -> int:
-        """Do a step, and return its status: DISCARD if the FMU wants the run to end, ERROR if it is not whole."""
+        """Do a step and return its status: DISCARD if the FMU wants the end, ERROR if it is not whole."""
         self._flags[:] = False
         status = function(component, *step, *self.arguments)
         if status > 1 or status < 0:
