@@ -159,7 +159,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
         elif isinstance(variable, ElementVariable):
             (group,) = TypedValues("set", [variable], self._functions, self._arrays).groups
-            group.values[group.places[0]] = value
+            group.values[group.places] = value
             status = group.function(self._component, *group.arguments)
         else:  # tables have thousands of values, and the calls of fmpy are slow
             kind = kind_of(variable)

@@ -26,7 +26,7 @@ class TypeGroup:
     elements: NDArray[np.intp]
     references: NDArray[np.uint32]
     values: NDArray[Any]
-    places: NDArray[np.intp]
+    places: NDArray[np.intp] | slice
     boolean: bool
     function: Callable[..., int]
     arguments: tuple[Any, ...]
@@ -66,7 +66,7 @@ class TypedValues:
                         elements=np.array(members, dtype=np.intp),
                         references=references,
                         values=values,
-                        places=places,
+                        places=slice(None) if np.array_equal(places, np.arange(size)) else places,
                         boolean=type_ == "Boolean",
                         function=functions[f"{access}{type_}"],
                         arguments=(_pointer(references), len(references), _pointer(values), *counts),
