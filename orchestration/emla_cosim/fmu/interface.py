@@ -179,15 +179,18 @@ def _read_faulty(path: Path, error: ValidationError) -> Interface:
     try:
         interface = read_description(path, validate=False)
         problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
-        if is_version_3(interface.description):
-            _split_arrays(interface.description, path)
         _check_numbers(interface)
-    except (CommandError, MemoryError):
+    except MemoryError:
         raise
     except Exception as more:  # numbers and references that the schema would have found
         raise_machine_fault(more, f"'{path}'")
         text = first_problem(error)
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
+    if is_version_3(interface.description):
+        try:
+            _split_arrays(interface.description, path)
+        except ValueError as more:
+            raise CommandError(f"'{path}' is not a valid FMU: {more}.") from more
     grave = [p for p in problems if not _HARMLESS.search(p)]
     if grave and not is_lenient():
         raise CommandError(
