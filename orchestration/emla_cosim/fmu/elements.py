@@ -66,9 +66,9 @@ def split_arrays(description: ModelDescription) -> None:
     for unknowns in (description.outputs, description.derivatives, description.initialUnknowns):
         unknowns[:] = [u for unknown in unknowns for u in _split_unknown(unknown, elements)]
     for variable in description.modelVariables:
-        own = elements.get(id(variable.derivative), ())
+        own, place = elements.get(id(variable.derivative), ()), place_in_array(variable)
         if variable.derivative is not None:
-            variable.derivative = own[variable.place] if variable.place < len(own) else None
+            variable.derivative = own[place] if place < len(own) else None
 
 
 def _split(variable: ModelVariable) -> Iterator[ElementVariable]:

@@ -40,7 +40,7 @@ class Interface:
     @cached_property
     def kinds(self) -> dict[str, Any]:
         """Return fmpy's element for each kind that the FMU has; co-simulation is first."""
-        found = {CO_SIMULATION: self.description.coSimulation}
+        found: dict[str, Any] = {CO_SIMULATION: self.description.coSimulation}
         if not is_version_3(self.description):
             found[MODEL_EXCHANGE] = self.description.modelExchange
         return {kind: element for kind, element in found.items() if element is not None}

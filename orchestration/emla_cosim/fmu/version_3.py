@@ -68,7 +68,9 @@ class Slave3(FMU3Slave):
 
     _experiment: dict[str, Any]
 
-    def instantiate(self, callbacks: Any = None, loggingOn: bool = False) -> None:
+    def instantiate(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, callbacks: Any = None, loggingOn: bool = False
+    ) -> None:
         """Instantiate the FMU without event mode and early return; its messages go to the log."""
         name = self.instanceName.encode()
 
@@ -81,7 +83,9 @@ class Slave3(FMU3Slave):
         """Keep tolerance and times for `enterInitializationMode`."""
         self._experiment = experiment
 
-    def enterInitializationMode(self) -> None:
+    def enterInitializationMode(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+    ) -> None:
         """Enter initialization mode with the values of `setupExperiment`."""
         super().enterInitializationMode(**self._experiment)
 
