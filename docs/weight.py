@@ -12,7 +12,17 @@ from pathlib import Path
 OURS = "emla-cosim"
 
 PARTS = {
-    "stepping FMUs": ("fmpy", "numpy", "numba", "llvmlite", "psutil", "filelock", "platformdirs", "msgspec"),
+    "stepping FMUs": (
+        "attrs",
+        "fmpy",
+        "numpy",
+        "numba",
+        "llvmlite",
+        "psutil",
+        "filelock",
+        "platformdirs",
+        "msgspec",
+    ),
     "tables: CSV and Parquet, millions of rows": ("polars",),
     "the command line": ("typer", "rich", "shellingham", "lazy-loader"),
     "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),

@@ -23,6 +23,7 @@ def build_handwritten_fmu(
     source: Path,
     placeholders: Mapping[str, str] | None = None,
     macros: Mapping[str, int | str] | None = None,
+    platform: str = fmpy.platform,
 ) -> Path:
     """Build the FMU for this machine, with the file's name as its model identifier.
 
@@ -37,7 +38,7 @@ def build_handwritten_fmu(
     library = compile_library(source, {"MODEL_GUID": f'"{guid}"', **(macros or {})})
     content = {
         "modelDescription.xml": template.substitute(values, guid=guid).encode(),
-        f"binaries/{fmpy.platform}/{path.stem}{fmpy.sharedLibraryExtension}": library,
+        f"binaries/{platform}/{path.stem}{fmpy.sharedLibraryExtension}": library,
     }
     write_archive(path, content)
     return path

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
+from ..fmu.elements import is_version_3
 from ..fmu.file import FmuFile
 from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
@@ -146,6 +147,11 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
     if others:
         raise CommandError(
             f"{join_names(others)} would run as Model Exchange; an FMU of a system needs co-simulation FMUs."
+        )
+    newer = [name for name, file in assembly.files.items() if is_version_3(file.description)]
+    if newer:
+        raise CommandError(
+            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version."
         )
     texts = [
         f"{name}.{v.name}"

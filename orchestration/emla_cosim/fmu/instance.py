@@ -1,4 +1,4 @@
-"""An instance of an FMI 2.0 FMU in this process, called through fmpy."""
+"""An instance of an FMU in this process, called through fmpy."""
 
 import contextlib
 from abc import ABC, abstractmethod
@@ -12,13 +12,16 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2Terminated
 from fmpy.model_description import ModelVariable
 
 from ..base.files import restore_working_folder
+from .elements import ElementVariable
 from .variables import TypedValue
+from .version_3 import Slave3
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 FINE = (OK, WARNING)
 
 _WITHOUT_STATUS = ("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", "fmi2FreeInstance")
+_WITHOUT_STATUS_3 = ("fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3FreeInstance")
 
 
 class FmiInstance(ABC):
@@ -100,10 +103,18 @@ class FmiInstance(ABC):
         """Return values of variables, with one call per type; raises fmpy's exceptions."""
         found: list[Any] = [None] * len(variables)
         for kind, positions in by_type(variables):
+            if any(isinstance(variables[i], ElementVariable) for i in positions):
+                for i in positions:
+                    found[i] = self._element(kind, variables[i])
+                continue
             got = getattr(self.fmu, f"get{kind}")([variables[i].valueReference for i in positions])
             for i, value in zip(positions, got, strict=True):
                 found[i] = value
         return found
+
+    def _element(self, kind: str, variable: ModelVariable) -> Any:
+        size, place = getattr(variable, "size", 1), getattr(variable, "place", 0)
+        return getattr(self.fmu, f"get{kind}")([variable.valueReference], size)[place]
 
     def asks_to_end(self) -> bool:
         """Return whether the FMU discarded a step because it wants the run to end."""
@@ -132,7 +143,7 @@ class _Announced:
             answer = super()._call(fname, *args)  # type: ignore[misc]
         finally:
             self.instance.returned()
-        if fname not in _WITHOUT_STATUS and answer not in FINE:
+        if fname not in (*_WITHOUT_STATUS, *_WITHOUT_STATUS_3) and answer not in FINE:
             raise FMICallException(fname, answer)
         return answer
 
@@ -145,7 +156,13 @@ class FMU2AnnouncedModel(_Announced, FMU2Model):
     """fmpy's class for Model Exchange."""
 
 
-def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | None) -> Any:
+class FMU3AnnouncedSlave(_Announced, Slave3):
+    """fmpy's class for co-simulation of FMI 3.0."""
+
+
+def load(
+    kind: str, library: Path, folder: Path, identifier: str, guid: str | None, version: str = "2.0"
+) -> Any:
     """Load the library of an FMU and return fmpy's object for an instance, without calling the FMU.
 
     The caller sets `instance` and `instanceName` of the object. Raises fmpy's exceptions if the library
@@ -157,8 +174,11 @@ def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | No
         folder: The unpacked FMU.
         identifier: The model identifier.
         guid: The GUID of the model description.
+        version: The version of FMI.
     """
     made = FMU2AnnouncedSlave if kind == "CoSimulation" else FMU2AnnouncedModel
+    if version != "2.0":
+        made = FMU3AnnouncedSlave
     with restore_working_folder():  # fmpy changes to the library's folder
         return made(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)
@@ -167,6 +187,8 @@ def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | No
 
 def kind_of(variable: ModelVariable) -> str:
     """Return the type of a variable as in the names of FMI functions."""
+    if isinstance(variable, ElementVariable):
+        return variable.data_type
     return "Integer" if variable.type == "Enumeration" else str(variable.type)
 
 

@@ -18,6 +18,7 @@ from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from .dependencies import Dependencies
+from .elements import is_version_3, split_arrays
 
 _DESCRIPTION = "modelDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
@@ -32,17 +33,16 @@ _LARGEST = 2**28
 
 @dataclass(frozen=True)
 class Interface:
-    """The model description of an FMI 2.0 FMU, by names."""
+    """The model description of an FMU, by names; see `elements` for FMI 3.0."""
 
     description: ModelDescription
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
         """Return fmpy's element for each kind that the FMU has; co-simulation is first."""
-        found = {
-            CO_SIMULATION: self.description.coSimulation,
-            MODEL_EXCHANGE: self.description.modelExchange,
-        }
+        found: dict[str, Any] = {CO_SIMULATION: self.description.coSimulation}
+        if not is_version_3(self.description):
+            found[MODEL_EXCHANGE] = self.description.modelExchange
         return {kind: element for kind, element in found.items() if element is not None}
 
     @property
@@ -80,7 +80,7 @@ class Interface:
         """Return whether a variable accepts a start value."""
         variable = self.variables[name]
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
-        return free and variable.variability != "constant"
+        return free and variable.variability != "constant" and variable.causality != "structuralParameter"
 
     def signal_type(self, name: str) -> SignalType:
         """Return the type of a variable, with the names of an enumeration's values."""
@@ -129,7 +129,8 @@ def read_description(path: Path, validate: bool = True) -> Interface:
 
     Args:
         path: The FMU file.
-        validate: Whether to check it against the standard.
+        validate: Whether to check it against the standard. The variables of FMI 3.0 are split into elements
+            only then, because the check needs them as they are.
 
     Raises:
         CommandError: If the file does not exist or cannot be read.
@@ -150,6 +151,8 @@ def read_description(path: Path, validate: bool = True) -> Interface:
                 raise
             raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
         _mark_differences(description, path)
+        if is_version_3(description) and validate:
+            _split_arrays(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
         raise
     except Exception as error:  # zip and XML readers raise many types
@@ -183,6 +186,11 @@ def _read_faulty(path: Path, error: ValidationError) -> Interface:
         raise_machine_fault(more, f"'{path}'")
         text = first_problem(error)
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
+    if is_version_3(interface.description):
+        try:
+            _split_arrays(interface.description, path)
+        except ValueError as more:
+            raise CommandError(f"'{path}' is not a valid FMU: {more}.") from more
     grave = [p for p in problems if not _HARMLESS.search(p)]
     if grave and not is_lenient():
         raise CommandError(
@@ -222,8 +230,10 @@ def _check_numbers(interface: Interface) -> None:
 def explain_unsupported(interface: Interface) -> str | None:
     """Return why this master cannot run an FMU, as the end of a message; None if it supports the kind."""
     description = interface.description
-    if description.fmiVersion != "2.0":
-        return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0"
+    if description.fmiVersion != "2.0" and not is_version_3(description):
+        return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0 and 3.0"
+    if is_version_3(description) and description.coSimulation is None:
+        return "is an FMI 3.0 FMU without co-simulation; FMI 3.0 FMUs run only for co-simulation"
     if not interface.kinds:
         return "is neither for co-simulation nor for Model Exchange"
     return None
@@ -262,6 +272,14 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]
         variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
+
+
+def _split_arrays(description: ModelDescription, path: Path) -> None:
+    """Split the variables of FMI 3.0; CommandError if the FMU needs clocks."""
+    clocks = [v.name for v in description.modelVariables if v.type == "Clock" and v.causality == "input"]
+    if clocks:
+        raise CommandError(f"'{path}' needs clocks, which are not supported: its input '{clocks[0]}' is one.")
+    split_arrays(description)
 
 
 def first_problem(error: ValidationError) -> str:

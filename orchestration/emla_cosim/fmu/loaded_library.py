@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ..base.errors import CommandError
+from . import version_3
+from .elements import is_version_3
 from .file import FmuFile
 from .instance import FmiInstance, load
 from .interface import CO_SIMULATION, MODEL_EXCHANGE
@@ -59,13 +61,15 @@ class LoadedLibrary:
 
     def __init__(self, file: FmuFile) -> None:
         self._path = file.library
-        guid = file.description.guid
-        self._bound = load(file.kind, file.library, file.folder, file.model_identifier, guid)
-        types = _PROTOTYPES | _OF_KIND[file.kind]
+        guid, version = file.description.guid, str(file.description.fmiVersion)
+        self._bound = load(file.kind, file.library, file.folder, file.model_identifier, guid, version)
+        self.is_version_3 = is_version_3(file.description)
+        self._prefix = "fmi3" if self.is_version_3 else "fmi2"
+        types = version_3.PROTOTYPES if self.is_version_3 else _PROTOTYPES | _OF_KIND[file.kind]
         if file.has_capability("providesDirectionalDerivative") and hasattr(
-            self._bound.dll, _c_name(DERIVATIVE)
-        ):
-            types[DERIVATIVE] = _DERIVATIVE_TYPES
+            self._bound.dll, self._c_name(DERIVATIVE)
+        ):  # fmpy (0.3.32) does not read the flag of FMI 3.0
+            types = {**types, DERIVATIVE: _DERIVATIVE_TYPES}
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
         self._inside = 0
@@ -104,16 +108,15 @@ class LoadedLibrary:
             self._bound.freeLibrary()
 
     def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
-        function = self._bound.dll[_c_name(name)]
+        function = self._bound.dll[self._c_name(name)]
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
+
+    def _c_name(self, name: str) -> str:
+        return f"{self._prefix}{name[0].upper()}{name[1:]}"
 
 
 def plain_name(function: str) -> str:
     """Return the name of an FMI function for messages, such as doStep."""
-    stem = function.removeprefix("fmi2")
+    stem = function.removeprefix("fmi2").removeprefix("fmi3")
     return f"{stem[0].lower()}{stem[1:]}"
-
-
-def _c_name(name: str) -> str:
-    return f"fmi2{name[0].upper()}{name[1:]}"

@@ -9,6 +9,7 @@ from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
 from ..base.wording import format_number as in_digits
+from .elements import number_range
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]
@@ -97,9 +98,9 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
     unit = f" {variable.unit}" if variable.unit else ""
-    widest = np.inf if variable.type == "Real" else 2**31 - 1
-    low = float(variable.min) if variable.min is not None else -widest
-    high = float(variable.max) if variable.max is not None else widest
+    smallest, largest = number_range(variable)
+    low = float(variable.min) if variable.min is not None else smallest
+    high = float(variable.max) if variable.max is not None else largest
     if not (low <= number <= high and np.isfinite(number)):
         limits = [f"at least {in_digits(low)}"] if low > -np.inf else []
         limits += [f"at most {in_digits(high)}"] if high < np.inf else []

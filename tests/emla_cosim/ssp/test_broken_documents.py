@@ -382,7 +382,7 @@ def test_what_is_no_fmu(content: object, words: list, refused: Refused, tmp_path
 
 
 FMI_3 = """<fmiModelDescription fmiVersion="3.0" modelName="a" instantiationToken="a">
-<CoSimulation modelIdentifier="a"/><ModelVariables>
+<ModelExchange modelIdentifier="a"/><ModelVariables>
 <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
 </ModelVariables><ModelStructure/></fmiModelDescription>"""
 FMI_1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a" guid="a"
@@ -400,7 +400,7 @@ def test_a_kind_that_the_fmu_does_not_have(refused: Refused, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (FMI_3, ["FMI 3.0", "runs FMI 2.0"]),
+        (FMI_3, ["FMI 3.0", "without co-simulation"]),
         (FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
         (description("a", "u:input:x", units={"x": 'm="1" factor="0"'}), ["unit 'x'", "factor 0"]),
     ],

@@ -1,5 +1,6 @@
 """Number the calls of instances, so that `black_box` can record the present one."""
 
+from ...fmu.version_3 import NUMBER_TYPES
 from ...sandbox.black_box import Activity
 
 CALLS = (
@@ -40,6 +41,14 @@ CALLS = (
     "getDerivatives",
     "getEventIndicators",
     "getNominalsOfContinuousStates",
+    *(f"{access}{kind}" for kind in NUMBER_TYPES for access in ("get", "set")),
+    "instantiateCoSimulation",
+    "getFMUState",
+    "setFMUState",
+    "freeFMUState",
+    "serializedFMUStateSize",
+    "serializeFMUState",
+    "deserializeFMUState",
 )
 """Calls of an instance; the first entry means no call."""
 

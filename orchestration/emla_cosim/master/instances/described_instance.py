@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
+from ...fmu.elements import is_plain
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.variables import TypedValue
@@ -30,8 +31,8 @@ class DescribedInstance(FmuInstance):
         self.file = file
         self.read, self.written = ([file.variables[n] for n in names] for names in (inputs, outputs))
         """Variables of the input vector (`read`) and of the output vector (`written`)."""
-        self.typed = any(v.type != "Real" for v in (*self.read, *self.written))
-        """Whether some of them have another type than Real."""
+        self.typed = not (is_plain(self.read) and is_plain(self.written))
+        """Whether some of them have another type than Real (Float64), or are parts of arrays."""
         integrated = file.kind == MODEL_EXCHANGE  # then the integrator does what steps need
         self.varies_step = integrated or file.has_capability("canHandleVariableCommunicationStepSize")
         self.rolls_back = file.has_capability("canGetAndSetFMUstate")

@@ -1,4 +1,4 @@
-"""Instances of FMI 2.0 co-simulation FMUs in this process."""
+"""Instances of co-simulation FMUs in this process."""
 
 import contextlib
 import ctypes
@@ -9,20 +9,23 @@ from typing import Any
 import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
+from ...fmu.elements import ElementVariable, place_in_array
 from ...fmu.file import FmuFile
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...fmu.variables import TypedValue
+from ...fmu.version_3 import StepEnd, short_functions
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
 from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError, ObservedGroup
 from .start_values import StartValues
-from .typed_values import TypedValues
+from .typed_values import TypedValues, start_memory
 
 _POINTER = ctypes.c_void_p
 _ONE, _REAL, _INTEGER, _TEXT = (
@@ -89,23 +92,28 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             except BaseException:
                 self._library.leave()
                 raise
+        self._arrays: dict[int, NDArray[Any]] = {}
+        """The memory of arrays that are set; see `TypedValues`."""
+        self._step_end = StepEnd()
         self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
+        if self._library.is_version_3:
+            self._functions = short_functions(self._functions, self._step_end)
         self._component = self.fmu.component
         self._set_real, self._get_real = self._functions["setReal"], self._functions["getReal"]
         self._input_references, self._output_references = (
-            np.array([v.valueReference for v in variables], dtype=np.uint32)
+            np.array([v.valueReference for v in variables if not place_in_array(v)], dtype=np.uint32)
             for variables in (self.read, self.written)
         )
         self._derivative_orders = np.ones(len(self.read), dtype=np.int32)
         self._typed = None
         if self.typed:
             self._typed = (
-                TypedValues("set", self.read, self._functions),
+                TypedValues("set", self.read, self._functions, self._arrays),
                 TypedValues("get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
         self.observe([], np.empty(0))
-        self._start_values = StartValues(self._functions)
+        self._start_values = StartValues(self._functions, self._arrays)
 
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
@@ -123,8 +131,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
-        self._set_arguments = _arguments(self._component, self._input_references, inputs)
-        self._get_arguments = _arguments(self._component, self._output_references, outputs)
+        self._set_arguments = self._arguments(self._input_references, inputs)
+        self._get_arguments = self._arguments(self._output_references, outputs)
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
         """Set variables in each initialization from now on."""
@@ -132,6 +140,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def _set_start_values(self) -> None:
         """Set start values; InstanceError if the FMU rejects one."""
+        for variable in self.file.variables.values() if self._arrays else ():
+            if isinstance(variable, ElementVariable) and not variable.place:
+                memory = self._arrays.get(int(variable.valueReference))
+                if memory is not None:
+                    memory[:] = start_memory(variable)
         values = self._start_values
         if (rejected := values.set_numbers(self._component)) is not None:
             (variable, value), status = rejected
@@ -144,6 +157,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         reference = _ONE(variable.valueReference)
         if variable.type == "String":
             status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
+        elif isinstance(variable, ElementVariable):
+            (group,) = TypedValues("set", [variable], self._functions, self._arrays).groups
+            group.values[group.places] = value
+            status = group.function(self._component, *group.arguments)
         else:  # tables have thousands of values, and the calls of fmpy are slow
             kind = kind_of(variable)
             place = _REAL(value) if kind == "Real" else _INTEGER(value)
@@ -252,6 +269,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def observed_groups(self) -> list[ObservedGroup]:
         """Return what compiled code needs to read the observed variables."""
+        if self._library.is_version_3:
+            return []
         return [
             ObservedGroup(
                 call=group.call,
@@ -339,8 +358,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
-        """Return the addresses of the FMU's functions; None with other types than Real."""
-        if self._typed is not None:
+        """Return the addresses of the FMU's functions; None with other types than Real, or FMI 3.0."""
+        if self._typed is not None or self._library.is_version_3:
             return None
         address = self._library.addresses
         return EntryPoints(
@@ -368,12 +387,19 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Return the error for a call that returned this status."""
         kind = InstanceError
         if status == DISCARD and call.startswith("doStep"):
-            kind = EndRequestedError if self.asks_to_end() else DiscardedStepError
+            ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
+            kind = EndRequestedError if ends else DiscardedStepError
         self._stepping = self._stepping and status == DISCARD
         if status == FATAL:
             _DEAD_LIBRARIES.add(self.file.library)
         answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
-        return kind(self.name, plain_name(call), answer, self._log.last(self.name))
+        said = self._log.last(self.name)
+        if self._library.is_version_3:
+            answer, call = answer.replace("fmi2", "fmi3"), call.replace("Real", "Float64")
+            said += (
+                [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
+            )
+        return kind(self.name, plain_name(call), answer, said)
 
     def _is_dead(self) -> bool:
         """Whether an instance of this FMU returned fmi2Fatal. Then none of its functions may be called."""
@@ -400,14 +426,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         return called
 
+    def _arguments(self, references: NDArray[np.uint32], values: Vector) -> tuple[Any, ...]:
+        addresses = (x.ctypes.data_as(_POINTER) for x in (references, values))
+        reference, value = addresses
+        counts = (len(values),) if self._library.is_version_3 else ()
+        return (self._component, reference, len(references), value, *counts)
+
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)
         if status not in FINE:
             raise self.error(name, status)
-
-
-def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:
-    return (component, references.ctypes.data_as(_POINTER), len(references), values.ctypes.data_as(_POINTER))
 
 
 def _python_value(variable: ModelVariable, value: Any) -> Any:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...fmu.instance import FINE
@@ -38,10 +39,13 @@ class StartValues:
 
     Args:
         functions: The FMI functions by their short names, such as `setReal`.
+        arrays: The memory of the arrays that are set; see `TypedValues`.
     """
 
-    def __init__(self, functions: Mapping[str, Callable[..., int]]) -> None:
-        self._functions = functions
+    def __init__(
+        self, functions: Mapping[str, Callable[..., int]], arrays: dict[int, NDArray[Any]] | None = None
+    ) -> None:
+        self._functions, self._arrays = functions, arrays
         self._variables: list[ModelVariable] | None = None
         self.update([])
 
@@ -55,7 +59,7 @@ class StartValues:
         self.texts = [i for i, v in enumerate(variables) if v.type == "String"]
         """Positions of the Strings."""
         self._setters = [
-            (i, TypedValues("set", [v], self._functions).groups[0])
+            (i, TypedValues("set", [v], self._functions, self._arrays).groups[0])
             for i, v in enumerate(variables)
             if v.type != "String"
         ]
@@ -67,7 +71,7 @@ class StartValues:
     def set_numbers(self, component: Any) -> tuple[TypedValue, int] | None:
         """Set all values but Strings; return the first one that the FMU rejects, with its status."""
         for i, setter in self._setters:
-            setter.values[0] = self.all[i][1]
+            setter.values[setter.places] = self.all[i][1]
             if (status := setter.function(component, *setter.arguments)) not in FINE:
                 return self.all[i], status
         return None

@@ -1,0 +1,156 @@
+"""FMI 3.0 variables in the terms of FMI 2.0: one variable per element of an array, with a general type."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+from fmpy.model_description import ModelDescription, ModelVariable, Unknown
+
+_INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+_GENERAL = {
+    "Float64": "Real",
+    "Float32": "Real",
+    **dict.fromkeys(_INTEGERS, "Integer"),
+    "Boolean": "Boolean",
+    "String": "String",
+    "Enumeration": "Enumeration",
+}
+"""The types that are supported, each with its type in FMI 2.0."""
+
+_MEMORY: dict[str, type[Any]] = {
+    "Real": np.float64,
+    "Integer": np.int32,
+    "Float64": np.float64,
+    "Float32": np.float32,
+    **{name: getattr(np, name.lower()) for name in _INTEGERS},
+}
+_LARGEST = 2**20
+"""The largest number of elements of an array."""
+
+
+@attrs.define(eq=False)
+class ElementVariable(ModelVariable):
+    """One element of an FMI 3.0 variable, or a scalar.
+
+    Attributes:
+        data_type: The type in the names of FMI 3.0 functions, such as Float64.
+        place: The position in its array, in the order of the standard.
+        size: The number of elements of its array.
+        array_start: The start values of the whole array, as numbers; empty for Strings.
+    """
+
+    data_type: str = ""
+    place: int = 0
+    size: int = 1
+    array_start: tuple[float, ...] = ()
+
+
+def is_version_3(description: ModelDescription) -> bool:
+    """Return whether a model description is of FMI 3.0."""
+    return str(description.fmiVersion).startswith("3.0")
+
+
+def split_arrays(description: ModelDescription) -> None:
+    """Replace the variables of an FMI 3.0 model description by their elements.
+
+    Binary and Clock variables, and arrays of Strings, are left out.
+
+    Raises:
+        ValueError: If an array is too large, or has a wrong number of start values.
+    """
+    elements = {id(v): list(_split(v)) for v in description.modelVariables}
+    description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
+    for unknowns in (description.outputs, description.derivatives, description.initialUnknowns):
+        unknowns[:] = [u for unknown in unknowns for u in _split_unknown(unknown, elements)]
+    for variable in description.modelVariables:
+        own, place = elements.get(id(variable.derivative), ()), place_in_array(variable)
+        if variable.derivative is not None:
+            variable.derivative = own[place] if place < len(own) else None
+
+
+def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
+    """Yield the elements of a variable; one without dimensions has one."""
+    shape = variable.shape or ()
+    general, size = _GENERAL.get(str(variable.type)), math.prod(shape)
+    if general is None or (variable.type == "String" and shape):
+        return
+    if size > _LARGEST:
+        raise ValueError(f"the array '{variable.name}' has {size} elements, more than {_LARGEST}")
+    starts: list[str | None] = [variable.start]
+    if shape:
+        starts = [*(variable.start or "").split()] or [None]
+        if len(starts) == 1:
+            starts *= size
+        if len(starts) != size:
+            raise ValueError(
+                f"the array '{variable.name}' has {size} elements and {len(starts)} start values"
+            )
+    numbers = () if general == "String" else tuple(_number(s, general) for s in starts)
+    fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
+    data_type = "Int64" if general == "Enumeration" else str(variable.type)
+    for place, index in enumerate(itertools.product(*(range(1, n + 1) for n in shape))):
+        name = f"{variable.name}[{','.join(map(str, index))}]" if shape else variable.name
+        own = {"name": name, "type": general, "start": starts[place]}
+        yield ElementVariable(
+            **{**fields, **own}, data_type=data_type, place=place, size=size, array_start=numbers
+        )
+
+
+def _split_unknown(unknown: Unknown, elements: dict[int, list[ElementVariable]]) -> Iterator[Unknown]:
+    """Yield one unknown per element; each depends on all elements of the knowns."""
+    knowns = unknown.dependencies
+    if knowns is not None:
+        knowns = [e for known in knowns for e in elements.get(id(known), ())]
+    for element in elements.get(id(unknown.variable), ()):
+        yield attrs.evolve(unknown, variable=element, dependencies=knowns, dependenciesKind=None)
+
+
+def _number(text: str | None, general: str) -> float:
+    if general == "Boolean":
+        return float(text in ("true", "1"))
+    return float(text or 0.0) if general == "Real" else int(text or 0)
+
+
+def place_in_array(variable: ModelVariable) -> int:
+    """Return the position of an element in its array; 0 for a scalar."""
+    return variable.place if isinstance(variable, ElementVariable) else 0
+
+
+def value_type(variable: ModelVariable) -> np.dtype:
+    """Return the type of a number in the memory of FMI functions."""
+    if isinstance(variable, ElementVariable):
+        return np.dtype(_MEMORY.get(variable.data_type, np.bool_))
+    return np.dtype(_MEMORY.get(str(variable.type), np.int32))
+
+
+def number_range(variable: ModelVariable) -> tuple[float, float]:
+    """Return the smallest and the largest number that the type of a variable can hold."""
+    if variable.type == "Real":
+        largest = float(np.finfo(np.float32).max) if value_type(variable) == np.float32 else math.inf
+        return -largest, largest
+    if not isinstance(variable, ElementVariable):
+        return -(2**31 - 1), 2**31 - 1
+    limits = np.iinfo(value_type(variable))
+    return int(limits.min), int(limits.max)
+
+
+def is_plain(variables: Sequence[ModelVariable]) -> bool:
+    """Return whether a vector of doubles, in this order, is the memory that one FMI call needs."""
+    pending: list[tuple[int | None, int]] = []
+    for v in variables:
+        if not isinstance(v, ElementVariable):
+            if v.type != "Real":
+                return False
+            continue
+        if v.data_type != "Float64":
+            return False
+        here = (v.valueReference, v.place)
+        if pending and pending[0] != here:
+            return False
+        pending = pending[1:] or ([(v.valueReference, p) for p in range(1, v.size)] if not pending else [])
+        if not pending and v.place != v.size - 1:
+            return False
+    return not pending

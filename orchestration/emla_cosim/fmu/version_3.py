@@ -1,0 +1,140 @@
+"""FMI 3.0 libraries: functions of a step, and fmpy's object with the methods of FMI 2.0's instances."""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fmpy.fmi3 import FMU3Slave
+
+from .log import FmuLog
+
+_POINTER, _SIZE, _BOOL, _DOUBLE = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_bool, ctypes.c_double
+_VALUES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE)
+NUMBER_TYPES = (
+    "Float64",
+    "Float32",
+    "Int8",
+    "UInt8",
+    "Int16",
+    "UInt16",
+    "Int32",
+    "UInt32",
+    "Int64",
+    "UInt64",
+)
+PROTOTYPES = {
+    **{f"{access}{kind}": _VALUES for kind in (*NUMBER_TYPES, "Boolean") for access in ("get", "set")},
+    "getFMUState": (_POINTER, _POINTER),
+    "setFMUState": (_POINTER, _POINTER),
+    "doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER),
+}
+DISCARD, ERROR = 2, 3
+
+
+class StepEnd:
+    """What `fmi3DoStep` says beside its status about the last step."""
+
+    def __init__(self) -> None:
+        self._flags, self._time = np.zeros(3, dtype=np.bool_), np.zeros(1)
+        at = self._flags.ctypes.data
+        self.arguments = (at, at + 1, at + 2, self._time.ctypes.data)
+
+    @property
+    def terminates(self) -> bool:
+        """Whether the FMU wants the run to end."""
+        return bool(self._flags[1])
+
+    def call(self, function: Callable[..., int], component: Any, *step: Any) -> int:
+        """Do a step and return its status: DISCARD if the FMU wants the end, ERROR if it is not whole."""
+        self._flags[:] = False
+        status = function(component, *step, *self.arguments)
+        if status > 1 or status < 0:
+            return status
+        if self.terminates:
+            return DISCARD
+        return ERROR if self.complaint else status
+
+    @property
+    def complaint(self) -> str:
+        """Return what an instance without event mode and early return must not do, and did."""
+        if self._flags[2]:
+            return f"fmi3DoStep returned early at t = {self._time[0]:.9g} s, which was not allowed."
+        return "fmi3DoStep asked for event mode, which is not used." if self._flags[0] else ""
+
+
+class Slave3(FMU3Slave):
+    """fmpy's class for co-simulation, with the methods of FMI 2.0 that instances call."""
+
+    _experiment: dict[str, Any]
+
+    def instantiate(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, callbacks: Any = None, loggingOn: bool = False
+    ) -> None:
+        """Instantiate the FMU without event mode and early return; its messages go to the log."""
+        name = self.instanceName.encode()
+
+        def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:
+            FmuLog.hear(environment, name, status, category, message)
+
+        super().instantiate(loggingOn=loggingOn, logMessage=hear)
+
+    def setupExperiment(self, **experiment: Any) -> None:
+        """Keep tolerance and times for `enterInitializationMode`."""
+        self._experiment = experiment
+
+    def enterInitializationMode(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+    ) -> None:
+        """Enter initialization mode with the values of `setupExperiment`."""
+        super().enterInitializationMode(**self._experiment)
+
+    def fmi2FreeInstance(self, component: Any) -> None:
+        """Free an instance."""
+        self.fmi3FreeInstance(component)
+
+    def freeFMUstate(self, state: Any) -> None:
+        """Free a saved state."""
+        self.freeFMUState(state)
+
+    def fmi2SerializedFMUstateSize(self, component: Any, state: Any, size: Any) -> None:
+        """Write the size of a serialized state."""
+        self.fmi3SerializedFMUStateSize(component, state, size)
+
+    def fmi2SerializeFMUstate(self, component: Any, state: Any, content: Any, size: int) -> None:
+        """Serialize a state."""
+        self.fmi3SerializeFMUState(
+            component, state, ctypes.cast(content, ctypes.POINTER(ctypes.c_uint8)), size
+        )
+
+    def deSerializeFMUstate(self, content: bytes) -> Any:
+        """Return a state from its bytes."""
+        state = ctypes.c_void_p()
+        memory = (ctypes.c_uint8 * len(content)).from_buffer_copy(content)
+        self.fmi3DeserializeFMUState(self.component, memory, len(content), ctypes.byref(state))
+        return state
+
+    def fmi2SetString(self, component: Any, references: Any, count: int, texts: Any) -> int:
+        """Set Strings."""
+        return self.fmi3SetString(component, references, count, texts, count)
+
+
+def short_functions(functions: dict[str, Any], end: StepEnd) -> dict[str, Any]:
+    """Return the functions of a step by the names that they have in FMI 2.0, with its arguments.
+
+    Args:
+        functions: The functions of FMI 3.0 by their short names.
+        end: Takes what a step says.
+    """
+
+    def do_step(component: Any, *step: Any) -> int:
+        return end.call(functions["doStep"], component, *step)
+
+    return {
+        **functions,
+        "setReal": functions["setFloat64"],
+        "getReal": functions["getFloat64"],
+        "getFMUstate": functions["getFMUState"],
+        "setFMUstate": functions["setFMUState"],
+        "doStep": do_step,
+    }

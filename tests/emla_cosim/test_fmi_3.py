@@ -1,0 +1,166 @@
+"""FMI 3.0 co-simulation FMUs in systems, also together with FMI 2.0."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.fmu.log import FmuLog
+from emla_cosim.master.instances.instance_kinds import make_instance
+from emla_cosim.system.model import System
+from fmublock import Block, Input, Output
+from tests.support.commands import Emla
+from tests.support.handwritten_fmu import build_handwritten_fmu
+
+SOURCE = Path(__file__).parents[1] / "support" / "fmi3" / "fmi3.c"
+DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
+STEP, STOP = 0.125, 1.0
+VALUES: dict[str, Any] = {
+    "Float32": 0.1,
+    "Int8": -128,
+    "UInt8": 255,
+    "Int16": -(2**15),
+    "UInt16": 2**16 - 1,
+    "Int32": -(2**31),
+    "UInt32": 2**32 - 1,
+    "Int64": -(2**53),
+    "UInt64": 2**53,
+    "Boolean": True,
+    "Enumeration": "two",
+}
+NUMBERS = {**VALUES, "Float32": float(np.float32(0.1)), "Boolean": 1, "Enumeration": 2}
+
+
+class Twice(Block):
+    """Doubles a number."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": 2.0 * v.u}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("fmi3") / "Third.fmu"
+    return build_handwritten_fmu(file, SOURCE, platform=fmpy.platform_tuple)
+
+
+def run(system: System, **options: Any) -> ec.Result:
+    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+        return simulation.run()
+
+
+@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
+def test_all_types_and_arrays_pass_through_connections(path: Path, isolate: list[str]) -> None:
+    connections = ["a.y -> b.u", *(f"a.{t}_out -> b.{t}_in" for t in VALUES)]
+    values = {f"a.{t}_in": value for t, value in VALUES.items()}
+    found = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}), isolate=isolate)
+    for kind, number in NUMBERS.items():
+        assert found[f"a.{kind}_out"][-1] == number, kind
+        assert found[f"b.{kind}_out"][-1] == number, kind
+    # b.y = gain * gain * a.u, elementwise, with the gains 1 to 4
+    for place, element in enumerate(("1,1", "1,2", "2,1", "2,2")):
+        u = 3.0 if place == 0 else 0.5
+        assert found[f"b.y[{element}]"][-1] == (place + 1) ** 2 * u
+    assert found["a.x"][-1] == 3.0 * STOP  # the integral of u[1,1]
+
+
+def test_one_element_leaves_the_others(path: Path) -> None:
+    system = System.of({"a": path, "b": path}, ["a.x -> b.u[1,2]"], {"b.gain[2,1]": 7.0, "b.u[2,2]": 2.0})
+    found = run(system)
+    assert found["b.y[1,2]"][-1] == 2.0 * found["a.x"][-1] == 1.0
+    assert [found[f"b.y[{e}]"][-1] for e in ("1,1", "2,1", "2,2")] == [0.5, 3.5, 8.0]
+
+
+def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
+    fmublock.build(Twice, tmp_path / "Twice.fmu")
+    fmus = {"three": path, "two": tmp_path / "Twice.fmu", "last": path}
+    found = run(System.of(fmus, ["three.x -> two.u", "two.y -> last.u[2,2]"]))
+    assert found["two.y"][-1] == 2.0 * found["three.x"][-1] == 1.0
+    assert found["last.y[2,2]"][-1] == 4.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (DISCARD, "fmi3Discard"),
+        (TERMINATE, "asked to end the simulation during doStep at t = 0.5 s"),
+        (EARLY, "returned early at t = 0.5 s, which was not allowed"),
+        (EVENT, "asked for event mode"),
+    ],
+)
+@pytest.mark.parametrize("isolate", [[], ["a"]])
+def test_what_a_step_says_is_not_ignored(path: Path, fault: int, words: str, isolate: list[str]) -> None:
+    with pytest.raises(RunError, match=words):
+        run(System.of({"a": path}, [], {"a.fault": fault, "a.end": 0.5}), isolate=isolate)
+
+
+def test_states_come_back(path: Path, tmp_path: Path) -> None:
+    instance = make_instance("a", open_fmu(path, tmp_path / "a"), ["u[1,1]"], ["x"], FmuLog())
+    try:
+        instance.enter_initialization(0.0)
+        instance.exit_initialization()
+        instance.inputs[:] = 2.0
+        instance.set_inputs()
+        state, content = instance.save(), instance.serialize()
+        seen = []
+        for restore in (lambda: None, lambda: instance.restore(state), lambda: instance.deserialize(content)):
+            restore()
+            instance.do_step(0.0, 0.25)
+            instance.get_outputs()
+            seen.append(instance.outputs[0])
+        assert seen == [0.5, 0.5, 0.5]
+        instance.forget(state)
+    finally:
+        instance.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("a.UInt8_in", 256, "at most 255"),
+        ("a.UInt64_in", -1, "at least 0"),
+        ("a.Float32_in", 1e39, "out of range"),
+        ("a.n", 3, "cannot be set"),
+        ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
+        ("a.blob", 1, "no variable"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        run(System.of({"a": path}, [], {name: value}))
+
+
+def test_info_reads_elements(path: Path, emla: Emla) -> None:
+    shown = emla("info", str(path)).stdout
+    assert "3.0" in shown
+    assert "Third.gain[2,2]" in shown
+
+
+def test_a_system_as_one_fmu_refuses_it(path: Path, emla: Emla, tmp_path: Path) -> None:
+    done = emla("export", str(path), str(tmp_path / "one.fmu"))
+    assert done.exit_code != 0
+    assert "cannot contain FMUs of FMI 3.0" in " ".join(done.output.split())
+
+
+def test_clocks_are_refused(path: Path, tmp_path: Path) -> None:
+    changed = tmp_path / "Third.fmu"
+    clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(changed, "w") as new:
+        for name in old.namelist():
+            text = old.read(name)
+            if name == "modelDescription.xml":
+                text = text.replace(b"</ModelVariables>", clock.encode() + b"</ModelVariables>")
+            new.writestr(name, text)
+    with pytest.raises(CommandError, match="needs clocks"):
+        read_interface(changed)
