@@ -14,6 +14,7 @@ from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.log import FmuLog
+from emla_cosim.fmu.models import MODELS
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
 from fmublock import Block, Input, Output
@@ -164,3 +165,18 @@ def test_clocks_are_refused(path: Path, tmp_path: Path) -> None:
             new.writestr(name, text)
     with pytest.raises(CommandError, match="needs clocks"):
         read_interface(changed)
+
+
+@pytest.mark.parametrize("scenario", ["lift", pytest.param("study", marks=pytest.mark.long)])
+def test_plants_of_fmi_3_give_the_bytes_of_those_of_fmi_2(
+    scenario: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """The same blocks built for both versions; controllers, observers and references stay FMI 2.0."""
+    plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
+    joints = ["lift"] if scenario == "lift" else ["lift", "tilt", "telescope"]
+    mixed = {f"{joint}.plant": plant for joint in joints}
+    for name, replaced in (("old", {}), ("mixed", mixed)):
+        loaded = ec.load(scenario, fmus=fmu_folder, stop_time=0.05, replace=replaced)
+        loaded.prepare().run().save(tmp_path / name, plots=False)
+    old, new = ((tmp_path / name / "results.csv").read_bytes() for name in ("old", "mixed"))
+    assert new == old and len(old) > 10_000
