@@ -92,6 +92,23 @@ def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("value", "source", "fits"), [(127, "Int16", True), (128, "Int16", False), (-129, "Int32", False)]
+)
+@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
+def test_a_signal_that_does_not_fit_into_an_integer_ends_the_run(
+    value: int, source: str, fits: bool, isolate: list[str], path: Path
+) -> None:
+    system = System.of({"a": path, "b": path}, [f"a.{source}_out -> b.Int8_in"], {f"a.{source}_in": value})
+    if fits:
+        assert run(system, isolate=isolate)["b.Int8_out"][-1] == value
+        return
+    with pytest.raises(
+        RunError, match=f"b got a value that .*: its input Int8_in is Int8 and cannot be {value}"
+    ):
+        run(system, isolate=isolate)
+
+
+@pytest.mark.parametrize(
     ("fault", "words"),
     [
         (DISCARD, "fmi3Discard"),

@@ -25,7 +25,7 @@ from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
 from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError, ObservedGroup
 from .start_values import StartValues
-from .typed_values import TypedValues, start_memory
+from .typed_values import TypedValues, ValueRangeError, start_memory
 
 _POINTER = ctypes.c_void_p
 _ONE, _REAL, _INTEGER, _TEXT = (
@@ -230,7 +230,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not len(self.inputs):
             return
         if self._typed is not None:
-            call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
+            try:
+                call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
+            except ValueRangeError as error:
+                raise RunError(f"{self.name} got a value that it cannot take: its input {error}.") from error
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
         if status not in FINE:

@@ -10,8 +10,12 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from ...fmu.elements import ElementVariable, value_type
+from ...fmu.elements import ElementVariable, number_range, value_type
 from ...fmu.instance import by_type
+
+
+class ValueRangeError(ValueError):
+    """A value does not fit into the type of its variable; the message says which."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,18 @@ class TypeGroup:
     boolean: bool
     function: Callable[..., int]
     arguments: tuple[Any, ...]
+    integers: Sequence[ElementVariable] = ()
+    """The variables, if they are integers of FMI 3.0, of which some types are small."""
+
+    def check(self, values: Vector) -> None:
+        """Raise ValueRangeError if a rounded value does not fit into its type."""
+        if self.integers:
+            low, high = number_range(self.integers[0])
+            wrong = ~((values >= low) & (values < float(high) + 1.0))
+            if wrong.any():
+                i = int(np.argmax(wrong))
+                name, kind = self.integers[i].name, self.integers[i].data_type
+                raise ValueRangeError(f"{name} is {kind} and cannot be {values[i]:.17g}")
 
 
 class TypedValues:
@@ -70,18 +86,23 @@ class TypedValues:
                         boolean=type_ == "Boolean",
                         function=functions[f"{access}{type_}"],
                         arguments=(_pointer(references), len(references), _pointer(values), *counts),
+                        integers=_integers([variables[i] for i in members]),
                     )
                 )
 
     def set(self, component: Any, vector: Vector) -> int:
-        """Set all variables, rounded to the nearest value of their type, and return the worst status."""
+        """Set all variables, rounded to the nearest value of their type, and return the worst status.
+
+        Raises:
+            ValueRangeError: A value does not fit into its type.
+        """
         worst = 0
         for group in self.groups:
             values = vector[group.elements]
-            exact = group.values.dtype.kind == "f"
-            group.values[group.places] = (
-                values if exact else np.rint(values) != 0.0 if group.boolean else np.rint(values)
-            )
+            if group.values.dtype.kind != "f":
+                values = np.rint(values)
+                group.check(values)
+            group.values[group.places] = values != 0.0 if group.boolean else values
             worst = max(worst, group.function(component, *group.arguments), key=abs)
         return worst
 
@@ -93,6 +114,11 @@ class TypedValues:
             values = group.values[group.places]
             vector[group.elements] = values != 0 if group.boolean else values
         return worst
+
+
+def _integers(variables: Sequence[ModelVariable]) -> list[ElementVariable]:
+    """Return variables of FMI 3.0 if they are integers, otherwise none."""
+    return [v for v in variables if isinstance(v, ElementVariable) and value_type(v).kind in "iu"]
 
 
 def start_memory(variable: ElementVariable) -> NDArray[Any]:
