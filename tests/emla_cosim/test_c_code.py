@@ -418,6 +418,33 @@ def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path
     assert not re.search(r"\b(static (?!const|void|int|inline)|malloc|printf)", source.read_text())
 
 
+def test_a_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
+    source, main = tmp_path / "control.c", tmp_path / "main.cpp"
+    ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)
+    main.write_text(
+        '#include "control.h"\nint main() {\n    control_parameters p;\n    control_inputs u;\n'
+        "    control_defaults(&p, &u);\n    return p.controller_beta_1 > 0.0 ? 0 : 1;\n}\n"
+    )
+    parts = [("cc", source, "-std=c99"), ("c++", main, "-std=c++11")]
+    for kind, file, standard in parts:
+        command = [
+            *COMPILER[:3],
+            kind,
+            standard,
+            "-Wall",
+            "-Werror",
+            "-c",
+            file,
+            "-o",
+            file.with_suffix(".o"),
+        ]
+        assert subprocess.run(command, check=False).returncode == 0
+    objects = [file.with_suffix(".o") for _, file, _ in parts]
+    command = [*COMPILER[:3], "c++", *objects, "-lm", "-o", tmp_path / "program"]
+    assert subprocess.run(command, check=False).returncode == 0
+    assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_it_links_for_a_cortex_m4(precision: str, fmu_folder: Path, tmp_path: Path) -> None:
