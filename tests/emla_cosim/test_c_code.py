@@ -418,6 +418,7 @@ def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path
     assert not re.search(r"\b(static (?!const|void|int|inline)|malloc|printf)", source.read_text())
 
 
+@pytest.mark.long
 def test_a_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
     source, main = tmp_path / "control.c", tmp_path / "main.cpp"
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)
