@@ -53,10 +53,10 @@ def _command(arguments: Sequence[str]) -> str:
 
 
 def _run() -> None:
-    if _memory_limit() is not None:
-        os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
-        _silence_libraries()
     try:
+        if _memory_limit() is not None:
+            os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
+            _silence_libraries()
         with exit_on_interrupt(_exit_interrupted):
             from .app import app
 
@@ -106,10 +106,11 @@ def _silence_libraries() -> None:
     threading.excepthook = sys.unraisablehook = lambda _: None  # libraries' threads and destructors
     with suppress(OSError, ValueError):
         sys.stderr.flush()
-        kept = os.dup(sys.stderr.fileno())
+        number = sys.stderr.fileno()
+        kept = os.fdopen(os.dup(number), "w", 1, encoding=sys.stderr.encoding, errors="replace")
         with Path(os.devnull).open("w") as nowhere:
-            os.dup2(nowhere.fileno(), sys.stderr.fileno())
-        sys.stderr = os.fdopen(kept, "w", 1, encoding=sys.stderr.encoding, errors="replace")
+            os.dup2(nowhere.fileno(), number)
+        sys.stderr = kept
 
 
 def _rescue(how: str) -> None:

@@ -15,7 +15,9 @@ BATCH = 2000
 """Number of rows that are worth a batch: with fewer, most of the time goes into the columns, not the rows."""
 
 _BLOCKS = 3
-"""Size of the ring in blocks of rows: one that is stored, one that waits, and one that comes."""
+"""Size of the ring in blocks of rows: one that is stored, one that waits, and one that comes. If these do not
+fit into the memory that is shared, none waits.
+"""
 
 _LONGEST = 0.2
 """Wall time in s after which fewer rows are stored too."""
@@ -43,11 +45,14 @@ class RowQueue:
     ) -> None:
         self._store, self._progress = store, progress
         self._block = max(min(BLOCK_ROWS, BLOCK_SIZE // (8 * width)), 1)
-        size = _BLOCKS * self._block * width * 8
-        memory = black_box.reserve_table(size) if shared else None
+        block, blocks = self._block * width * 8, _BLOCKS
+        memory = black_box.reserve_table(blocks * block) if shared else None
+        if shared and memory is None:  # wide rows
+            blocks = _BLOCKS - 1
+            memory = black_box.reserve_table(blocks * block)
         self.is_shared = memory is not None
         """Whether another process can read the rows that wait."""
-        rows = np.empty(size // 8) if memory is None else np.frombuffer(memory)
+        rows = np.empty(blocks * block // 8) if memory is None else np.frombuffer(memory)
         self._ring = rows.reshape(-1, width)
         self._count = 0
         """Number of rows so far."""

@@ -44,7 +44,7 @@ class Activity(ctypes.Structure):
     ended: int
 
 
-SIZE = 80 * 2**20
+SIZE = 64 * 2**20
 """Bytes of memory, enough for everything; the system provides only the pages that are used."""
 
 THREADS = 32

@@ -81,7 +81,8 @@ def _fork_child() -> tuple[int | None, str | None]:
 
 def _run_watched(run: Callable[[], None], parent: int) -> None:
     """Call `run`; the process ends at once when its parent ends."""
-    watch_parent(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
+    with contextlib.suppress(RuntimeError):  # there is no memory for a thread
+        watch_parent(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
     try:
         run()
     except SystemExit:

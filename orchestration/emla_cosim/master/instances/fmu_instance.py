@@ -26,7 +26,7 @@ class InstanceError(RunError):
 
     def __init__(self, instance: str, call: str, status: str, log: list[str]) -> None:
         did = self.did.format(call=call, status=status)
-        said = f" It said: {' '.join(log)}" if log else ""
+        said = f" It said: {' '.join(dict.fromkeys(log))}" if log else ""  # a repeated step repeats messages
         super().__init__(f"{instance} {did}.{said}", component=instance, call=call, status=status, log=log)
 
 
