@@ -5,10 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ...base.errors import CommandError
 from ...base.files import check_output_files
 from ...base.option import EXPORT
-from ...run.options import list_options
+from ...run.scenarios.exported_files import FMU, SSP, C, find_kind, refuse_unsuited
 from ...study.loading import load
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
@@ -25,17 +24,8 @@ EXAMPLES = (
 )
 """Examples in the help."""
 
-_STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance", "outputs")
-
-_NOT_IN = {
-    ".ssp": (*_STEPPED, "inputs", "components", "precision"),
-    ".fmu": ("components", "precision"),
-    ".c": ("inputs", "platform"),
-}
-"""Options that a kind of file has no place for."""
-
-_KINDS = {".fmu": "the FMU", ".c": "the C file"}
-"""What files are called by their ends; all others are packages."""
+_KINDS = {SSP: "the package", FMU: "the FMU", C: "the C file"}
+"""What messages call the written file."""
 
 
 def command(
@@ -49,17 +39,11 @@ def command(
 
     See docs/containers.md for an FMU, and docs/c-code.md for C.
     """
-    kind = file.suffix.lower() if file.suffix.lower() in _KINDS else ".ssp"
-    if others := [name for name in _NOT_IN[kind] if name in given]:
-        flag = list_options()[others[0]].flag
-        ends = [end for end, names in _NOT_IN.items() if others[0] not in names]
-        what = {".ssp": "an SSP", ".fmu": "an FMU", ".c": "a C file"}[kind]
-        raise CommandError(
-            f"{what} cannot hold {flag}; leave it out, or export to a file that ends in {' or '.join(ends)}."
-        )
+    kind = find_kind(file)
+    refuse_unsuited(kind, given)
     chosen = load(scenario, **given)
-    files = {file: _KINDS.get(kind, "the package")}
-    if kind == ".c":
+    files = {file: _KINDS[kind]}
+    if kind == C:
         files[file.with_suffix(".h")] = "the header"
     check_output_files(files, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:

@@ -18,6 +18,7 @@ from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
 from ..run_setup import run_times
 from ..simulation import Simulation
+from .exported_files import FMU, C, find_kind, list_asked_for, refuse_unsuited
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ class Scenario:
             The path of the file.
 
         Raises:
-            CommandError: an option does not fit, or the file must not be replaced.
+            CommandError: an option does not fit the system or the file, or a file must not be replaced.
             RunError: an FMU cannot be built, or the file cannot be written.
 
         Examples:
@@ -150,12 +151,13 @@ class Scenario:
             'lift.ssp'
         """
         chosen = limit_to_data_end(self.with_options(options).options)
-        kind = Path(file).suffix.lower()
-        if kind == ".fmu":
+        kind = find_kind(Path(file))
+        refuse_unsuited(kind, list_asked_for(chosen))
+        if kind == FMU:
             from ...container.writer import check_container
 
             check_container(Path(file), chosen.overwrite)
-        elif kind == ".c":
+        elif kind == C:
             from ...c_code.writer import check_code
 
             check_code(Path(file), chosen.overwrite)
@@ -168,10 +170,10 @@ class Scenario:
             faults.merge(self.accepted)
             system, fmus = prepare_system(self.system, chosen, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
-            if kind == ".fmu":
+            if kind == FMU:
                 told.advance(1)  # compiling is another task
                 self._write_fmu(Path(file), system, fmus, chosen, told)
-            elif kind == ".c":
+            elif kind == C:
                 told.advance(1)
                 self._write_code(Path(file), system, fmus, chosen)
             else:
