@@ -286,6 +286,42 @@ def test_own_blocks_give_the_bits_of_a_run(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.parametrize(
+    "names",
+    [("parameters", "signals"), ("a", "a_fixed"), ("a.b", "a_b"), ("count", "start_time"), ("int", "_")],
+)
+def test_components_may_have_any_names(names: tuple[str, str], tmp_path: Path) -> None:
+    block = pid(0.1)
+    system = ec.System(
+        [ec.Component(name, model=block) for name in names], [ec.Connection(names[0], "u", names[1], "r")]
+    )
+    source = tmp_path / "real.c"
+    ec.load(system, step_size=0.01, stop_time=1.0).export(source, components=["*"])
+    code = Code(source)
+    assert code.start() is None and code.step()
+    whole = next(field for field, name in code.names.items() if name == f"{names[1]}.n")
+    setattr(code.parameters, whole, 2.5)
+    wrong = code.start()
+    assert wrong is not None and wrong.startswith(f"{names[1]}.n ") and "no whole number" in wrong
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("x.ssp", {"components": ["controller"]}, "an SSP cannot hold --components"),
+        ("x.ssp", {"inputs": ["*"]}, "an SSP cannot hold --inputs"),
+        ("x.fmu", {"precision": "float"}, "an FMU cannot hold --precision"),
+        ("x.c", {"components": CONTROL, "platform": ["win64"]}, "a C file cannot hold --platform"),
+    ],
+)
+def test_python_refuses_options_that_a_file_cannot_hold(
+    name: str, options: dict[str, Any], words: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(CommandError, match=words):
+        ec.load("lift", fmus=fmu_folder).export(tmp_path / name, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_float_is_near_double(fmu_folder: Path, tmp_path: Path) -> None:
     rows = {}
     for precision in ("double", "float"):

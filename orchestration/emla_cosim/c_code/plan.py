@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fmublock import Block
+from fmublock.c_equations import c_equations
 from fmublock.errors import BuildError
-from fmublock.symbolic import SymbolicBlock, evaluate_symbolically
+from fmublock.symbolic import evaluate_symbolically
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
@@ -67,7 +66,8 @@ class CodePlan:
         name: prefix of everything in C.
         system: the components with their connections, as the FMU of a system has them.
         blocks: the block of each component.
-        symbols: the equations of each block, by its class.
+        equations: the equations of each block as C, by its class.
+        demands: the messages of each block's conditions, by its class.
         fields: name of each component in C.
         starts: start values of each component by value reference.
         inputs: what the caller sets in each step.
@@ -79,7 +79,8 @@ class CodePlan:
     name: str
     system: ContainerPlan
     blocks: Sequence[type[Block]]
-    symbols: Mapping[type[Block], SymbolicBlock]
+    equations: Mapping[type[Block], str]
+    demands: Mapping[type[Block], Sequence[str]]
     fields: Sequence[str]
     starts: Sequence[Mapping[int, float]]
     inputs: Sequence[CodeVariable]
@@ -136,7 +137,8 @@ def plan_code(
         name=name,
         system=plan,
         blocks=blocks,
-        symbols=symbols,
+        equations={block: c_equations(block(), symbolic) for block, symbolic in symbols.items()},
+        demands={block: symbolic.demands for block, symbolic in symbols.items()},
         fields=fields,
         starts=starts,
         inputs=seen.open_inputs(),
@@ -219,7 +221,7 @@ def _fields(names: Sequence[str]) -> list[str]:
     """Return names of components in C: without their joint if they all have the same one."""
     joints = {name.partition(".")[0] for name in names if "." in name}
     shared = len(joints) == 1 and all("." in name for name in names)
-    return [as_identifier(name.partition(".")[2] if shared else name) for name in names]
+    return _make_unique([as_identifier(name.partition(".")[2] if shared else name) for name in names])
 
 
 def as_identifier(name: str) -> str:
@@ -296,14 +298,19 @@ class _Variables:
 
 
 def _unique(found: list[CodeVariable]) -> list[CodeVariable]:
-    """Return the variables with fields that differ: two names such as a.b and a_b would be one."""
-    taken, result = set[str](), list[CodeVariable]()
-    for one in found:
-        field, number = one.field, 2
-        while field in taken:
-            field, number = f"{one.field}_{number}", number + 1
-        taken.add(field)
-        result.append(replace(one, field=field))
+    """Return the variables with fields that differ."""
+    fields = _make_unique([one.field for one in found])
+    return [replace(one, field=field) for one, field in zip(found, fields, strict=True)]
+
+
+def _make_unique(names: Sequence[str]) -> list[str]:
+    """Return names in C that differ: two names such as a.b and a_b would be one."""
+    result = list[str]()
+    for name in names:
+        unique, number = name, 2
+        while unique in result:
+            unique, number = f"{name}_{number}", number + 1
+        result.append(unique)
     return result
 
 
@@ -312,13 +319,11 @@ def find_initial_order(plan: ContainerPlan) -> list[int]:
     return [i for group in plan.initial_groups for i in group.members]
 
 
-def find_assumed_signals(plan: ContainerPlan) -> dict[int, float]:
-    """Return the signals that agree with the start values of the inputs that read them, by position."""
-    found = dict[int, float]()
+def find_assumed_signals(plan: ContainerPlan) -> list[float]:
+    """Return the signals that agree with the start values of the inputs that read them; 0 if nothing does."""
+    network = plan.network
+    network.signals[:] = 0.0
     for i, part in enumerate(plan.parts):
-        for j, start in enumerate(part.instance.input_starts):
-            with np.errstate(all="ignore"):
-                assumed = (start - (plan.network.offsets[i][j] + 0.0)) / plan.network.factors[i][j]
-            if np.isfinite(assumed):
-                found[int(plan.network.sources[i][j])] = float(assumed)
-    return found
+        network.instances[i].inputs[:] = part.instance.input_starts
+        network.assume_inputs(i)
+    return network.signals.tolist()

@@ -5,11 +5,11 @@ type double have the same bits.
 """
 
 import json
+import math
 import re
 from collections.abc import Sequence
 
 from fmublock import Block, instance
-from fmublock.c_equations import c_equations
 from fmublock.compiling import c_number
 from fmublock.variables import StartTime
 
@@ -55,8 +55,8 @@ def header_text(plan: CodePlan, precision: str) -> str:
     lines += [f"    {name}_real start_time, signals[{_room(len(plan.system.network.signals))}];"]
     for field, block in zip(plan.fields, plan.blocks, strict=True):
         lines += [
-            f"    {name}_real {field}[{_room(len(block().layout().scalars))}], "
-            f"{field}_fixed[{_room(_count_fixed(plan, block))}];"
+            f"    {name}_real values_{field}[{_room(len(block().layout().scalars))}], "
+            f"fixed_{field}[{_room(_count_fixed(plan, block))}];"
         ]
     lines += [
         f"}} {name};",
@@ -89,7 +89,7 @@ def source_text(plan: CodePlan, precision: str) -> str:
     """Return the source.
 
     Raises:
-        CommandError: A block draws random numbers, for which float is too coarse.
+        CommandError: The equations contain large whole numbers, as random numbers do, and float is asked for.
     """
     name = plan.name
     lines = [
@@ -100,17 +100,15 @@ def source_text(plan: CodePlan, precision: str) -> str:
         "",
         f'#include "{name}.h"',
         "",
-        f"typedef {name}_real real;",
-        "",
     ]
     helpers, functions = "", list[str]()
-    for block in plan.symbols:
+    for block in plan.equations:
         helpers, own = _block_text(plan, block)
         functions.append(own)
     numeric = "\n".join([*_used(helpers, functions), *functions])
     if precision == FLOAT:
         _check_float(plan, numeric)
-    lines += [_typed(numeric, precision), *_exchange(plan, precision), *_calls(plan, precision)]
+    lines += [_typed(numeric, name, precision), *_exchange(plan, precision), *_calls(plan, precision)]
     return "\n".join(lines)
 
 
@@ -123,7 +121,7 @@ def _used(helpers: str, functions: Sequence[str]) -> list[str]:
 
 def _prefix(plan: CodePlan, block: type[Block]) -> str:
     """Return what begins the names of a block's functions; blocks of several files may have one name."""
-    same = [other for other in plan.symbols if other.__name__ == block.__name__]
+    same = [other for other in plan.equations if other.__name__ == block.__name__]
     number = same.index(block)
     return f"{block.__name__}{number + 1}_" if number else f"{block.__name__}_"
 
@@ -150,15 +148,16 @@ def _struct(name: str, real: str, variables: Sequence[CodeVariable]) -> list[str
 
 def _block_text(plan: CodePlan, block: type[Block]) -> tuple[str, str]:
     """Return the common functions, and those of a block with its name before theirs."""
-    text = c_equations(block(), plan.symbols[block])
+    text = plan.equations[block]
     parts = re.split(r"(?m)^(?=static void )", text)
     constants = {n: int(x) for n, x in re.findall(r"#define (N_\w+) (\d+)", parts[0])}
     helpers = parts[0].split("\n\n", 1)[1]
     prefix = _prefix(plan, block)
+    unused = "" if block().layout().states else "|derivatives|stepwise_values"
     kept = [
         re.sub(r"^static void ", f"static void {prefix}", part)
         for part in parts[1:]
-        if not re.match(r"static void \w+_tangent\(", part)
+        if not re.match(rf"static void (\w+_tangent{unused})\(", part)
     ]
     return helpers, "\n".join(
         [f"/* ---- {block.__name__} ---- */\n", *kept, _advance(block, prefix, constants)]
@@ -166,8 +165,7 @@ def _block_text(plan: CodePlan, block: type[Block]) -> tuple[str, str]:
 
 
 def _count_fixed(plan: CodePlan, block: type[Block]) -> int:
-    text = c_equations(block(), plan.symbols[block])
-    found = re.search(r"#define N_FIXED (\d+)", text)
+    found = re.search(r"#define N_FIXED (\d+)", plan.equations[block])
     assert found is not None
     return int(found[1])
 
@@ -222,7 +220,7 @@ def _exchange(plan: CodePlan, precision: str) -> list[str]:
     network, name = plan.system.network, plan.name
     lines = list[str]()
     for i, (part, field) in enumerate(zip(plan.system.parts, plan.fields, strict=True)):
-        lines += [f"static void set_{field}({name} *m) {{", "    (void)m;"]
+        lines += [f"static void set_inputs_of_{field}({name} *m) {{", "    (void)m;"]
         for j, own in enumerate(part.instance.read):
             factor, offset = float(network.factors[i][j]), float(network.offsets[i][j])
             value = f"m->signals[{int(network.sources[i][j])}]"
@@ -233,13 +231,13 @@ def _exchange(plan: CodePlan, precision: str) -> list[str]:
             elif own.type != "Real":
                 value = f"rint({value})"
             lines.append(
-                f"    m->{field}[{own.valueReference}] = {value}; "
+                f"    m->values_{field}[{own.valueReference}] = {value}; "
                 f"/* {_comment(part.name)}.{_comment(own.name)} */"
             )
-        lines += ["}", "", f"static void get_{field}({name} *m) {{", "    (void)m;"]
+        lines += ["}", "", f"static void get_outputs_of_{field}({name} *m) {{", "    (void)m;"]
         first = network.parts[i].start
         for s, own in enumerate(part.instance.written, first):
-            lines.append(f"    m->signals[{s}] = m->{field}[{own.valueReference}];")
+            lines.append(f"    m->signals[{s}] = m->values_{field}[{own.valueReference}];")
         lines += ["}", ""]
     for kind, listed in (("inputs", plan.inputs), ("outputs", plan.outputs)):
         const = "const " if kind == "inputs" else ""
@@ -248,7 +246,7 @@ def _exchange(plan: CodePlan, precision: str) -> list[str]:
             "    (void)m, (void)given;",
         ]
         for one in listed:
-            here, there = f"m->{plan.fields[one.part]}[{one.reference}]", f"given->{one.field}"
+            here, there = f"m->values_{plan.fields[one.part]}[{one.reference}]", f"given->{one.field}"
             lines.append(f"    {here} = {there};" if kind == "inputs" else f"    {there} = {here};")
         lines += ["}", ""]
     return lines
@@ -270,19 +268,14 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
         "    (void)m, (void)p;",
     ]
     for one in plan.parameters:
-        low, high = (_literal(x, precision) for x in (one.minimum, one.maximum))
-        inside = " && ".join(
-            [f"p->{one.field} == p->{one.field}"]
-            + ([f"{low} <= p->{one.field}"] if one.minimum > -float("inf") else [])
-            + ([f"p->{one.field} <= {high}"] if one.maximum < float("inf") else [])
-        )
-        text = _text(f"{one.name} is outside of its range, {one.minimum:.9g} to {one.maximum:.9g}.")
-        lines.append(f"    if (!({inside})) return {text};")
-    lines += [f"    m->{plan.fields[one.part]}[{one.reference}] = p->{one.field};" for one in plan.parameters]
+        lines.append(f"    if (!({_condition(one, precision)})) return {_text(_demand(one))};")
+    lines += [
+        f"    m->values_{plan.fields[one.part]}[{one.reference}] = p->{one.field};" for one in plan.parameters
+    ]
     lines += ["    return NULL;", "}", ""]
     lines += [
         f"static int is_finite(const {name} *m) {{",
-        *(f"    for (int r = {a}; r < {b}; r++)\n        if (!isfinite(m->{field}[r])) return 0;"
+        *(f"    for (int r = {a}; r < {b}; r++)\n        if (!isfinite(m->values_{field}[r])) return 0;"
           for field, block in parts if (span := _evolving(block)) for a, b in [span]),
         "    return 1;",
         "}",
@@ -299,7 +292,9 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
         layout = block().layout()
         for r, scalar in enumerate(layout.scalars):
             start = plan.starts[p].get(r, scalar.start)
-            lines.append(f"    m->{field}[{r}] = {_literal(start, precision)}; /* {_comment(scalar.name)} */")
+            lines.append(
+                f"    m->values_{field}[{r}] = {_literal(start, precision)}; /* {_comment(scalar.name)} */"
+            )
     lines += [
         "    const char *wrong = set_parameters(m, parameters);",
         "    if (wrong != NULL) return wrong;",
@@ -308,20 +303,19 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
         layout = block().layout()
         for r in (*layout.references(layout.states), *layout.references(layout.discrete_states)):
             if layout.scalars[r].variable.start_parameter is not None:
-                lines.append(f"    m->{field}[{r}] = m->{field}[{layout.start_reference(r)}];")
+                lines.append(f"    m->values_{field}[{r}] = m->values_{field}[{layout.start_reference(r)}];")
             if isinstance(layout.scalars[r].variable, StartTime):
-                lines.append(f"    m->{field}[{r}] = time;")
-        lines.append(f"    {_prefix(plan, block)}fixed_values(m->{field}, m->{field}_fixed);")
+                lines.append(f"    m->values_{field}[{r}] = time;")
+        lines.append(f"    {_prefix(plan, block)}fixed_values(m->values_{field}, m->fixed_{field});")
     for field, block in parts:
         lines += _conditions(plan, field, block)
     lines.append("    pass_inputs(m, inputs);")
-    assumed = find_assumed_signals(plan.system)
-    for s in range(len(plan.system.network.signals)):
-        lines.append(f"    m->signals[{s}] = {_literal(assumed.get(s, 0.0), precision)};")
+    for s, value in enumerate(find_assumed_signals(plan.system)):
+        lines.append(f"    m->signals[{s}] = {_literal(value, precision)};")
     for i in [*find_initial_order(plan.system), *range(len(parts))]:
-        lines += [f"    set_{parts[i][0]}(m);", *_outputs_call(plan, *parts[i])]
-    lines += [f"    get_{field}(m);" for field, _ in parts]
-    lines += [f"    set_{parts[i][0]}(m);" for i in plan.system.network.order]
+        lines += [f"    set_inputs_of_{parts[i][0]}(m);", *_outputs_call(plan, *parts[i])]
+    lines += [f"    get_outputs_of_{field}(m);" for field, _ in parts]
+    lines += [f"    set_inputs_of_{parts[i][0]}(m);" for i in plan.system.network.order]
     lines += [
         "    pass_outputs(m, outputs);",
         '    return is_finite(m) ? NULL : "an initial value is not finite.";',
@@ -331,20 +325,39 @@ def _calls(plan: CodePlan, precision: str) -> list[str]:
     lines += [
         f"int {name}_step({name} *memory, const {name}_inputs *inputs, {name}_outputs *outputs) {{",
         f"    {name} *m = memory;",
-        f"    const real step = {_literal(plan.step, precision)};",
-        "    const real time = m->start_time + (real)m->count * step;",
+        f"    const {name}_real step = {_literal(plan.step, precision)};",
+        f"    const {name}_real time = m->start_time + ({name}_real)m->count * step;",
         "    m->count += 1;",
-        "    const real end = m->start_time + (real)m->count * step;",
+        f"    const {name}_real end = m->start_time + ({name}_real)m->count * step;",
         "    pass_inputs(m, inputs);",
     ]
     for operation in plan.system.operations:
         field, block = parts[operation.instance]
         if operation.call == Call.STEP:
-            lines.append(f"    {_prefix(plan, block)}advance(m->{field}, m->{field}_fixed, time, step, end);")
+            lines.append(
+                f"    {_prefix(plan, block)}advance(m->values_{field}, m->fixed_{field}, time, step, end);"
+            )
         else:
-            lines.append(f"    {'set' if operation.call == Call.SET else 'get'}_{field}(m);")
+            call = "set_inputs_of" if operation.call == Call.SET else "get_outputs_of"
+            lines.append(f"    {call}_{field}(m);")
     lines += ["    pass_outputs(m, outputs);", "    return is_finite(m);", "}", ""]
     return lines
+
+
+def _condition(one: CodeVariable, precision: str) -> str:
+    """Return when a parameter can be used, in C."""
+    value = f"p->{one.field}"
+    found = [f"{value} == {value if one.type == 'Real' else f'rint({value})'}"]
+    if one.minimum > -math.inf:
+        found.append(f"{_literal(one.minimum, precision)} <= {value}")
+    if one.maximum < math.inf:
+        found.append(f"{value} <= {_literal(one.maximum, precision)}")
+    return " && ".join(found)
+
+
+def _demand(one: CodeVariable) -> str:
+    whole = "" if one.type == "Real" else " or is no whole number"
+    return f"{one.name} is outside of its range, {one.minimum:.9g} to {one.maximum:.9g}{whole}."
 
 
 def _evolving(block: type[Block]) -> tuple[int, int] | None:
@@ -360,19 +373,20 @@ def _outputs_call(plan: CodePlan, field: str, block: type[Block]) -> list[str]:
     if not len(outputs):
         return []
     return [
-        f"    {_prefix(plan, block)}outputs(time, m->{field}, m->{field}_fixed, m->{field} + {outputs[0]});",
-        f"    get_{field}(m);",
+        f"    {_prefix(plan, block)}outputs(time, m->values_{field}, m->fixed_{field}, "
+        f"m->values_{field} + {outputs[0]});",
+        f"    get_outputs_of_{field}(m);",
     ]
 
 
 def _conditions(plan: CodePlan, field: str, block: type[Block]) -> list[str]:
-    demands = plan.symbols[block].demands
+    demands = plan.demands[block]
     if not demands:
         return []
     lines = [
         "    {",
-        f"        real holds[{len(demands)}];",
-        f"        {_prefix(plan, block)}conditions(time, m->{field}, m->{field}_fixed, holds);",
+        f"        {plan.name}_real holds[{len(demands)}];",
+        f"        {_prefix(plan, block)}conditions(time, m->values_{field}, m->fixed_{field}, holds);",
     ]
     lines += [
         f"        if (holds[{i}] == 0) return {_text(f'{field}: {message}')};"
@@ -387,14 +401,14 @@ def _check_float(plan: CodePlan, text: str) -> None:
     ]
     if large:
         raise CommandError(
-            f"the equations of {plan.name} count with whole numbers up to {large[0]:.0f}, such as random "
-            "numbers; float has them only up to 16777216. Use --precision double."
+            f"the equations of {plan.name} contain the whole number {large[0]:.0f}, as random numbers do; "
+            "float has them only up to 16777216. Use --precision double."
         )
 
 
-def _typed(text: str, precision: str) -> str:
-    """Return C with numbers of this type, called `real`."""
-    typed = re.sub(r"\bdouble\b", "real", text)
+def _typed(text: str, name: str, precision: str) -> str:
+    """Return C with numbers of the type that the header defines."""
+    typed = re.sub(r"\bdouble\b", f"{name}_real", text)
     return typed if precision == DOUBLE else _NUMBER.sub(lambda m: f"{m[0]}f", typed)
 
 
