@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from ..fmu.interface import Interface
@@ -42,14 +43,21 @@ class SheetEntries:
         Raises:
             CommandError: A data sheet with these entries has errors.
         """
-        preparation = self.preparations[experiment]
-        assert preparation.scenario is not None
-        before = _all_start_values(preparation.scenario, preparation.interfaces)
+        before, interfaces = self._before[experiment], self.preparations[experiment].interfaces
         plan = replace(self.plan, options=_without_data(self.plan.options))
         own = _without_data(plan.experiments[experiment].options)
         changed = plan.load_scenario(merge_options([own, {SHEET: entries}]))
-        after = _all_start_values(changed, preparation.interfaces)
+        after = _all_start_values(changed, interfaces)
         return {name: value for name, value in after.items() if before.get(name) != value}
+
+    @cached_property
+    def _before(self) -> list[dict[str, Value]]:
+        """Return the start values of each experiment without other entries."""
+        return [
+            _all_start_values(one.scenario, one.interfaces)
+            for one in self.preparations
+            if one.scenario is not None
+        ]
 
 
 def _without_data(options: Mapping[str, Any]) -> dict[str, Any]:
