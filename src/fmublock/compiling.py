@@ -19,7 +19,11 @@ from .errors import BuildError
 from .leftovers import mark_of_process
 from .platforms import FMI_VERSIONS, TARGETS
 
-_FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
+_FLAGS = [
+    *("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"),
+    # square roots without a branch for errno, and one call for a sine and a cosine: up to a fifth faster
+    *("-fno-math-errno", "-fno-slp-vectorize"),
+]
 
 
 def sources(folder: str, fmi: int = 2) -> dict[str, bytes]:
