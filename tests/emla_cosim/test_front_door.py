@@ -1,6 +1,7 @@
 """What a Python user meets: prepared once, run many times, results in memory."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -527,3 +528,31 @@ def test_what_is_not_needed_is_not_imported(code: str, absent: set[str]) -> None
     )  # fmt: skip
     imported = {name.partition(".")[0] for name in done.stderr.split()}
     assert not imported & (absent | {"matplotlib", "casadi", "numba", "networkx", "polars"})
+
+
+_IMPORTS = """
+import gc, os, threading
+from emla_cosim.cli.imports import quick_imports
+with quick_imports():
+    import numpy
+    assert not gc.isenabled()
+print(gc.isenabled(), os.environ.get("OPENBLAS_NUM_THREADS"), len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Only Linux lists the threads of a process.")
+@pytest.mark.parametrize("threads", [None, "2"])
+def test_imports_leave_the_environment_and_start_no_threads_of_their_own(threads: str | None) -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    given = {} if threads is None else {"OPENBLAS_NUM_THREADS": threads}
+    done = subprocess.run(
+        [sys.executable, "-c", _IMPORTS],
+        env=environment | given,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    enabled, left, running = done.stdout.split()
+    assert (enabled, left) == ("True", str(threads))
+    assert int(running) == 1 if threads is None else int(running) <= 2

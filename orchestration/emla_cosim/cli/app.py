@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from .imports import quick_imports
+
 COMMANDS = {
     "build": "Build the built-in FMUs, or FMUs from your Python blocks, for other tools and platforms.",
     "list": "List the named scenarios, plans, models, controllers and gain sets.",
@@ -58,6 +60,10 @@ class _LazyCommand(TyperCommand):
         return meant.command.shell_complete(meant, incomplete)
 
     def _import_command(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
+        with quick_imports():
+            return self._make_command_context(info_name, args, parent, **extra)
+
+    def _make_command_context(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
         module = import_module(f"emla_cosim.cli.commands.{self.name}")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
         examples = "\n\n".join(("Examples:", *getattr(module, "EXAMPLES", ())))
