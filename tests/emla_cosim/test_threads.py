@@ -465,6 +465,38 @@ def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], OperationTabl
     assert {f"{name}.begin" for name in free} == {x for x in begun_at_once if x.endswith("begin")}
 
 
+def test_steps_apart_of_a_loop_overlap_in_each_sweep_and_change_nothing() -> None:
+    calls: list[str] = []
+    links = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0)]
+    alone, apart = (Strong(order=["s1", "s2", "s3", "s0"]) for _ in range(2))
+    expected = recorded(FixedSteps(begun(chains(4, links), alone, TIMES), TIMES, False))
+    network = with_steps_apart(chains(4, links), calls)
+    found = recorded(FixedSteps(begun(network, apart, TIMES), TIMES, False))
+    assert found.tobytes() == expected.tobytes()
+    assert apart.sweeps == alone.sweeps > len(found)
+    steps = [call for call in calls if call.endswith((".begin", ".step"))]
+    sweep = [f"s{i}.{call}" for call in ("begin", "step") for i in (1, 2, 3)] + ["s0.begin", "s0.step"]
+    assert steps == sweep * apart.sweeps
+
+
+def test_a_step_apart_that_fails_in_a_loop_ends_the_run_after_the_others() -> None:
+    calls: list[str] = []
+
+    def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> Sequence[float]:
+        if len(u) == 1 and t > 0.4 and x[0] > 0.0:  # the one that began at 0.1
+            raise ec.RunError("it failed")
+        return x
+
+    links = [(0, 1), (0, 2), (1, 0), (2, 0)]
+    slaves = with_steps_apart(chains(3, links, advance), calls)
+    stepping = FixedSteps(begun(slaves, Strong(order=["s1", "s2", "s0"]), TIMES), TIMES, False)
+    with pytest.raises(ec.RunError, match="it failed"):
+        simulate(stepping, Table(1 + len(slaves.signals)))
+    count = Counter(calls)
+    assert all(count[f"s{i}.begin"] == count[f"s{i}.step"] for i in range(3))
+    assert count["s1.step"] == count["s2.step"] == count["s0.step"] + 1
+
+
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 @pytest.mark.parametrize("times", [{"s3": 0.5}, {"s1": 0.5, "s4": 0.5}], ids=str)
 def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
@@ -486,11 +518,13 @@ def test_isolated_fmus_have_the_rows_of_others(faulty_fmu: Path) -> None:
     starts = [{"u": 1.0}, {}, {"u": 2.0}, {}]
     parts = [faulty(f"j.c{i}", faulty_fmu, b=0.1 * i, **start) for i, start in enumerate(starts)]
     system = wired(parts, "j.c0.y -> j.c1.u", "j.c2.y -> j.c3.u")
-    for algorithm in ("jacobi", "gauss-seidel"):
+    free = [faulty(f"j.c{i}", faulty_fmu, b=0.1 * i) for i in range(4)]
+    ring = wired(free, *(f"j.c{i}.y -> j.c{(i + 1) % 4}.u" for i in range(4)))
+    for algorithm, wiring in (("jacobi", system), ("gauss-seidel", system), ("strong", ring)):
         options = {"stop_time": 1.0, "step_size": 0.1, "algorithm": algorithm}
-        with ec.load(system, **options).prepare() as alone:
+        with ec.load(wiring, **options).prepare() as alone:
             expected = alone.run().to_polars()
-        with ec.load(system, **options).prepare(isolate=True) as apart:
+        with ec.load(wiring, **options).prepare(isolate=True) as apart:
             assert apart.run().to_polars().equals(expected)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...base.arrays import Indices, Vector
 from .extrapolation import Exchange
+from .overlapped_steps import OverlappedSteps
 from .quasi_newton import QuasiNewton
 from .snapshot import Snapshot
 
@@ -20,6 +21,7 @@ class CoupledGroup:
         newton: The quasi-Newton iteration.
         start: Snapshot from the begin of the present step; None if an instance cannot restore its state.
         halves: Whether all instances can do steps of other lengths.
+        overlapped: Does a sweep with steps that overlap; None without instances in other processes.
     """
 
     members: list[int]
@@ -27,6 +29,7 @@ class CoupledGroup:
     newton: QuasiNewton
     start: Snapshot | None
     halves: bool
+    overlapped: OverlappedSteps | None = None
 
 
 def loop_derivatives(exchange: Exchange, group: CoupledGroup) -> Vector | None:

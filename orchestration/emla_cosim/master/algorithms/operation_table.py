@@ -10,7 +10,7 @@ from ...base.option import STEPPED, option
 from ..network import Network
 from .algorithm import Algorithm, Span
 from .overlapped_steps import OverlappedSteps
-from .tasks import Call, Operation, StepTask, perform, plan_tasks
+from .tasks import Call, Operation, Perform, StepTask, perform, plan_tasks
 
 MOST = 2**31
 """The largest step multiple."""
@@ -59,8 +59,14 @@ class OperationTableAlgorithm(Algorithm):
         """Use this table of operations, in order; call it in `setup`."""
         self.operations = list(operations)
         self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in operations]
+        self._apart = self._overlapped(self.operations)
+
+    def _overlapped(
+        self, operations: Sequence[Operation], perform: Perform = perform
+    ) -> OverlappedSteps | None:
+        """Return what overlaps the steps of a table; None if it has less than two that can overlap."""
         apart = sum(self.network.instances[o.instance].steps_apart for o in operations if o.call == Call.STEP)
-        self._apart = OverlappedSteps(self.exchange, self.operations, self.multiples) if apart > 1 else None
+        return OverlappedSteps(self.exchange, operations, self.multiples, perform) if apart > 1 else None
 
     def tasks(self) -> list[StepTask]:
         """Return the tasks of a step, which several threads can share."""

@@ -7,7 +7,7 @@ from heapq import heapify, heappop, heappush
 from ...base.arrays import Indices
 from .algorithm import Span
 from .extrapolation import Exchange
-from .tasks import Call, Operation, perform, plan_tasks
+from .tasks import Call, Operation, Perform, perform, plan_tasks
 
 
 class OverlappedSteps:
@@ -15,10 +15,23 @@ class OverlappedSteps:
 
     A step in another process begins as soon as its inputs are ready. It is awaited when nothing else can be
     done. All running steps end before the first failure, in the order of the table, is raised.
+
+    Args:
+        exchange: The values of the instances.
+        operations: The table.
+        multiples: Step multiples by instance.
+        perform: Does one operation.
     """
 
-    def __init__(self, exchange: Exchange, operations: Sequence[Operation], multiples: Indices) -> None:
+    def __init__(
+        self,
+        exchange: Exchange,
+        operations: Sequence[Operation],
+        multiples: Indices,
+        perform: Perform = perform,
+    ) -> None:
         self._exchange, self._operations, self._multiples = exchange, operations, multiples
+        self._perform = perform
         work = plan_tasks(exchange, operations)
         self._waits = [len(task.after) for task in work]
         self._followers = [list[int]() for _ in work]
@@ -63,5 +76,5 @@ class OverlappedSteps:
         if operation.call == Call.STEP and instance.steps_apart:
             instance.begin_step(begin, length)
             return True
-        perform(self._exchange, operation.call, i, begin, length, time + step)
+        self._perform(self._exchange, operation.call, i, begin, length, time + step)
         return False

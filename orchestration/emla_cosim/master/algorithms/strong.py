@@ -18,7 +18,7 @@ from .operation_table import OperationTableAlgorithm
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .scale import Scale
 from .snapshot import Snapshot
-from .tasks import Call, Operation, StepTask, plan_tasks
+from .tasks import Call, Operation, StepTask, perform_again, plan_tasks
 
 SWEEPS = 30
 """Largest number of sweeps over a loop. After these, no solution is assumed to be near."""
@@ -103,7 +103,9 @@ class Strong(InOrder, OperationTableAlgorithm):
         if len(cut):
             require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
         start = Snapshot(self, members) if all(s.rolls_back for s in instances) else None
-        return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in instances))
+        halves = all(s.varies_step for s in instances)
+        overlapped = self._overlapped([Operation(c, i) for i in members for c in Call], perform_again)
+        return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, halves, overlapped)
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
         """Initialize all FMU instances, and get the derivatives of loops where FMUs have them."""
@@ -203,6 +205,9 @@ class Strong(InOrder, OperationTableAlgorithm):
         group.newton.solve(guess, answer, agreed, SWEEPS, self.scale.sizes(group.coupling_variables))
 
     def _sweep(self, group: CoupledGroup, time: float, step: float) -> None:
+        if group.overlapped is not None:
+            group.overlapped.operate(time, step, lambda _: (time, step), self.steps + 1)
+            return
         for i in group.members:
             self.exchange.pass_inputs(i, time, step)
             self.network.instances[i].do_step(time, step)
