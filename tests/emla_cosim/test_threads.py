@@ -291,6 +291,7 @@ class FakeKernel:
 
     def __init__(self, handover: float) -> None:
         self.together, self.shared, self._handover = False, 0, handover
+        self.schedules = 0
 
     @property
     def threads(self) -> int:
@@ -298,6 +299,7 @@ class FakeKernel:
 
     def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
         self.together, self.shared = True, len(lanes)
+        self.schedules += 1
 
     def handover(self) -> float:
         return self._handover
@@ -326,6 +328,26 @@ def test_the_faster_way_is_taken_and_asked_again(monkeypatch: pytest.MonkeyPatch
     assert driven(1e-6, 1e-2, [9.9e-3, 2e-2]) == [1, 1]  # a change has to be worth it
     assert driven(0.5, 1e-2, [6e-3, 6e-3]) == [1, 1]  # a handover that costs more than is gained
     assert driven(1e-6, 1e-5, [6e-6, 6e-6]) == [1, 1]  # too short to be looked at
+
+
+def test_costs_are_measured_again_when_steps_take_another_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    kernel = FakeKernel(1e-6)
+    algorithm = begun(chains(2, [], slow(1e-4)), Jacobi(), TIMES)
+    found = Sharing(kernel, algorithm, None)  # type: ignore[arg-type]
+    chosen = []
+    for alone in (1e-5, 1e-5, 1e-2, 1.1e-2, 1e-1, 1e-5):
+        for _ in range(2):
+            for _ in range(60):
+                if found.observing:
+                    with found.observed():
+                        algorithm.step(0.0, 0.125)
+                    continue
+                many = max(round(0.01 / alone), 1)
+                found.did(many, many * (0.6 * alone if kernel.together else alone))
+            found.did(round(100.0 / alone), 100.0)  # time passes
+        chosen.append((kernel.schedules, kernel.threads))
+    assert chosen == [(0, 1), (0, 1), (1, 2), (1, 2), (2, 2), (2, 1)]
 
 
 def test_threads_that_nobody_asked_for_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:

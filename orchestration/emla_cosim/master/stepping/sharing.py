@@ -28,6 +28,9 @@ BETTER = 0.97
 _PROBE = 0.005
 """Duration of a measurement in s."""
 
+_CHANGED = 2.0
+"""Factor between two times per step from which on the costs of the instances are measured again."""
+
 _SOON, _LATE = 1.0, 30.0
 """First and longest time in s until the next comparison. Other programs may start or end meanwhile."""
 
@@ -61,6 +64,7 @@ class Sharing:
         self._course = self._use_threads_if_faster() if threads is None else self._use_requested_threads()
         self._asks = next(self._course, None) if self._most > 1 else None
         self._steps, self._seconds, self._size = 0, 0.0, 1
+        self._pause = _SOON
 
     @property
     def observing(self) -> bool:
@@ -112,11 +116,22 @@ class Sharing:
         self._share(work, self._schedule_work(work, self._most))
 
     def _use_threads_if_faster(self) -> _Course:
-        """Use threads if they are faster."""
+        """Use threads while they are faster. Measure the costs again if steps take another time."""
         yield _PROBE  # the first steps are longer than others
-        alone = yield _PROBE
+        while True:
+            self._kernel.together, self._size = False, 1
+            alone = yield _PROBE
+            yield from self._share_if_worth(alone)
+            if self._kernel.together:
+                yield from self._alternate_threads(alone)
+            else:
+                yield from self._wait_for_change(alone)
+
+    def _share_if_worth(self, alone: float) -> _Course:
+        """Share the steps if that saves time by the costs of the instances; a step takes `alone` s now."""
         if alone * (1.0 - 1.0 / self._most) < WORTH:
             return
+        self._observed.clear()
         yield _OBSERVE
         work, costs = self._algorithm.tasks(), sum(self._costs)
         best = self._fewest(work)
@@ -129,14 +144,19 @@ class Sharing:
             self._kernel.together, self._report["refused"] = False, str(error)
             return
         self._report["handover_us"] = _us(handover)
-        if alone * (1.0 - best.length / costs) < handover:
-            self._kernel.together = False
-            return
-        yield from self._alternate_threads()
+        self._kernel.together = alone * (1.0 - best.length / costs) >= handover
 
-    def _alternate_threads(self) -> _Course:
-        """Measure one thread and several in turn, use the faster way for a while, and repeat."""
-        kernel, pause = self._kernel, _SOON
+    def _wait_for_change(self, before: float) -> _Course:
+        """Do steps in one thread until they take another time than before, in s."""
+        while not _has_changed((yield self._pause), before):
+            self._pause = min(2.0 * self._pause, _LATE)
+
+    def _alternate_threads(self, before: float) -> _Course:
+        """Measure one thread and several in turn, use the faster way for a while, and repeat.
+
+        This ends if a step in one thread takes another time than before, in s.
+        """
+        kernel = self._kernel
         while True:
             measured: dict[bool, list[float]] = {True: [], False: []}
             for way in (kernel.together, not kernel.together) * 2:
@@ -145,9 +165,11 @@ class Sharing:
                 measured[way].append((yield _PROBE))
             together, alone = min(measured[True]), min(measured[False])
             self._report |= {"step_in_threads_us": _us(together), "step_in_one_thread_us": _us(alone)}
+            if _has_changed(alone, before):
+                return
             kernel.together = together < alone * (1.0 if kernel.together else BETTER)
-            yield pause
-            pause = min(2.0 * pause, _LATE)
+            yield self._pause
+            self._pause = min(2.0 * self._pause, _LATE)
 
     def _fewest(self, work: Sequence[StepTask]) -> ThreadSchedule | None:
         """Return the schedule with the most lanes that still shorten a step; None if two lanes do not."""
@@ -198,6 +220,11 @@ def _measure_calls(instances: Sequence[FmuInstance]) -> Iterator[list[float]]:
             for name in calls:
                 del vars(instance)[name]
             vars(instance).update(own)  # a profiler may measure the same calls
+
+
+def _has_changed(now: float, before: float) -> bool:
+    """Return whether steps take another time per step, in s, than before."""
+    return not before / _CHANGED < now < before * _CHANGED
 
 
 def _us(seconds: float) -> float:
