@@ -6,11 +6,14 @@ outputs at that time. Time is summed up step by step; the FMUs count steps, so t
 does not matter.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 
-from tests.support.joint_run import Array, Case, differences, our_run
+from emla_cosim.fmu.models import build
+from tests.support.joint_run import STEP, Array, Case, differences, our_run, study_joint
 
 
 def ecos_run(case: Case) -> Array:
@@ -41,3 +44,29 @@ def test_it_complains_of_nothing(case: Case, capfd: pytest.CaptureFixture[str]) 
     EcosLib.set_log_level("warn")
     ecos_run(case)
     assert "".join(capfd.readouterr()) == ""
+
+
+class Mixed(Case):
+    """FMUs of FMI 3.0 in `newer`, where a component needs no arrays: Ecos knows only scalars."""
+
+    newer: Path
+
+    @property
+    def fmus(self) -> dict[str, Path]:
+        arrays = {c.name for c in self.system.components if any("[" in name for name in c.parameters)}
+        third = {c.name: c.model for c in self.system.components if c.name not in arrays}
+        made = {name: build(model, "native", [], self.newer, fmi=3) for name, model in third.items()}
+        return {**super().fmus, **made}
+
+
+def test_fmus_of_fmi_3_beside_others_give_the_same_bits(
+    fmu_folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = study_joint(), fmu_folder, "native", 300, STEP
+    mixed = Mixed(*given)
+    mixed.newer = tmp_path
+    assert len(mixed.fmus) == 5 and len(list(tmp_path.rglob("*.fmu"))) == 2  # plant and observer
+    EcosLib.set_log_level("warn")
+    assert differences(mixed, ecos_run(mixed), our_run(Case(*given), "jacobi")) == {}
+    said = {line for line in "".join(capfd.readouterr()).splitlines() if line}
+    assert said <= {"Loading FMI version 3..."}
