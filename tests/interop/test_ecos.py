@@ -46,6 +46,10 @@ def test_it_complains_of_nothing(case: Case, capfd: pytest.CaptureFixture[str]) 
     assert "".join(capfd.readouterr()) == ""
 
 
+_SAID_OF_ANY_FMU = ('Function "fmi3GetVersion" is not provided by this FMU.',)
+"""What Ecos 0.7.2 also says of the Reference FMUs, although they have this function."""
+
+
 class Mixed(Case):
     """FMUs of FMI 3.0 in `newer`, where a component needs no arrays: Ecos knows only scalars."""
 
@@ -69,4 +73,4 @@ def test_fmus_of_fmi_3_beside_others_give_the_same_bits(
     EcosLib.set_log_level("warn")
     assert differences(mixed, ecos_run(mixed), our_run(Case(*given), "jacobi")) == {}
     said = {line for line in "".join(capfd.readouterr()).splitlines() if line}
-    assert said <= {"Loading FMI version 3..."}
+    assert said <= {"Loading FMI version 3...", *_SAID_OF_ANY_FMU}
