@@ -30,8 +30,8 @@ from ..system.model import System
 _COMPILED = ("fmi2_block.c", "fmi2_table.c")
 """Source files of FMUs whose C can be compiled into another FMU."""
 
-_MAIN_STEM = "fmi2_container"
-"""Name of the container's own C file."""
+_MAIN_STEMS = ("fmi2_container", "fmi3_container")
+"""Names of the container's own C files."""
 
 _BUILDER = "fmublock"
 """End of the name of the tool that builds these."""
@@ -103,6 +103,10 @@ class ContainerPlan:
     """Names in the system of variables that their FMU calls otherwise, by component."""
     lost: Mapping[str, Mapping[str, Any]]
     """Start values that an FMU did not take, by component."""
+
+    def any_has(self, capability: str) -> bool:
+        """Return whether any FMU has a capability of the standard."""
+        return any(library.file.has_capability(capability) for library in self.libraries)
 
     def all_can(self, capability: str) -> bool:
         """Return whether all FMUs have a capability of the standard."""
@@ -246,7 +250,7 @@ def _libraries(files: Sequence[FmuFile]) -> list[Library]:
     for file in files:
         if file.folder in found:
             continue
-        taken = {_MAIN_STEM, *(library.folder.casefold() for library in found.values())}
+        taken = {*_MAIN_STEMS, *(library.folder.casefold() for library in found.values())}
         name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
         folder, number = name, 2
         while folder.casefold() in taken:
