@@ -22,6 +22,7 @@ from .c_tables import functions_header, part_source, system_header
 from .description import describe_container
 from .page import container_page
 from .plan import ContainerPlan, Library, plan_container
+from .terminals import TERMINALS, container_terminals
 from .variables import ContainerVariable, list_variables
 
 _SHARED = (
@@ -98,6 +99,9 @@ def write_container(
     identifier = identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
     content, mains = _content(plan, identifier, variables, wanted, fmi)
     content["documentation/index.html"] = container_page(plan, name, description, variables, system).encode()
+    terminals = container_terminals(plan, variables)
+    if terminals is not None:
+        content[TERMINALS] = terminals
     listed = mains if all(x.source for x in plan.libraries) else []
     described = (plan, name, identifier, description)
     try:
