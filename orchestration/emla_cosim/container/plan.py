@@ -155,7 +155,8 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
     newer = [name for name, file in assembly.files.items() if is_version_3(file.description)]
     if newer:
         raise CommandError(
-            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version."
+            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version. "
+            "Use an FMU of FMI 2.0, which also fits with --fmi 3."
         )
     texts = [
         f"{name}.{v.name}"
