@@ -17,7 +17,7 @@ from . import instance
 from .cache import tool_environment
 from .errors import BuildError
 from .leftovers import mark_of_process
-from .platforms import FMI_VERSIONS, TARGETS
+from .platforms import FMI_VERSIONS, TARGETS, binaries_folder
 
 _FLAGS = [
     *("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"),
@@ -29,12 +29,25 @@ _FLAGS = [
 def sources(folder: str, fmi: int = 2) -> dict[str, bytes]:
     """Return the C files in a folder of this package, by their path in an FMU of this version of FMI."""
     inside = files("fmublock").joinpath(folder)
-    others = tuple(f"fmi{version}_" for version in FMI_VERSIONS if version != fmi)
     return {
         f"sources/{f.name}": f.read_bytes()
         for f in inside.iterdir()
-        if f.name.endswith((".c", ".h")) and not f.name.startswith(others)
+        if f.name.endswith((".c", ".h")) and is_for(f.name, fmi)
     }
+
+
+def is_for(name: str, fmi: int) -> bool:
+    """Return whether a C file is needed for a version of FMI."""
+    return not name.startswith(tuple(f"fmi{version}_" for version in FMI_VERSIONS if version != fmi))
+
+
+def rename_folders(libraries: Mapping[str, bytes], fmi: int) -> dict[str, bytes]:
+    """Return libraries by path, in the folders of a version of FMI."""
+    found = {}
+    for path, library in libraries.items():
+        top, platform, name = path.split("/")
+        found[f"{top}/{binaries_folder(platform, fmi)}/{name}"] = library
+    return found
 
 
 def compile_libraries(

@@ -4,7 +4,7 @@ An array of a block is one variable, whose value reference is that of its first 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 from xml.etree.ElementTree import Element, SubElement
 
@@ -65,12 +65,13 @@ def fmi3_model_description(
     return format_xml(root)
 
 
-def build_description(model: str, main: str) -> bytes:
+def build_description(model: str, mains: Iterable[str]) -> bytes:
     """Return the file that says how to compile the sources, as UTF-8 XML."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = SubElement(root, "BuildConfiguration", modelIdentifier=model)
     files = SubElement(configuration, "SourceFileSet", language="C99")
-    SubElement(files, "SourceFile", name=main)
+    for main in mains:
+        SubElement(files, "SourceFile", name=main)
     return format_xml(root)
 
 

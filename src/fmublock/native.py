@@ -6,11 +6,10 @@ from dataclasses import replace
 
 from .block import Block
 from .c_equations import c_equations
-from .compiling import c_number, compile_libraries, constants, sources
+from .compiling import c_number, compile_libraries, constants, rename_folders, sources
 from .description import FmuFeatures, find_structure, offers_model_exchange
 from .export import Draft, draft
 from .fmi3_description import build_description, element_counts, time_variable
-from .platforms import binaries_folder
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock, evaluate_symbolically
 from .variables import Access, StartTime
@@ -38,7 +37,7 @@ def native_draft(
         **sources("shim", fmi),
     }
     if fmi == 3:
-        content["sources/buildDescription.xml"] = build_description(type(block).__name__, _shim(fmi))
+        content["sources/buildDescription.xml"] = build_description(type(block).__name__, [_shim(fmi)])
     offers = FmuFeatures(
         derivatives=True,
         model_exchange=offers_model_exchange(block),
@@ -60,11 +59,7 @@ def native_binaries(
     libraries = compile_libraries(
         type(draft.block).__name__, [_shim(draft.fmi)], draft.files, platforms, advance
     )
-    found = {}
-    for path, library in libraries.items():
-        top, platform, name = path.split("/")
-        found[f"{top}/{binaries_folder(platform, draft.fmi)}/{name}"] = library
-    return found
+    return rename_folders(libraries, draft.fmi)
 
 
 def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:

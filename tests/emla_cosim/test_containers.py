@@ -1,7 +1,9 @@
 """A system as one FMU: in FMPy it gives the bits of a run, whatever the algorithm."""
 
+import re
 import zipfile
 from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from lxml import etree
 from typer.testing import CliRunner
 
 import emla_cosim as ec
@@ -299,6 +302,49 @@ def test_fmpy_and_the_schema_say_nothing(lift: Path) -> None:
     assert validate_fmu(str(lift)) == []
 
 
+def test_the_page_draws_the_inside(lift: Path, machine: Path, fmu_folder: Path) -> None:
+    for fmu, name in ((lift, "lift"), (machine, "hdrm-coupled")):
+        system = load(name, fmu_folder).system
+        with zipfile.ZipFile(fmu) as archive:
+            page = archive.read("documentation/index.html").decode()
+        (picture,) = re.findall(r"<svg.*?</svg>", page)
+        drawing = etree.fromstring(picture)
+        svg = "{http://www.w3.org/2000/svg}"
+        boxes = [group[0].text.partition(": ")[0] for group in drawing.findall(f"{svg}g")]
+        assert sorted(boxes) == sorted(c.name for c in system.components)
+        wires = [path[0].text.split("; ") for path in drawing.findall(f"{svg}path")]
+        connections = [f"{x.source}.{x.output} → {x.target}.{x.input}" for x in system.connections]
+        assert sorted(wire for bundle in wires for wire in bundle) == sorted(connections)
+
+
+def test_terminals_of_what_is_outside(lift: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    """Also of a container in a container."""
+    inner = load(ec.System.of({"plant": "EmlaPlant"}), fmu_folder, step_size=STEP)
+    plant = inner.export(tmp_path / "plant.fmu", inputs=["plant.F_L", "plant.u_q"], outputs=["plant.v_L"])
+    scenario = load(ec.System.of({"machine": plant}), fmu_folder, step_size=STEP)
+    outer = scenario.export(tmp_path / "outer.fmu")
+    place = files("fmpy").joinpath("schema", "fmi3", "fmi3TerminalsAndIcons.xsd")
+    schema = etree.XMLSchema(etree.parse(str(place)))
+    for fmu, prefix in ((plant, ""), (outer, "machine.")):
+        with zipfile.ZipFile(fmu) as archive:
+            root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+        schema.assertValid(root)
+        found = {
+            (terminal.get("name"), member.get("memberName")): member.get("variableName")
+            for terminal in root.iter("Terminal")
+            for member in terminal
+        }
+        assert found == {
+            (f"{prefix}plant.load", "F_L"): f"{prefix}plant.F_L",
+            (f"{prefix}plant.load", "v_L"): f"{prefix}plant.v_L",
+            (f"{prefix}plant.drive", "u_q"): f"{prefix}plant.u_q",
+        }
+    with zipfile.ZipFile(lift) as archive:
+        named = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+    shown = [m.get("variableName") for m in named.iter("TerminalMemberVariable")]
+    assert "lift.plant.x_measured" in shown and set(shown) <= set(outputs(lift))
+
+
 def test_its_variables(lift: Path, fmu_folder: Path, tmp_path: Path) -> None:
     description = fmpy.read_model_description(str(lift))
     variables = {v.name: v for v in description.modelVariables}
@@ -476,7 +522,9 @@ def test_hostile_names_stay_text(all_types: Path, fmu_folder: Path, tmp_path: Pa
     )
     fmu = scenario.export(tmp_path / "evil.fmu", outputs=["*"])
     with zipfile.ZipFile(fmu) as archive:
-        assert b"<script>" not in archive.read("documentation/index.html")
+        page = archive.read("documentation/index.html")
+    assert b"<script>" not in page
+    assert len(etree.fromstring(re.findall(rb"<svg.*?</svg>", page)[0])) > 0
     names = [v.name for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables]
     assert f"a.{name}" in names
     assert_same(fmu, scenario, 0.01)

@@ -30,6 +30,13 @@ def case(request: pytest.FixtureRequest, fmu_folder: Path, tmp_path_factory: pyt
     return fmu, np.array([run[name] for name in SIGNALS]).T
 
 
+@pytest.fixture
+def newer(case: Case, fmu_folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Case:
+    """The same with an FMU for FMI 3.0."""
+    scenario = load(request.node.callspec.params["case"], stop_time=STEP * COUNT, fmus=fmu_folder)
+    return scenario.export(tmp_path / "newer.fmu", outputs=SIGNALS, fmi=3), case[1]
+
+
 def references(fmu: Path) -> list[int]:
     variables = {v.name: v for v in fmpy.read_model_description(str(fmu)).modelVariables}
     return [variables[name].valueReference for name in SIGNALS]
@@ -48,8 +55,9 @@ def test_libcosim(case: Case) -> None:
     np.testing.assert_array_equal(np.array(columns).T, expected)
 
 
-def test_ecos(case: Case) -> None:
-    fmu, expected = case
+@pytest.mark.parametrize("kind", ["case", pytest.param("newer", marks=pytest.mark.long)])
+def test_ecos(kind: str, case: Case, request: pytest.FixtureRequest) -> None:
+    fmu, expected = request.getfixturevalue(kind)
     rows = []
     with EcosSimulationStructure() as structure:
         structure.add_model("system", fmu)

@@ -79,7 +79,7 @@ def _compile(arguments: Sequence[str]) -> None:
 
 def run_program(*command: str | Path, **environment: str) -> str:
     """Run a program to its end, which must be without any complaint; returns its output."""
-    words = [*_without_randomization(), *map(str, command)]
+    words = [*without_randomization(), *map(str, command)]
     settings = {**os.environ, **_ENVIRONMENT, **environment}
     run = subprocess.run(words, capture_output=True, text=True, errors="replace", check=False, env=settings)
     assert (run.returncode, run.stderr) == (0, ""), f"{' '.join(words)}\n{run.returncode}\n{run.stderr}"
@@ -87,7 +87,7 @@ def run_program(*command: str | Path, **environment: str) -> str:
 
 
 @cache
-def _without_randomization() -> list[str]:
+def without_randomization() -> list[str]:
     """What to put before a command so that its addresses are not random, where that is allowed.
 
     The sanitizers of gcc 13 and older may not find their place otherwise (vm.mmap_rnd_bits = 32).

@@ -114,7 +114,9 @@ def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
     names = list(choices)
     if name not in names:
         raise CommandError(
-            f"there is no {kind} '{name}'; choose from {join_names(names)}.", name=name, choices=names
+            f"there is no {kind} '{name}'; choose from {join_names(map(str, names))}.",
+            name=name,
+            choices=names,
         )
 
 

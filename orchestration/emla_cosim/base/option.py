@@ -64,7 +64,7 @@ class OptionInfo:
     group: str = STEPPING
     flag: str = ""
     metavar: str | None = None
-    choices: Callable[[], Iterable[str]] | None = None
+    choices: Callable[[], Iterable[Any]] | None = None
     above: float = -math.inf
     below: float = math.inf
     unit: str = ""

@@ -8,7 +8,7 @@ from fmublock.compiling import c_number
 from ..master.algorithms import newton, quasi_newton, strong
 from ..master.stepping.timing import MAXIMUM_STEPS
 from .plan import ContainerPlan, Group
-from .variables import LETTERS, ContainerVariable
+from .variables import LETTERS, ContainerVariable, time_name
 
 FUNCTIONS = (
     *("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode"),
@@ -75,8 +75,10 @@ def part_source(folder: str, source: str) -> str:
     return "\n".join([*lines, "", f'#include "{folder}/{source}"', ""])
 
 
-def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable]) -> str:
-    """Return the tables of a system."""
+def system_header(
+    plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], fmi: int
+) -> str:
+    """Return the tables of a system for a version of FMI."""
     network, parts, groups, loops = plan.network, plan.parts, plan.groups, plan.initial_groups
     clock = plan.times.clock
     reads = [v for part in parts for v in part.instance.read]
@@ -96,7 +98,7 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
         "N_JACOBIANS": sum(len(g.values) for g in groups),
         "N_INITIAL_GROUPS": len(loops),
         "N_INITIAL": len(initial_coupling),
-        "N_VARIABLES": len(variables),
+        "N_VALUES": len(variables),
         "N_STARTS": len(starts),
         "MOST_INPUTS": max((len(p.instance.read) for p in parts), default=0),
         "MOST_OUTPUTS": max((len(p.instance.written) for p in parts), default=0),
@@ -147,12 +149,19 @@ def system_header(plan: ContainerPlan, identifier: str, variables: Sequence[Cont
     lines += _table("Group", "initial_groups", _groups(loops))
     lines += _table("double", "initial_guesses", [c_number(x) for g in loops for x in g.values])
     rows = [
-        f"{{{_text(v.name)}, '{v.letter}', {int(v.settable)}, {v.part}, {v.own.valueReference}, {v.signal}}}"
+        f"{{{_text(v.name)}, '{_outer_letter(v, fmi)}', {int(v.settable)}, {v.part}, "
+        f"{v.own.valueReference}, {v.signal}}}"
         for v in variables
     ]
+    if fmi == 3:
+        rows.append(f"{{{_text(time_name(variables))}, 'R', 0, -1, 0, -1}}")
     lines += _table("Variable", "variables", rows)
     lines += _table("Start", "starts", [_start(v, x) for v, x in starts])
     return "\n".join(lines)
+
+
+def _outer_letter(variable: ContainerVariable, fmi: int) -> str:
+    return "E" if fmi == 3 and variable.own.type == "Enumeration" else variable.letter
 
 
 def _libraries(plan: ContainerPlan) -> list[str]:

@@ -1,4 +1,4 @@
-"""modelDescription.xml of a system (FMI 2.0.4, section 2.2)."""
+"""modelDescription.xml of a system (FMI 2.0.4, section 2.2; FMI 3.0.1, section 2.4)."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -7,13 +7,14 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmpy.model_description import ModelVariable
 
-from fmublock.description import add_log_categories, add_unit, describe_model, format_xml
+from fmublock.description import FMI3_TYPES, add_log_categories, add_unit, describe_model, format_xml
 from fmublock.recipe import Producer
+from fmublock.units import parse_unit
 
 from ..base.units import SiUnit
 from ..base.version import __version__
 from .plan import ContainerPlan, Library
-from .variables import ContainerVariable
+from .variables import ContainerVariable, time_name
 
 
 def describe_container(
@@ -24,19 +25,33 @@ def describe_container(
     guid: str,
     variables: Sequence[ContainerVariable],
     source_files: Iterable[str],
+    fmi: int,
 ) -> bytes:
-    """Return the model description as UTF-8 XML."""
-    root = describe_model(name, description, Producer(f"EMLA-Cosim {__version__}"), guid)
+    """Return the model description for a version of FMI as UTF-8 XML."""
+    root = describe_model(name, description, Producer(f"EMLA-Cosim {__version__}"), guid, fmi)
     if any(x.file.description.variableNamingConvention != "structured" for x in plan.libraries):
         root.set("variableNamingConvention", "flat")
-    _add_interface(root, plan, identifier, source_files)
+    if fmi == 3:
+        SubElement(root, "CoSimulation", _interface3(plan, identifier))
+    else:
+        _add_interface(root, plan, identifier, source_files)
     units, types, model_variables = _Units(), Element("TypeDefinitions"), Element("ModelVariables")
-    enumerations = _Enumerations(types)
+    enumerations = _Enumerations(types, fmi)
     for reference, variable in enumerate(variables):
         library = plan.libraries[plan.parts[variable.part].library]
-        _add_variable(model_variables, reference, variable, library, units, enumerations)
+        attributes = _attributes(reference, variable)
+        if fmi == 3:
+            tag = FMI3_TYPES.get(str(variable.own.type), str(variable.own.type))
+            kind = SubElement(model_variables, tag, attributes)
+        else:
+            element = SubElement(model_variables, "ScalarVariable", attributes)
+            kind = SubElement(element, str(variable.own.type))
+        _set_type_attributes(kind, variable, library, units, enumerations)
+        _set_start(kind, variable, fmi)
+    if fmi == 3:
+        _add_time(model_variables, time_name(variables), units)
     root.extend(place for place in (units.element(), types) if len(place))
-    add_log_categories(root)
+    add_log_categories(root, fmi)
     times = plan.times
     SubElement(
         root,
@@ -46,19 +61,20 @@ def describe_container(
         stepSize=repr(times.step),
     )
     root.append(model_variables)
-    _add_structure(root, variables)
+    if fmi == 3:
+        _add_structure3(root, variables)
+    else:
+        _add_structure(root, variables)
     return format_xml(root)
 
 
 def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_files: Iterable[str]) -> None:
     flags = {
-        "needsExecutionTool": any(x.file.has_capability("needsExecutionTool") for x in plan.libraries),
+        "needsExecutionTool": plan.any_has("needsExecutionTool"),
         "canHandleVariableCommunicationStepSize": False,
         "canInterpolateInputs": False,
         "canRunAsynchronuously": False,
-        "canBeInstantiatedOnlyOncePerProcess": any(
-            x.file.has_capability("canBeInstantiatedOnlyOncePerProcess") for x in plan.libraries
-        ),
+        "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
         "canNotUseMemoryManagementFunctions": True,
         "canGetAndSetFMUstate": plan.all_can("canGetAndSetFMUstate"),
         "canSerializeFMUstate": plan.all_can("canGetAndSetFMUstate") and plan.all_can("canSerializeFMUstate"),
@@ -74,6 +90,19 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
             SubElement(files, "File", name=file)
 
 
+def _interface3(plan: ContainerPlan, identifier: str) -> dict[str, str]:
+    """Return the attributes of CoSimulation in FMI 3.0."""
+    states = plan.all_can("canGetAndSetFMUstate")
+    flags = {
+        "needsExecutionTool": plan.any_has("needsExecutionTool"),
+        "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
+        "canGetAndSetFMUState": states,
+        "canSerializeFMUState": states and plan.all_can("canSerializeFMUstate"),
+    }
+    texts = {flag: "true" for flag, value in flags.items() if value}
+    return {"modelIdentifier": identifier, **texts, "fixedInternalStepSize": repr(plan.times.step)}
+
+
 class _Units:
     """The units of all parts; a name that two FMUs define otherwise gets a number."""
 
@@ -87,10 +116,7 @@ class _Units:
         if (known := self._names.get((library.folder, unit))) is not None:
             return known
         defined = replace(library.file.interface.units.get(unit, SiUnit(unit)), name=unit)
-        name, number = unit, 2
-        while name in self._units and not self._units[name].measures_as(defined):
-            name, number = f"{unit}_{number}", number + 1
-        self._units[name] = replace(defined, name=name)
+        name = self.add(defined)
         displays = self._displays.setdefault(name, {})
         for definition in library.file.description.unitDefinitions:
             for display in definition.displayUnits if definition.name == unit else ():
@@ -99,12 +125,20 @@ class _Units:
         self._names[library.folder, unit] = name
         return name
 
+    def add(self, unit: SiUnit) -> str:
+        """Add a unit of no FMU, and return its name in the container."""
+        name, number = unit.name, 2
+        while name in self._units and not self._units[name].measures_as(unit):
+            name, number = f"{unit.name}_{number}", number + 1
+        self._units.setdefault(name, replace(unit, name=name))
+        return name
+
     def element(self) -> Element:
         """Return the definitions of all units that are in use."""
         definitions = Element("UnitDefinitions")
         for name in sorted(self._units):
             unit = add_unit(definitions, self._units[name])
-            for display, values in self._displays[name].items():
+            for display, values in self._displays.get(name, {}).items():
                 SubElement(unit, "DisplayUnit", {"name": display} | values)
         return definitions
 
@@ -112,8 +146,8 @@ class _Units:
 class _Enumerations:
     """The enumerations of all parts, as `FMU.Type`."""
 
-    def __init__(self, place: Element) -> None:
-        self._place, self._known = place, set[str]()
+    def __init__(self, place: Element, fmi: int) -> None:
+        self._place, self._fmi, self._known = place, fmi, set[str]()
 
     def name(self, own: ModelVariable, folder: str) -> str:
         """Return the name of the type of an Enumeration in the container."""
@@ -121,31 +155,37 @@ class _Enumerations:
         name = f"{folder}.{declared.name}"
         if name not in self._known:
             self._known.add(name)
-            element = SubElement(self._place, "SimpleType", name=name)
-            items = SubElement(element, "Enumeration")
+            if self._fmi == 3:
+                items = SubElement(self._place, "EnumerationType", name=name)
+            else:
+                items = SubElement(SubElement(self._place, "SimpleType", name=name), "Enumeration")
             for item in declared.items or ():
                 texts = {"name": item.name, "value": item.value, "description": item.description}
                 SubElement(items, "Item", {k: str(v) for k, v in texts.items() if v is not None})
         return name
 
 
-def _add_variable(
-    place: Element,
-    reference: int,
-    variable: ContainerVariable,
-    library: Library,
-    units: _Units,
-    enumerations: _Enumerations,
-) -> None:
-    own, declared = variable.own, variable.own.declaredType
+def _attributes(reference: int, variable: ContainerVariable) -> dict[str, str]:
+    """Return the attributes of a variable that do not depend on its type."""
+    own = variable.own
     attributes = {"name": variable.name, "valueReference": str(reference)}
     if own.description:
         attributes["description"] = own.description
     attributes |= {"causality": variable.causality, "variability": variable.variability}
     if variable.initial is not None:
         attributes["initial"] = variable.initial
-    element = SubElement(place, "ScalarVariable", attributes)
-    kind = SubElement(element, str(own.type))
+    return attributes
+
+
+def _set_type_attributes(
+    kind: Element,
+    variable: ContainerVariable,
+    library: Library,
+    units: _Units,
+    enumerations: _Enumerations,
+) -> None:
+    """Set unit, range and the like of a variable."""
+    own, declared = variable.own, variable.own.declaredType
 
     def attribute(name: str) -> Any:
         found = getattr(own, name, None)
@@ -164,9 +204,24 @@ def _add_variable(
         for name in ("relativeQuantity", "unbounded"):
             if attribute(name) in (True, "true"):
                 kind.set(name, "true")
+
+
+def _set_start(kind: Element, variable: ContainerVariable, fmi: int) -> None:
+    """Set the start value, if a variable has one."""
     starts = variable.causality == "input" or variable.initial in ("exact", "approx")
-    if starts or variable.variability == "constant":
+    if not starts and variable.variability != "constant":
+        return
+    if fmi == 3 and variable.own.type == "String":
+        SubElement(kind, "Start", value=_start(variable))
+    else:
         kind.set("start", _start(variable))
+
+
+def _add_time(place: Element, name: str, units: _Units) -> None:
+    """Add the time, which FMI 3.0 requires."""
+    attributes = {"name": name, "valueReference": str(len(place)), "description": "Time"}
+    attributes |= {"causality": "independent", "variability": "continuous"}
+    SubElement(place, "Float64", attributes, unit=units.add(parse_unit("s")))
 
 
 def _start(variable: ContainerVariable) -> str:
@@ -193,13 +248,24 @@ def _add_structure(root: Element, variables: Sequence[ContainerVariable]) -> Non
         element = SubElement(structure, "Outputs")
         for i in outputs:
             SubElement(element, "Unknown", index=str(i), dependencies="")
-    initial = [
-        i
-        for i, v in enumerate(variables, 1)
-        if (v.causality == "output" and v.initial in ("approx", "calculated"))
-        or v.causality == "calculatedParameter"
-    ]
+    initial = [i for i, v in enumerate(variables, 1) if _is_initial_unknown(v)]
     if initial:
         element = SubElement(structure, "InitialUnknowns")
         for i in initial:
             SubElement(element, "Unknown", index=str(i))
+
+
+def _add_structure3(root: Element, variables: Sequence[ContainerVariable]) -> None:
+    """Add the same in FMI 3.0."""
+    structure = SubElement(root, "ModelStructure")
+    for reference, variable in enumerate(variables):
+        if variable.causality == "output":
+            SubElement(structure, "Output", valueReference=str(reference), dependencies="")
+    for reference, variable in enumerate(variables):
+        if _is_initial_unknown(variable):
+            SubElement(structure, "InitialUnknown", valueReference=str(reference))
+
+
+def _is_initial_unknown(variable: ContainerVariable) -> bool:
+    is_computed = variable.causality == "output" and variable.initial in ("approx", "calculated")
+    return is_computed or variable.causality == "calculatedParameter"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from fmublock.documentation import html_page
 
 from ..system.model import System
+from .drawing import draw_system
 from .plan import ContainerPlan
 from .variables import ContainerVariable
 
@@ -28,6 +29,9 @@ def container_page(
         library = plan.libraries[part.library]
         inside = "compiled in" if library.source else "its library is in the resources"
         lines.append(_row(_code(part.name), _text(str(library.file.description.modelName)), inside))
+    models = {p.name: str(plan.libraries[p.library].file.description.modelName) for p in plan.parts}
+    for title, picture in draw_system(models, system.connections):
+        lines += ["", *([f"### {_text(title)}", ""] if title else []), f"<div>{picture}</div>"]
     for heading, causality in (("Inputs", "input"), ("Outputs", "output"), ("Parameters", "parameter")):
         shown = [v for v in variables if v.causality == causality]
         if shown:

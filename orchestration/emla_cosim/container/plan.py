@@ -30,8 +30,8 @@ from ..system.model import System
 _COMPILED = ("fmi2_block.c", "fmi2_table.c")
 """Source files of FMUs whose C can be compiled into another FMU."""
 
-_MAIN_STEM = "fmi2_container"
-"""Name of the container's own C file."""
+_MAIN_STEMS = ("fmi2_container", "fmi3_container")
+"""Names of the container's own C files."""
 
 _BUILDER = "fmublock"
 """End of the name of the tool that builds these."""
@@ -104,6 +104,10 @@ class ContainerPlan:
     lost: Mapping[str, Mapping[str, Any]]
     """Start values that an FMU did not take, by component."""
 
+    def any_has(self, capability: str) -> bool:
+        """Return whether any FMU has a capability of the standard."""
+        return any(library.file.has_capability(capability) for library in self.libraries)
+
     def all_can(self, capability: str) -> bool:
         """Return whether all FMUs have a capability of the standard."""
         return all(library.file.has_capability(capability) for library in self.libraries)
@@ -151,7 +155,8 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
     newer = [name for name, file in assembly.files.items() if is_version_3(file.description)]
     if newer:
         raise CommandError(
-            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version."
+            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version. "
+            "Use an FMU of FMI 2.0, which also fits with --fmi 3."
         )
     texts = [
         f"{name}.{v.name}"
@@ -246,7 +251,7 @@ def _libraries(files: Sequence[FmuFile]) -> list[Library]:
     for file in files:
         if file.folder in found:
             continue
-        taken = {_MAIN_STEM, *(library.folder.casefold() for library in found.values())}
+        taken = {*_MAIN_STEMS, *(library.folder.casefold() for library in found.values())}
         name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
         folder, number = name, 2
         while folder.casefold() in taken:

@@ -105,6 +105,14 @@ def list_variables(
     return [_shown(v, kept) for v in found]
 
 
+def time_name(variables: Sequence[ContainerVariable]) -> str:
+    """Return a name for the time, which is a variable in FMI 3.0, that no other variable has."""
+    names, name = {v.name for v in variables}, "time"
+    while name in names:
+        name += "_"
+    return name
+
+
 def _full_name(part: str, name: str) -> str:
     """Return the name of a variable in the container; the derivative of a.x is der(a.x)."""
     inner = re.fullmatch(r"der\((.*)\)", name)

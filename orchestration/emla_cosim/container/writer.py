@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from fmublock.archive import content_guid, key_comment, read_built, write_archive
-from fmublock.compiling import compile_libraries, sources
+from fmublock.compiling import compile_libraries, is_for, rename_folders, sources
 from fmublock.errors import BuildError
+from fmublock.fmi3_description import build_description
 from fmublock.platforms import host_platform
 
 from ..base.errors import CommandError, RunError
@@ -21,12 +22,14 @@ from .c_tables import functions_header, part_source, system_header
 from .description import describe_container
 from .page import container_page
 from .plan import ContainerPlan, Library, plan_container
+from .terminals import TERMINALS, container_terminals
 from .variables import ContainerVariable, list_variables
 
-_MAIN = "fmi2_container.c"
-
-_SHARED = ("fmi2_types.h", "messages.h", "logging.h", "conversions.h", "fmi2_status.h")
-"""C files of fmublock's FMUs that this one has, too."""
+_SHARED = (
+    *("messages.h", "logging.h", "conversions.h"),
+    *("fmi2_types.h", "fmi2_status.h", "fmi3_types.h"),
+)
+"""C files of fmublock's FMUs that this one has, too, as far as they are for its version of FMI."""
 
 
 def check_container(path: Path, overwrite: bool = False) -> None:
@@ -55,6 +58,7 @@ def write_container(
     outputs: Collection[str] = (),
     shown: Callable[[Collection[str]], Sequence[str]] = lambda names: [],
     platforms: Sequence[str] = (),
+    fmi: int = 2,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Mapping[str, Mapping[str, Any]]:
@@ -75,6 +79,7 @@ def write_container(
         outputs: Names or patterns of the outputs. Default: `shown`.
         shown: Returns the outputs without `outputs` from the names of all signals. None means all outputs.
         platforms: FMI platforms. Default: that of this machine.
+        fmi: Version of FMI, 2 or 3. Its FMUs keep theirs.
         overwrite: Whether to replace a file that emla did not write.
         progress: Receives the progress of compiling.
 
@@ -92,16 +97,19 @@ def write_container(
     variables = list_variables(plan, inputs, outputs, shown(plan.network.names))
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
-    content, mains = _content(plan, identifier, variables, wanted)
+    content, mains = _content(plan, identifier, variables, wanted, fmi)
     content["documentation/index.html"] = container_page(plan, name, description, variables, system).encode()
+    terminals = container_terminals(plan, variables)
+    if terminals is not None:
+        content[TERMINALS] = terminals
     listed = mains if all(x.source for x in plan.libraries) else []
     described = (plan, name, identifier, description)
     try:
-        anonymous = describe_container(*described, "", variables, listed)
+        anonymous = describe_container(*described, "", variables, listed, fmi)
     except BuildError as error:
         raise CommandError(str(error)) from error
     guid = content_guid({**content, "modelDescription.xml": anonymous})
-    content["modelDescription.xml"] = describe_container(*described, guid, variables, listed)
+    content["modelDescription.xml"] = describe_container(*described, guid, variables, listed, fmi)
     content["sources/guid.h"] = f'#define MODEL_GUID "{guid}"\n'.encode()
     told.begin("compiling", len(wanted))
     try:
@@ -113,6 +121,7 @@ def write_container(
             lambda: told.advance(1),
             loads=any(x.source is None for x in plan.libraries),
         )
+        binaries = rename_folders(binaries, fmi)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     try:
@@ -136,16 +145,21 @@ def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
 
 
 def _content(
-    plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], platforms: Sequence[str]
+    plan: ContainerPlan,
+    identifier: str,
+    variables: Sequence[ContainerVariable],
+    platforms: Sequence[str],
+    fmi: int,
 ) -> tuple[dict[str, bytes], list[str]]:
     """Return the files of the FMU by path, and the C files to compile."""
     shim = files("emla_cosim.container").joinpath("shim")
-    content = {f"sources/{f.name}": f.read_bytes() for f in shim.iterdir() if f.name.endswith((".c", ".h"))}
-    blocks = sources("shim")
-    content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED}
+    own = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
+    content = {f"sources/{f.name}": f.read_bytes() for f in own if is_for(f.name, fmi)}
+    blocks = sources("shim", fmi)
+    content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
     content["sources/functions.h"] = functions_header(plan).encode()
-    content["sources/system.h"] = system_header(plan, identifier, variables).encode()
-    mains = [_MAIN]
+    content["sources/system.h"] = system_header(plan, identifier, variables, fmi).encode()
+    mains = [f"fmi{fmi}_container.c"]
     for library in plan.libraries:
         folder = library.folder
         if library.source is not None:
@@ -158,6 +172,8 @@ def _content(
                 content |= _moved(library, f"binaries/{platform}", f"resources/{folder}/binaries/{platform}")
         content |= _moved(library, "resources", f"resources/{folder}/resources")
         content |= _moved(library, "documentation/licenses", f"documentation/licenses/{folder}")
+    if fmi == 3 and all(x.source for x in plan.libraries):
+        content["sources/buildDescription.xml"] = build_description(identifier, mains)
     return content, mains
 
 

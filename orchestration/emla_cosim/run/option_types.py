@@ -70,6 +70,7 @@ class PrepareOptions(RunOptions, total=False):
     flavour: str
     fmus: str | Path | None
     platform: Sequence[str]
+    fmi: int
     inputs: Sequence[str]
     outputs: Sequence[str]
     components: Sequence[str]

@@ -45,7 +45,7 @@ from ..base.patterns import has_wildcard, matches_pattern
 from ..base.quantities import parse_quantity, parse_unit_name
 from ..base.values import convert_value, list_elements
 from ..fmu.cvode import METHODS
-from ..fmu.models import FLAVOURS, PLATFORMS
+from ..fmu.models import FLAVOURS, FMI_VERSIONS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
@@ -202,6 +202,7 @@ class Options:
         help="Platform to compile the built-in FMUs for (repeatable). Default: this machine's.",
         choices=lambda: PLATFORMS,
     )
+    fmi: int = _exported(2, help="Version of FMI of an exported FMU.", choices=lambda: FMI_VERSIONS)
     inputs: Sequence[str] = _exported(
         [],
         help="Input of an exported FMU, among those that nothing drives (repeatable; * matches any text). "

@@ -20,6 +20,7 @@ EXAMPLES = (
     "emla export study study.ssp",
     "emla export lift lift.ssp --set lift.plant.motor.R_s=0.2 --platform win64",
     "emla export lift lift.fmu --platform linux64 --platform win64 --outputs 'lift.plant.*'",
+    "emla export lift lift.fmu --fmi 3",
     "emla export lift control.c --components controller --components observer --precision float",
 )
 """Examples in the help."""

@@ -36,7 +36,7 @@ def command() -> None:
     choices = Table("option", "choices", title="Choices", title_justify="left")
     for option in list_options().values():
         if option.about.choices is not None:
-            choices.add_row(option.flag, ", ".join(option.about.choices()))
+            choices.add_row(option.flag, ", ".join(map(str, option.about.choices())))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
         first, *others = controller.gains

@@ -85,7 +85,7 @@ def _parameter(option: Option) -> inspect.Parameter:
     text = about.help
     choices = None if about.choices is None else list(about.choices())
     if choices is not None:
-        text += f" One of {', '.join(choices)}."
+        text += f" One of {', '.join(map(str, choices))}."
     if about.unit:
         text += f" In {about.unit}, or with a unit as in 0.1ms."
     names = [option.flag]

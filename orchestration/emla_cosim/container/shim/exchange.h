@@ -86,10 +86,10 @@ static fmi2Status get_typed(Instance *instance, int i, char type) {
 static const char TYPES[] = "RIB";
 
 /* Set the inputs of a part for the step from `time` of this length. */
-static fmi2Status set_inputs(Instance *instance, int i, double time, double length) {
+static Status set_inputs(Instance *instance, int i, double time, double length) {
     const Part *part = &parts[i];
     const fmi2Component c = instance->parts[i];
-    if (part->n_inputs == 0) return fmi2OK;
+    if (part->n_inputs == 0) return StatusOK;
     compute_inputs(instance, i, time, length);
     fmi2Status status = fmi2OK;
     if (part->typed)
@@ -98,30 +98,30 @@ static fmi2Status set_inputs(Instance *instance, int i, double time, double leng
         status = CALL(instance, i, SetReal)(c, &input_references[part->first_input], (size_t)part->n_inputs,
                                             &instance->inputs[part->first_input]);
     if (is_bad(status)) return blame(instance, i, "the setting of its inputs", status);
-    if (part->mode != LINE) return fmi2OK;
+    if (part->mode != LINE) return StatusOK;
     static const fmi2Integer orders[ROOM(MOST_INPUTS)] = FIRST_ORDERS;
     status = CALL(instance, i, SetRealInputDerivatives)(c, &input_references[part->first_input],
                                                         (size_t)part->n_inputs, orders,
                                                         &instance->derivatives[part->first_input]);
-    return is_bad(status) ? blame(instance, i, "fmi2SetRealInputDerivatives", status) : fmi2OK;
+    return is_bad(status) ? blame(instance, i, "fmi2SetRealInputDerivatives", status) : StatusOK;
 }
 
 /* Set the inputs of a part to the present signals. */
-static fmi2Status pass_inputs(Instance *instance, int i) {
+static Status pass_inputs(Instance *instance, int i) {
     const Part *part = &parts[i];
-    if (part->n_inputs == 0) return fmi2OK;
+    if (part->n_inputs == 0) return StatusOK;
     for (int j = part->first_input; j < part->first_input + part->n_inputs; j++)
         instance->inputs[j] =
             inputs[j].factor * instance->memory.now.signals[inputs[j].signal] + inputs[j].offset;
     fmi2Status status = fmi2OK;
     for (const char *type = TYPES; *type && !is_bad(status); type++) status = set_typed(instance, i, *type);
-    return is_bad(status) ? blame(instance, i, "the setting of its inputs", status) : fmi2OK;
+    return is_bad(status) ? blame(instance, i, "the setting of its inputs", status) : StatusOK;
 }
 
 /* Read the signals of a part. */
-static fmi2Status get_outputs(Instance *instance, int i) {
+static Status get_outputs(Instance *instance, int i) {
     const Part *part = &parts[i];
-    if (part->n_outputs == 0) return fmi2OK;
+    if (part->n_outputs == 0) return StatusOK;
     fmi2Status status = fmi2OK;
     if (part->typed)
         for (const char *type = TYPES; *type && !is_bad(status); type++) status = get_typed(instance, i, *type);
@@ -129,7 +129,7 @@ static fmi2Status get_outputs(Instance *instance, int i) {
         status = CALL(instance, i, GetReal)(instance->parts[i], &output_references[part->first_output],
                                             (size_t)part->n_outputs,
                                             &instance->memory.now.signals[part->first_output]);
-    return is_bad(status) ? blame(instance, i, "the reading of its outputs", status) : fmi2OK;
+    return is_bad(status) ? blame(instance, i, "the reading of its outputs", status) : StatusOK;
 }
 
 /* Move the signals of a part to the history, before those of `time`. */
@@ -141,22 +141,22 @@ static void shift(Exchange *now, int i, double time) {
     now->at[i] = time;
 }
 
-/* Do the step of a part. fmi2Discard is passed on: a shorter step may succeed. */
-static fmi2Status step_part(Instance *instance, int i, double time, double length) {
+/* Do the step of a part. StatusDiscard is passed on: a shorter step may succeed. */
+static Status step_part(Instance *instance, int i, double time, double length) {
     const fmi2Boolean no_way_back = parts[i].saved ? fmi2False : fmi2True;
     const fmi2Component c = instance->parts[i];
     const fmi2Status status = CALL(instance, i, DoStep)(c, time, length, no_way_back);
-    if (!is_bad(status)) return fmi2OK;
+    if (!is_bad(status)) return StatusOK;
     if (status == fmi2Discard) {
         fmi2Boolean asks = fmi2False;
         if (CALL(instance, i, GetBooleanStatus)(c, fmi2Terminated, &asks) == fmi2OK && asks != fmi2False) {
             instance->memory.ended = 1;
-            report(instance, fmi2Discard, "%s asks to end the simulation at t = %.9g s.", parts[i].name, time);
+            report(instance, StatusDiscard, "%s asks to end the simulation at t = %.9g s.", parts[i].name, time);
         } else {
-            report(instance, fmi2OK, "%s discarded the step from t = %.9g s of %.3g s.", parts[i].name, time,
+            report(instance, StatusOK, "%s discarded the step from t = %.9g s of %.3g s.", parts[i].name, time,
                    length);
         }
-        return fmi2Discard;
+        return StatusDiscard;
     }
     return blame(instance, i, "fmi2DoStep", status);
 }

@@ -1,8 +1,5 @@
-/* FMI 2.0 around a system of FMUs: the parts, which this file steps as the master of emla_cosim does.
- *
- * guid.h, functions.h and system.h are generated for the system. The order of all floating-point operations is
- * that of the master, so that the results have the same bits. Of this folder it is the only file to compile;
- * each part that is compiled in has another one.
+/* FMI 2.0 around a system of FMUs; see container.h. Of this folder it is the only file to compile; each part
+ * that is compiled in has another one.
  */
 #include <limits.h>
 #include <math.h>
@@ -16,34 +13,6 @@
 
 #include "fmi2_types.h"
 
-#include "guid.h"
+#include "container.h"
 
-#include "functions.h"
-
-#include "tables.h"
-
-#include "system.h"
-
-#include "instance.h"
-
-#include "library.h"
-
-#include "parts.h"
-
-#include "exchange.h"
-
-#include "quasi_newton.h"
-
-#include "strong.h"
-
-#include "newton.h"
-
-#include "initialization.h"
-
-#include "lifecycle.h"
-
-#include "values.h"
-
-#include "step.h"
-
-#include "state.h"
+#include "fmi2_functions.h"

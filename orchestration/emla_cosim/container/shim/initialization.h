@@ -10,25 +10,25 @@ static void assume_inputs(Instance *instance) {
     for (int c = 0; c < N_INITIAL; c++) now->signals[initial_coupling[c]] = initial_guesses[c];
 }
 
-static fmi2Status settle_members(Instance *instance, const Group *group) {
+static Status settle_members(Instance *instance, const Group *group) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
-        fmi2Status status = pass_inputs(instance, initial_members[m]);
-        if (status == fmi2OK) status = get_outputs(instance, initial_members[m]);
-        if (status != fmi2OK) return status;
+        Status status = pass_inputs(instance, initial_members[m]);
+        if (status == StatusOK) status = get_outputs(instance, initial_members[m]);
+        if (status != StatusOK) return status;
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-static fmi2Status answer_guess(Instance *instance, const Group *group, const double *x, double *found) {
+static Status answer_guess(Instance *instance, const Group *group, const double *x, double *found) {
     const int *places = &initial_coupling[group->first_coupling];
     double *present = instance->memory.now.signals;
     for (int c = 0; c < group->n_coupling; c++) present[places[c]] = x[c];
-    const fmi2Status status = settle_members(instance, group);
+    const Status status = settle_members(instance, group);
     for (int c = 0; c < group->n_coupling; c++) found[c] = present[places[c]];
     return status;
 }
 
-static fmi2Status settle_group(Instance *instance, const Group *group) {
+static Status settle_group(Instance *instance, const Group *group) {
     const int *places = &initial_coupling[group->first_coupling];
     double x[ROOM(MOST_INITIAL)], floors[ROOM(MOST_INITIAL)], *present = instance->memory.now.signals;
     if (group->n_coupling == 0) return settle_members(instance, group);
@@ -36,19 +36,19 @@ static fmi2Status settle_group(Instance *instance, const Group *group) {
         x[c] = present[places[c]];
         floors[c] = signals[places[c]].floor;
     }
-    const fmi2Status status = solve_loop(instance, group, answer_guess, floors, x);
+    const Status status = solve_loop(instance, group, answer_guess, floors, x);
     for (int c = 0; c < group->n_coupling; c++) present[places[c]] = x[c];
     if (status != NO_AGREEMENT) return status;
     instance->memory.phase = FAILED;
-    return report(instance, fmi2Error, "the initial values of the loop of %s do not settle.",
+    return report(instance, StatusError, "the initial values of the loop of %s do not settle.",
                   parts[initial_members[group->first_member]].name);
 }
 
 /* Exchange values in initialization mode until all are consistent, if a value was set since the last time. */
-static fmi2Status settle(Instance *instance) {
-    if (instance->settled) return fmi2OK;
+static Status settle(Instance *instance) {
+    if (instance->settled) return StatusOK;
     for (int g = 0; g < N_INITIAL_GROUPS; g++)
-        if (settle_group(instance, &initial_groups[g]) != fmi2OK) return failed(instance);
+        if (settle_group(instance, &initial_groups[g]) != StatusOK) return failed(instance);
     instance->settled = 1;
-    return fmi2OK;
+    return StatusOK;
 }

@@ -52,11 +52,12 @@ typedef struct Instance {
     Functions functions[ROOM(N_LIBRARIES)];
     void *handles[ROOM(N_LIBRARIES)];
     double inputs[ROOM(N_INPUTS)], derivatives[ROOM(N_INPUTS)];
-    char *name, *location;
+    char *name;
+    char *location; /* URI of the resources, or NULL */
     fmi2CallbackFunctions callbacks[ROOM(N_PARTS)];
     Sender senders[ROOM(N_PARTS)];
-    fmi2CallbackLogger logger;
-    fmi2ComponentEnvironment environment;
+    Logger logger;
+    Environment environment;
     unsigned logged; /* categories that are switched on, as bits */
     int settled;     /* whether initial values agree with the values that were set */
 } Instance;
@@ -78,14 +79,14 @@ static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2S
     char text[2 * MESSAGE_LENGTH], message[3 * MESSAGE_LENGTH];
     va_list arguments;
     (void)name, (void)category;
-    if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, status)) return;
+    if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, (Status)status)) return;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     const char *part = parts[sender->part].name;
     const int is_named = strncmp(text, part, strlen(part)) == 0;
     snprintf(message, sizeof message, "%s%s%s", is_named ? "" : part, is_named ? "" : ": ", text);
-    deliver(sender->owner, status, message);
+    deliver(sender->owner, (Status)status, message);
 }
 
 static const char *phase_name(int phase) {
@@ -98,14 +99,14 @@ static const char *phase_name(int phase) {
     }
 }
 
-static fmi2Status require(const Instance *instance, int phases, const char *action) {
-    if (instance->memory.phase & phases) return fmi2OK;
-    return report(instance, fmi2Error, "cannot %s in phase %s.", action, phase_name(instance->memory.phase));
+static Status require(const Instance *instance, int phases, const char *action) {
+    if (instance->memory.phase & phases) return StatusOK;
+    return report(instance, StatusError, "cannot %s in phase %s.", action, phase_name(instance->memory.phase));
 }
 
-/* What a call returns whose reason is logged: fmi2Fatal after that of a part. */
-static fmi2Status failed(const Instance *instance) {
-    return instance->memory.phase == DEAD ? fmi2Fatal : fmi2Error;
+/* What a call returns whose reason is logged: StatusFatal after fmi2Fatal of a part. */
+static Status failed(const Instance *instance) {
+    return instance->memory.phase == DEAD ? StatusFatal : StatusError;
 }
 
 /* Whether a status is worse than a warning. */
@@ -113,12 +114,12 @@ static int is_bad(fmi2Status status) { return status > fmi2Warning || status < f
 
 /* Report what a part answered. After an error the instance can only be reset or set to a
    state, after fmi2Fatal not even that. */
-static fmi2Status blame(Instance *instance, int part, const char *call, fmi2Status status) {
-    static const char *const names[] = {"fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal",
+static Status blame(Instance *instance, int part, const char *call, fmi2Status status) {
+    static const char *const names[] = {"StatusOK", "StatusWarning", "StatusDiscard", "StatusError", "StatusFatal",
                                         "fmi2Pending"};
     const char *name = status >= fmi2OK && status <= fmi2Pending ? names[status] : "an unknown status";
     const int fatal = status == fmi2Fatal;
     instance->memory.phase = fatal ? DEAD : FAILED;
-    return report(instance, fatal ? fmi2Fatal : fmi2Error, "%s answered %s with %s.", parts[part].name, call,
+    return report(instance, fatal ? StatusFatal : StatusError, "%s answered %s with %s.", parts[part].name, call,
                   name);
 }

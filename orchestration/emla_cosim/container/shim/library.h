@@ -106,22 +106,22 @@ static const char *load_functions(void *handle, Functions *functions) {
     return NULL;
 }
 
-static fmi2Status load_library(Instance *instance, int i) {
+static Status load_library(Instance *instance, int i) {
     const Library *library = &libraries[i];
     char more[512];
     if (instance->location == NULL)
-        return report(instance, fmi2Error, "the host gave no place of the resources, where %s is.",
+        return report(instance, StatusError, "the host gave no place of the resources, where %s is.",
                       library->folder);
     snprintf(more, sizeof more, "/%s/binaries/" PLATFORM "/%s" SUFFIX, library->folder, library->file);
     char *path = path_of(instance->location, more);
-    if (path == NULL) return report(instance, fmi2Error, "out of memory.");
+    if (path == NULL) return report(instance, StatusError, "out of memory.");
     instance->handles[i] = open_library(path);
-    if (instance->handles[i] == NULL) report(instance, fmi2Error, "the library %s cannot be loaded.", path);
+    if (instance->handles[i] == NULL) report(instance, StatusError, "the library %s cannot be loaded.", path);
     free(path);
-    if (instance->handles[i] == NULL) return fmi2Error;
+    if (instance->handles[i] == NULL) return StatusError;
     const char *missing = load_functions(instance->handles[i], &instance->functions[i]);
-    if (missing == NULL) return fmi2OK;
-    return report(instance, fmi2Error, "the library of %s has no function %s.", library->folder, missing);
+    if (missing == NULL) return StatusOK;
+    return report(instance, StatusError, "the library of %s has no function %s.", library->folder, missing);
 }
 
 static void close_libraries(Instance *instance) {
@@ -131,18 +131,18 @@ static void close_libraries(Instance *instance) {
 
 #else
 
-static fmi2Status load_library(Instance *instance, int i) { return (void)instance, (void)i, fmi2OK; }
+static Status load_library(Instance *instance, int i) { return (void)instance, (void)i, StatusOK; }
 
 static void close_libraries(Instance *instance) { (void)instance; }
 
 #endif
 
 /* Make the functions of all libraries callable. */
-static fmi2Status open_libraries(Instance *instance) {
+static Status open_libraries(Instance *instance) {
     for (int i = 0; i < N_LIBRARIES; i++)
         if (libraries[i].functions != NULL)
             instance->functions[i] = *libraries[i].functions;
-        else if (load_library(instance, i) != fmi2OK)
-            return fmi2Error;
-    return fmi2OK;
+        else if (load_library(instance, i) != StatusOK)
+            return StatusError;
+    return StatusOK;
 }

@@ -1,23 +1,21 @@
 /* Create, initialize, terminate, reset and free. */
 
-const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-
-const char *fmi2GetVersion(void) { return fmi2Version; }
+const char *FMI(GetVersion)(void) { return FMI(Version); }
 
 static char *copy_text(const char *text) {
     char *copy = malloc(strlen(text) + 1);
     return copy == NULL ? NULL : strcpy(copy, text);
 }
 
-static fmi2Status check_identity(const Instance *instance, fmi2String name, fmi2Type type, fmi2String guid) {
+static Status check_identity(const Instance *instance, String name, int type, String guid) {
     if (name == NULL || *name == '\0')
-        return report(instance, fmi2Error, "an instance needs a name; this one is %s.",
+        return report(instance, StatusError, "an instance needs a name; this one is %s.",
                       name == NULL ? "NULL" : "empty");
-    if (type != fmi2CoSimulation) return report(instance, fmi2Error, "this FMU is for co-simulation only.");
+    if (type != FOR_CO_SIMULATION) return report(instance, StatusError, "this FMU is for co-simulation only.");
     if (guid == NULL || strcmp(guid, MODEL_GUID) != 0)
-        return report(instance, fmi2Error, "the GUID %.100s is not this FMU's, %s.",
+        return report(instance, StatusError, "the " TOKEN_NAME " %.100s is not this FMU's, %s.",
                       guid == NULL ? "(none)" : guid, MODEL_GUID);
-    return fmi2OK;
+    return StatusOK;
 }
 
 /* The state of a new instance, apart from its parts. */
@@ -36,7 +34,7 @@ static void begin_memory(Instance *instance) {
 }
 
 /* Set the start values, which the system or the host chose. */
-static fmi2Status set_chosen(Instance *instance) {
+static Status set_chosen(Instance *instance) {
     for (int v = 0; v < N_VARIABLES; v++) {
         const Variable *variable = &variables[v];
         if (!instance->memory.is_chosen[v]) continue;
@@ -44,11 +42,11 @@ static fmi2Status set_chosen(Instance *instance) {
                                              instance->memory.chosen[v]);
         if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-static fmi2Status begin_parts(Instance *instance) {
-    if (make_parts(instance) != fmi2OK || set_chosen(instance) != fmi2OK) return fmi2Error;
+static Status begin_parts(Instance *instance) {
+    if (make_parts(instance) != StatusOK || set_chosen(instance) != StatusOK) return StatusError;
     for (int i = 0; i < N_STARTS; i++) {
         const Variable *variable = &variables[starts[i].variable];
         if (starts[i].text == NULL) continue;
@@ -56,29 +54,28 @@ static fmi2Status begin_parts(Instance *instance) {
             instance->parts[variable->part], &variable->reference, 1, &starts[i].text);
         if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
-                              fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
-                              fmi2Boolean visible, fmi2Boolean loggingOn) {
-    (void)visible;
+/* Return a new instance, or NULL after a message. `location` is a URI, or NULL. */
+static Handle create_instance(String name, String guid, const char *location, int type, Boolean logging,
+                              Logger logger, Environment environment) {
     Instance *instance = calloc(1, sizeof *instance);
     if (instance == NULL) return NULL;
-    instance->name = copy_text(instanceName != NULL && *instanceName ? instanceName : MODEL_IDENTIFIER);
-    instance->location = fmuResourceLocation == NULL ? NULL : copy_text(fmuResourceLocation);
-    instance->logger = functions != NULL ? functions->logger : NULL;
-    instance->environment = functions != NULL ? functions->componentEnvironment : NULL;
-    instance->logged = loggingOn ? EVERYTHING : PROBLEMS;
+    instance->name = copy_text(name != NULL && *name ? name : MODEL_IDENTIFIER);
+    instance->location = location == NULL ? NULL : copy_text(location);
+    instance->logger = logger;
+    instance->environment = environment;
+    instance->logged = logging ? EVERYTHING : PROBLEMS;
     begin_memory(instance);
-    if (instance->name != NULL && check_identity(instance, instanceName, fmuType, fmuGUID) == fmi2OK &&
-        open_libraries(instance) == fmi2OK && begin_parts(instance) == fmi2OK)
+    if (instance->name != NULL && check_identity(instance, name, type, guid) == StatusOK &&
+        open_libraries(instance) == StatusOK && begin_parts(instance) == StatusOK)
         return instance;
-    fmi2FreeInstance(instance);
+    FMI(FreeInstance)(instance);
     return NULL;
 }
 
-void fmi2FreeInstance(fmi2Component c) {
+void FMI(FreeInstance)(Handle c) {
     Instance *instance = c;
     if (instance == NULL) return;
     free_parts(instance);
@@ -104,22 +101,18 @@ static double point(const Clock *clock, double k) {
     return (clock->first + k * clock->per_step) / clock->denominator;
 }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
-                               fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
-    Instance *instance = c;
-    if (require(instance, INSTANTIATED, "set up the experiment") != fmi2OK) return fmi2Error;
-    if (check_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != fmi2OK)
-        return fmi2Error;
+static Status set_experiment(Instance *instance, Boolean toleranceDefined, double tolerance, double startTime,
+                             Boolean stopTimeDefined, double stopTime) {
+    if (check_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != StatusOK)
+        return StatusError;
     instance->memory.start_time = startTime;
     instance->memory.stop_time = stopTimeDefined ? stopTime : HUGE_VAL;
     instance->memory.tolerance = toleranceDefined ? tolerance : 0.0;
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-    Instance *instance = c;
+static Status enter_initialization(Instance *instance) {
     Memory *memory = &instance->memory;
-    if (require(instance, INSTANTIATED, "enter initialization mode") != fmi2OK) return fmi2Error;
     for (int i = 0; i < N_PARTS; i++) {
         const double tolerance = memory->tolerance > 0.0 ? memory->tolerance : parts[i].tolerance;
         const fmi2Boolean stops = isfinite(memory->stop_time) ? fmi2True : fmi2False;
@@ -128,7 +121,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
             stops ? memory->stop_time : 0.0);
         if (is_bad(status)) return blame(instance, i, "fmi2SetupExperiment", status);
     }
-    if (set_chosen(instance) != fmi2OK) return failed(instance); /* some FMUs forget values in fmi2SetupExperiment */
+    if (set_chosen(instance) != StatusOK) return failed(instance); /* some FMUs forget values in fmi2SetupExperiment */
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, EnterInitializationMode)(instance->parts[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2EnterInitializationMode", status);
@@ -140,7 +133,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     memcpy(memory->jacobians, first_jacobians, sizeof memory->jacobians);
     assume_inputs(instance);
     instance->settled = 0;
-    return fmi2OK;
+    return StatusOK;
 }
 
 static void begin_history(Instance *instance) {
@@ -153,49 +146,49 @@ static void begin_history(Instance *instance) {
     }
 }
 
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
+Status FMI(ExitInitializationMode)(Handle c) {
     Instance *instance = c;
-    if (require(instance, INITIALIZATION, "exit initialization mode") != fmi2OK) return fmi2Error;
-    if (settle(instance) != fmi2OK) return failed(instance);
+    if (require(instance, INITIALIZATION, "exit initialization mode") != StatusOK) return StatusError;
+    if (settle(instance) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++) /* inputs that no initial value depends on */
-        if (pass_inputs(instance, i) != fmi2OK) return failed(instance);
+        if (pass_inputs(instance, i) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, ExitInitializationMode)(instance->parts[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2ExitInitializationMode", status);
     }
     for (int i = 0; i < N_PARTS; i++)
-        if (get_outputs(instance, i) != fmi2OK) return failed(instance);
+        if (get_outputs(instance, i) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++)
-        if (pass_inputs(instance, order[i]) != fmi2OK) return failed(instance);
+        if (pass_inputs(instance, order[i]) != StatusOK) return failed(instance);
     const int bad = find_not_finite(&instance->memory.now);
     if (bad >= 0) {
         instance->memory.phase = FAILED;
-        return report(instance, fmi2Error, "%s is %g at the start.", signals[bad].name,
+        return report(instance, StatusError, "%s is %g at the start.", signals[bad].name,
                       instance->memory.now.signals[bad]);
     }
     begin_history(instance);
     instance->memory.phase = STEP;
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2Terminate(fmi2Component c) {
+Status FMI(Terminate)(Handle c) {
     Instance *instance = c;
-    if (require(instance, STEP, "terminate") != fmi2OK) return fmi2Error;
+    if (require(instance, STEP, "terminate") != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, Terminate)(instance->parts[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2Terminate", status);
     }
     instance->memory.phase = TERMINATED;
-    return fmi2OK;
+    return StatusOK;
 }
 
 /* The parts are made anew, because some FMUs keep a part of their state in fmi2Reset. */
-fmi2Status fmi2Reset(fmi2Component c) {
+Status FMI(Reset)(Handle c) {
     Instance *instance = c;
-    if (require(instance, ~DEAD, "reset") != fmi2OK) return fmi2Error;
+    if (require(instance, ~DEAD, "reset") != StatusOK) return StatusError;
     free_parts(instance);
     begin_memory(instance);
-    if (begin_parts(instance) == fmi2OK) return fmi2OK;
+    if (begin_parts(instance) == StatusOK) return StatusOK;
     if (instance->memory.phase != DEAD) instance->memory.phase = FAILED;
     return failed(instance);
 }

@@ -33,7 +33,7 @@ static int solve_linear(int n, double *A, double *b) {
     return 1;
 }
 
-typedef fmi2Status Answer(Instance *instance, const Group *group, const double *x, double *found);
+typedef Status Answer(Instance *instance, const Group *group, const double *x, double *found);
 
 static double weigh(int n, const double *x, const double *floors, const double *difference) {
     double largest = 0.0;
@@ -45,7 +45,7 @@ static double weigh(int n, const double *x, const double *floors, const double *
 }
 
 /* Compute the correction that solves (1 - F') dx = gap, with derivatives at x, where F(x) = found. */
-static fmi2Status correct(Instance *instance, const Group *group, Answer *answer, const double *floors,
+static Status correct(Instance *instance, const Group *group, Answer *answer, const double *floors,
                           const double *x, const double *found, double *correction) {
     const int n = group->n_coupling;
     double A[ROOM(MOST_INITIAL * MOST_INITIAL)], moved[ROOM(MOST_INITIAL)], there[ROOM(MOST_INITIAL)];
@@ -53,8 +53,8 @@ static fmi2Status correct(Instance *instance, const Group *group, Answer *answer
         memcpy(moved, x, (size_t)n * sizeof(double));
         moved[j] += LOOP_DIFFERENCE * (fabs(x[j]) + floors[j]);
         const double step = moved[j] - x[j];
-        const fmi2Status status = answer(instance, group, moved, there);
-        if (status != fmi2OK) return status;
+        const Status status = answer(instance, group, moved, there);
+        if (status != StatusOK) return status;
         for (int i = 0; i < n; i++) {
             const double scale = (fabs(x[j]) + floors[j]) / (fabs(x[i]) + floors[i]);
             A[i * n + j] = ((i == j ? 1.0 : 0.0) - (there[i] - found[i]) / step) * scale;
@@ -63,26 +63,26 @@ static fmi2Status correct(Instance *instance, const Group *group, Answer *answer
     for (int i = 0; i < n; i++) correction[i] = (found[i] - x[i]) / (fabs(x[i]) + floors[i]);
     if (!solve_linear(n, A, correction)) return NO_AGREEMENT;
     for (int i = 0; i < n; i++) correction[i] *= fabs(x[i]) + floors[i];
-    return fmi2OK;
+    return StatusOK;
 }
 
 /* Solve x = F(x) from the guess x; NO_AGREEMENT if no solution is found. */
-static fmi2Status solve_loop(Instance *instance, const Group *group, Answer *answer, const double *floors,
+static Status solve_loop(Instance *instance, const Group *group, Answer *answer, const double *floors,
                              double *x) {
     const int n = group->n_coupling;
     double found[ROOM(MOST_INITIAL)], gap[ROOM(MOST_INITIAL)], correction[ROOM(MOST_INITIAL)];
     double tried[ROOM(MOST_INITIAL)];
     double last = HUGE_VAL; /* size of the correction before */
-    fmi2Status status = answer(instance, group, x, found);
-    for (int iteration = 0; iteration < LOOP_ITERATIONS && status == fmi2OK; iteration++) {
+    Status status = answer(instance, group, x, found);
+    for (int iteration = 0; iteration < LOOP_ITERATIONS && status == StatusOK; iteration++) {
         for (int i = 0; i < n; i++) gap[i] = found[i] - x[i];
         const double size = weigh(n, x, floors, gap);
-        if (size <= LOOP_TOLERANCE) return fmi2OK;
+        if (size <= LOOP_TOLERANCE) return StatusOK;
         if (size == HUGE_VAL) return NO_AGREEMENT;
         status = correct(instance, group, answer, floors, x, found, correction);
-        if (status != fmi2OK) return status;
+        if (status != StatusOK) return status;
         double part = 1.0;
-        for (int k = 0; k < LOOP_HALVINGS && status == fmi2OK; k++, part *= 0.5) {
+        for (int k = 0; k < LOOP_HALVINGS && status == StatusOK; k++, part *= 0.5) {
             for (int i = 0; i < n; i++) tried[i] = x[i] + part * correction[i];
             status = answer(instance, group, tried, found);
             for (int i = 0; i < n; i++) gap[i] = found[i] - tried[i];
@@ -94,5 +94,5 @@ static fmi2Status solve_loop(Instance *instance, const Group *group, Answer *ans
         if (moved <= LOOP_TOLERANCE || (moved <= LOOP_ROUGH && moved >= 0.5 * last)) return status;
         last = moved;
     }
-    return status == fmi2OK ? NO_AGREEMENT : status;
+    return status == StatusOK ? NO_AGREEMENT : status;
 }

@@ -4,14 +4,14 @@
 
 static void *allocate(size_t n, size_t size) { return calloc(n, size); }
 
-static fmi2Status make_part(Instance *instance, int i) {
+static Status make_part(Instance *instance, int i) {
     const Library *library = &libraries[parts[i].library];
     fmi2CallbackFunctions *callbacks = &instance->callbacks[i];
     char *location = NULL;
     if (instance->location != NULL) {
         const size_t room = strlen(instance->location) + strlen(library->folder) + sizeof "//resources";
         location = malloc(room);
-        if (location == NULL) return report(instance, fmi2Error, "out of memory.");
+        if (location == NULL) return report(instance, StatusError, "out of memory.");
         snprintf(location, room, "%s/%s/resources", instance->location, library->folder);
     }
     instance->senders[i].self = &instance->senders[i];
@@ -25,14 +25,14 @@ static fmi2Status make_part(Instance *instance, int i) {
     instance->parts[i] = CALL(instance, i, Instantiate)(parts[i].name, fmi2CoSimulation, library->guid, location,
                                                         callbacks, fmi2False, fmi2True);
     free(location);
-    if (instance->parts[i] != NULL) return fmi2OK;
-    return report(instance, fmi2Error, "%s cannot be instantiated.", parts[i].name);
+    if (instance->parts[i] != NULL) return StatusOK;
+    return report(instance, StatusError, "%s cannot be instantiated.", parts[i].name);
 }
 
-static fmi2Status make_parts(Instance *instance) {
+static Status make_parts(Instance *instance) {
     for (int i = 0; i < N_PARTS; i++)
-        if (make_part(instance, i) != fmi2OK) return fmi2Error;
-    return fmi2OK;
+        if (make_part(instance, i) != StatusOK) return StatusError;
+    return StatusOK;
 }
 
 /* Terminate and free all parts. After fmi2Fatal no function of any part may be called. */
@@ -54,7 +54,7 @@ static fmi2Status set_number(Instance *instance, int part, fmi2ValueReference re
                              double value) {
     const fmi2Component c = instance->parts[part];
     if (type == 'R') return CALL(instance, part, SetReal)(c, &reference, 1, &value);
-    if (type == 'I') {
+    if (type == 'I' || type == 'E') {
         const fmi2Integer whole = (fmi2Integer)value;
         return CALL(instance, part, SetInteger)(c, &reference, 1, &whole);
     }
@@ -67,7 +67,7 @@ static fmi2Status get_number(Instance *instance, int part, fmi2ValueReference re
                              double *value) {
     const fmi2Component c = instance->parts[part];
     if (type == 'R') return CALL(instance, part, GetReal)(c, &reference, 1, value);
-    if (type == 'I') {
+    if (type == 'I' || type == 'E') {
         fmi2Integer whole = 0;
         const fmi2Status status = CALL(instance, part, GetInteger)(c, &reference, 1, &whole);
         *value = (double)whole;

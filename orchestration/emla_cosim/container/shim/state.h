@@ -7,66 +7,66 @@ typedef struct {
     fmi2FMUstate parts[ROOM(N_PARTS)];
 } State;
 
-static fmi2Status check_state(const Instance *instance, const State *state) {
-    if (state != NULL && memcmp(state->memory.guid, MODEL_GUID, GUID_SIZE) == 0) return fmi2OK;
-    return report(instance, fmi2Error, "this is not a state of %s %s.", MODEL_IDENTIFIER, MODEL_GUID);
+static Status check_state(const Instance *instance, const State *state) {
+    if (state != NULL && memcmp(state->memory.guid, MODEL_GUID, GUID_SIZE) == 0) return StatusOK;
+    return report(instance, StatusError, "this is not a state of %s %s.", MODEL_IDENTIFIER, MODEL_GUID);
 }
 
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
+Status FMI(FreeFMUState)(Handle c, FmuState *FMUState) {
     Instance *instance = c;
-    if (FMUstate == NULL || *FMUstate == NULL) return fmi2OK;
-    State *state = *FMUstate;
+    if (FMUState == NULL || *FMUState == NULL) return StatusOK;
+    State *state = *FMUState;
     for (int i = 0; i < N_PARTS && instance->memory.phase != DEAD; i++)
         if (state->parts[i] != NULL) CALL(instance, i, FreeFMUstate)(instance->parts[i], &state->parts[i]);
     free(state);
-    *FMUstate = NULL;
-    return fmi2OK;
+    *FMUState = NULL;
+    return StatusOK;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
+Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
     Instance *instance = c;
-    if (require(instance, INSTANTIATED | INITIALIZATION | STEP | TERMINATED, "save the state") != fmi2OK)
-        return fmi2Error;
-    if (check_place(instance, FMUstate, "the state") != fmi2OK) return fmi2Error;
-    if (*FMUstate != NULL && check_state(instance, *FMUstate) != fmi2OK) return fmi2Error;
-    const int is_new = *FMUstate == NULL;
-    State *state = is_new ? calloc(1, sizeof *state) : *FMUstate;
-    if (state == NULL) return report(instance, fmi2Error, "out of memory.");
+    if (require(instance, INSTANTIATED | INITIALIZATION | STEP | TERMINATED, "save the state") != StatusOK)
+        return StatusError;
+    if (check_place(instance, FMUState, "the state") != StatusOK) return StatusError;
+    if (*FMUState != NULL && check_state(instance, *FMUState) != StatusOK) return StatusError;
+    const int is_new = *FMUState == NULL;
+    State *state = is_new ? calloc(1, sizeof *state) : *FMUState;
+    if (state == NULL) return report(instance, StatusError, "out of memory.");
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, GetFMUstate)(instance->parts[i], &state->parts[i]);
         if (!is_bad(status)) continue;
-        fmi2FMUstate whole = state;
-        if (is_new) fmi2FreeFMUstate(instance, &whole);
+        FmuState whole = state;
+        if (is_new) FMI(FreeFMUState)(instance, &whole);
         return blame(instance, i, "fmi2GetFMUstate", status);
     }
     state->memory = instance->memory;
-    *FMUstate = state;
-    return fmi2OK;
+    *FMUState = state;
+    return StatusOK;
 }
 
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
+Status FMI(SetFMUState)(Handle c, FmuState FMUState) {
     Instance *instance = c;
-    const State *state = FMUstate;
-    if (require(instance, ~DEAD, "restore a state") != fmi2OK) return fmi2Error;
-    if (check_state(instance, state) != fmi2OK) return fmi2Error;
+    const State *state = FMUState;
+    if (require(instance, ~DEAD, "restore a state") != StatusOK) return StatusError;
+    if (check_state(instance, state) != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, SetFMUstate)(instance->parts[i], state->parts[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2SetFMUstate", status);
     }
     instance->memory = state->memory;
     instance->settled = 0;
-    return fmi2OK;
+    return StatusOK;
 }
 
 #else
 
-static fmi2Status no_state(fmi2Component c) {
-    return report(c, fmi2Error, "not all FMUs in this system can save their state.");
+static Status no_state(Handle c) {
+    return report(c, StatusError, "not all FMUs in this system can save their state.");
 }
 
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) { return (void)FMUstate, no_state(c); }
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) { return (void)FMUstate, no_state(c); }
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) { return (void)FMUstate, no_state(c); }
+Status FMI(FreeFMUState)(Handle c, FmuState *FMUState) { return (void)FMUState, no_state(c); }
+Status FMI(GetFMUState)(Handle c, FmuState *FMUState) { return (void)FMUState, no_state(c); }
+Status FMI(SetFMUState)(Handle c, FmuState FMUState) { return (void)FMUState, no_state(c); }
 
 #endif
 
@@ -80,41 +80,41 @@ static uint64_t checksum(const unsigned char *bytes, size_t size) {
     return hash;
 }
 
-static fmi2Status size_of_part(Instance *instance, const State *state, int i, size_t *size) {
+static Status size_of_part(Instance *instance, const State *state, int i, size_t *size) {
     const fmi2Status status =
         CALL(instance, i, SerializedFMUstateSize)(instance->parts[i], state->parts[i], size);
-    return is_bad(status) ? blame(instance, i, "fmi2SerializedFMUstateSize", status) : fmi2OK;
+    return is_bad(status) ? blame(instance, i, "fmi2SerializedFMUstateSize", status) : StatusOK;
 }
 
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size) {
+Status FMI(SerializedFMUStateSize)(Handle c, FmuState FMUState, size_t *size) {
     Instance *instance = c;
     size_t all = sizeof(Memory) + sizeof(uint64_t);
-    if (check_state(instance, FMUstate) != fmi2OK) return fmi2Error;
-    if (check_place(instance, size, "the size") != fmi2OK) return fmi2Error;
+    if (check_state(instance, FMUState) != StatusOK) return StatusError;
+    if (check_place(instance, size, "the size") != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
         size_t own = 0;
-        if (size_of_part(instance, FMUstate, i, &own) != fmi2OK) return failed(instance);
+        if (size_of_part(instance, FMUState, i, &own) != StatusOK) return failed(instance);
         all += sizeof(uint64_t) + own;
     }
     *size = all;
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
+Status FMI(SerializeFMUState)(Handle c, FmuState FMUState, Byte serializedState[],
                                  size_t size) {
     Instance *instance = c;
-    const State *state = FMUstate;
+    const State *state = FMUState;
     size_t needed = 0;
-    if (fmi2SerializedFMUstateSize(c, FMUstate, &needed) != fmi2OK) return fmi2Error;
-    if (check_place(instance, serializedState, "the bytes") != fmi2OK) return fmi2Error;
+    if (FMI(SerializedFMUStateSize)(c, FMUState, &needed) != StatusOK) return StatusError;
+    if (check_place(instance, serializedState, "the bytes") != StatusOK) return StatusError;
     if (size < needed)
-        return report(instance, fmi2Error, "a state needs %u bytes, not %u.", (unsigned)needed, (unsigned)size);
-    char *next = serializedState;
+        return report(instance, StatusError, "a state needs %u bytes, not %u.", (unsigned)needed, (unsigned)size);
+    char *next = (char *)serializedState;
     memcpy(next, &state->memory, sizeof state->memory);
     next += sizeof state->memory;
     for (int i = 0; i < N_PARTS; i++) {
         size_t own = 0;
-        if (size_of_part(instance, state, i, &own) != fmi2OK) return failed(instance);
+        if (size_of_part(instance, state, i, &own) != StatusOK) return failed(instance);
         const uint64_t written = own;
         memcpy(next, &written, sizeof written);
         next += sizeof written;
@@ -125,24 +125,24 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byt
     }
     const uint64_t hash = checksum((const unsigned char *)serializedState, needed - sizeof hash);
     memcpy(next, &hash, sizeof hash);
-    return fmi2OK;
+    return StatusOK;
 }
 
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
-                                   fmi2FMUstate *FMUstate) {
+Status FMI(DeserializeFMUState)(Handle c, const Byte serializedState[], size_t size,
+                                   FmuState *FMUState) {
     Instance *instance = c;
     uint64_t hash = 0;
-    if (check_place(instance, serializedState, "the bytes") != fmi2OK) return fmi2Error;
-    if (check_place(instance, FMUstate, "the state") != fmi2OK) return fmi2Error;
+    if (check_place(instance, serializedState, "the bytes") != StatusOK) return StatusError;
+    if (check_place(instance, FMUState, "the state") != StatusOK) return StatusError;
     if (size < sizeof(Memory) + sizeof hash || memcmp(serializedState, MODEL_GUID, GUID_SIZE) != 0)
-        return report(instance, fmi2Error, "these %u bytes are not a state of %s %s.", (unsigned)size,
+        return report(instance, StatusError, "these %u bytes are not a state of %s %s.", (unsigned)size,
                       MODEL_IDENTIFIER, MODEL_GUID);
     memcpy(&hash, serializedState + size - sizeof hash, sizeof hash);
     if (hash != checksum((const unsigned char *)serializedState, size - sizeof hash))
-        return report(instance, fmi2Error, "the serialized state is damaged.");
+        return report(instance, StatusError, "the serialized state is damaged.");
     State *state = calloc(1, sizeof *state);
-    if (state == NULL) return report(instance, fmi2Error, "out of memory.");
-    const char *next = serializedState, *end = serializedState + size - sizeof hash;
+    if (state == NULL) return report(instance, StatusError, "out of memory.");
+    const char *next = (const char *)serializedState, *end = next + size - sizeof hash;
     memcpy(&state->memory, next, sizeof state->memory);
     next += sizeof state->memory;
     for (int i = 0; i < N_PARTS; i++) {
@@ -158,31 +158,31 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
             }
         }
         if (!is_bad(status)) continue;
-        fmi2FMUstate whole = state;
-        fmi2FreeFMUstate(instance, &whole);
-        return report(instance, fmi2Error, "the serialized state of %s is refused.", parts[i].name);
+        FmuState whole = state;
+        FMI(FreeFMUState)(instance, &whole);
+        return report(instance, StatusError, "the serialized state of %s is refused.", parts[i].name);
     }
-    fmi2FreeFMUstate(instance, FMUstate);
-    *FMUstate = state;
-    return fmi2OK;
+    FMI(FreeFMUState)(instance, FMUState);
+    *FMUState = state;
+    return StatusOK;
 }
 
 #else
 
-static fmi2Status no_bytes(fmi2Component c) {
-    return report(c, fmi2Error, "not all FMUs in this system can serialize their state.");
+static Status no_bytes(Handle c) {
+    return report(c, StatusError, "not all FMUs in this system can serialize their state.");
 }
 
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size) {
-    return (void)FMUstate, (void)size, no_bytes(c);
+Status FMI(SerializedFMUStateSize)(Handle c, FmuState FMUState, size_t *size) {
+    return (void)FMUState, (void)size, no_bytes(c);
 }
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
+Status FMI(SerializeFMUState)(Handle c, FmuState FMUState, Byte serializedState[],
                                  size_t size) {
-    return (void)FMUstate, (void)serializedState, (void)size, no_bytes(c);
+    return (void)FMUState, (void)serializedState, (void)size, no_bytes(c);
 }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
-                                   fmi2FMUstate *FMUstate) {
-    return (void)serializedState, (void)size, (void)FMUstate, no_bytes(c);
+Status FMI(DeserializeFMUState)(Handle c, const Byte serializedState[], size_t size,
+                                   FmuState *FMUState) {
+    return (void)serializedState, (void)size, (void)FMUState, no_bytes(c);
 }
 
 #endif

@@ -1,11 +1,11 @@
 /* The communication step: any whole number of steps of the system. */
 
-static fmi2Status operate(Instance *instance, const Operation *operation, double k, double time,
+static Status operate(Instance *instance, const Operation *operation, double k, double time,
                           double length) {
     const int i = operation->part, multiple = parts[i].multiple;
     double begin = time, span = length;
     if (multiple > 1) {
-        if (fmod(k + 1.0, multiple) != 0.0) return fmi2OK;
+        if (fmod(k + 1.0, multiple) != 0.0) return StatusOK;
         begin = point(&instance->memory.clock, k + 1.0 - multiple);
         span = point(&instance->memory.clock, k + 1.0) - begin;
     }
@@ -16,20 +16,20 @@ static fmi2Status operate(Instance *instance, const Operation *operation, double
 }
 
 /* Do step k of the system. */
-static fmi2Status advance(Instance *instance, double k) {
+static Status advance(Instance *instance, double k) {
     const double time = point(&instance->memory.clock, k);
     const double length = point(&instance->memory.clock, k + 1.0) - time;
     Exchange *now = &instance->memory.now;
-    fmi2Status status = fmi2OK;
+    Status status = StatusOK;
     if (N_GROUPS > 0) see(now);
-    for (int g = 0; g < N_GROUPS && status == fmi2OK; g++)
+    for (int g = 0; g < N_GROUPS && status == StatusOK; g++)
         status = advance_group(instance, &groups[g], time, length, HALVINGS);
-    for (int o = 0; o < N_OPERATIONS && status == fmi2OK; o++)
+    for (int o = 0; o < N_OPERATIONS && status == StatusOK; o++)
         status = operate(instance, &operations[o], k, time, length);
-    if (status != fmi2OK) return status;
+    if (status != StatusOK) return status;
     const int bad = find_not_finite(now);
-    if (bad < 0) return fmi2OK;
-    return report(instance, fmi2Error, "%s became %g at t = %.9g s.", signals[bad].name, now->signals[bad],
+    if (bad < 0) return StatusOK;
+    return report(instance, StatusError, "%s became %g at t = %.9g s.", signals[bad].name, now->signals[bad],
                   time + length);
 }
 
@@ -39,65 +39,61 @@ static double count_steps(const Instance *instance, double time, double length) 
     const Memory *memory = &instance->memory;
     const double now = point(&memory->clock, memory->steps), rounding = 1e-12 * fabs(time);
     if (!(isfinite(time + length) && length > 0.0)) {
-        report(instance, fmi2Error, "the step from t = %g s of %g s is not possible.", time, length);
+        report(instance, StatusError, "the step from t = %g s of %g s is not possible.", time, length);
         return -1.0;
     }
     if (fabs(time - now) > TIME_TOLERANCE * STEP_SIZE + rounding) {
-        report(instance, fmi2Error, "the step starts at t = %.9g s, but the system is at t = %.9g s.", time, now);
+        report(instance, StatusError, "the step starts at t = %.9g s, but the system is at t = %.9g s.", time, now);
         return -1.0;
     }
     const double end = time + length;
     if (end > memory->stop_time + TIME_TOLERANCE * STEP_SIZE + rounding) {
-        report(instance, fmi2Error, "the step to t = %.9g s goes past the stop time %.9g s.", end,
+        report(instance, StatusError, "the step to t = %.9g s goes past the stop time %.9g s.", end,
                memory->stop_time);
         return -1.0;
     }
     const double count = rint((end - now) / STEP_SIZE);
     const double there = point(&memory->clock, memory->steps + count);
     if (fabs(end - there) > TIME_TOLERANCE * STEP_SIZE + rounding) {
-        report(instance, fmi2Error,
+        report(instance, StatusError,
                "the step of %.9g s is not a multiple of the system's step of %.9g s; set one in the host.",
                length, STEP_SIZE);
         return -1.0;
     }
     if (count > MAXIMUM_STEPS) {
-        report(instance, fmi2Error, "the step of %g s needs more than %g steps of the system.", length,
+        report(instance, StatusError, "the step of %g s needs more than %g steps of the system.", length,
                MAXIMUM_STEPS);
         return -1.0;
     }
     return count;
 }
 
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
-                      fmi2Boolean noSetFMUStatePriorToCurrentPoint) {
-    Instance *instance = c;
+static Status do_step(Instance *instance, double time, double length) {
     Memory *memory = &instance->memory;
-    (void)noSetFMUStatePriorToCurrentPoint;
-    if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
-    if (memory->ended) return report(instance, fmi2Error, "the simulation has ended.");
-    const double count = count_steps(instance, currentCommunicationPoint, communicationStepSize);
-    if (count < 0.0) return fmi2Error;
+    if (require(instance, STEP, "do a step") != StatusOK) return StatusError;
+    if (memory->ended) return report(instance, StatusError, "the simulation has ended.");
+    const double count = count_steps(instance, time, length);
+    if (count < 0.0) return StatusError;
     for (double k = 0.0; k < count; k++) {
-        const fmi2Status status = advance(instance, memory->steps);
-        if (status == fmi2OK) {
+        const Status status = advance(instance, memory->steps);
+        if (status == StatusOK) {
             memory->steps += 1.0;
             continue;
         }
-        if (memory->ended) return fmi2Discard;
+        if (memory->ended) return StatusDiscard;
         if (memory->phase == STEP) { /* some parts have done the step, others have not */
             memory->phase = FAILED;
-            return report(instance, fmi2Error, "the step from t = %.9g s failed, and the parts are apart.",
+            return report(instance, StatusError, "the step from t = %.9g s failed, and the parts are apart.",
                           point(&memory->clock, memory->steps));
         }
-        return status == fmi2Fatal ? fmi2Fatal : fmi2Error;
+        return status == StatusFatal ? StatusFatal : StatusError;
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
 static double reached_time(const Instance *instance) {
-    return point(&instance->memory.clock, instance->memory.steps);
+    const Memory *memory = &instance->memory;
+    return memory->clock.denominator > 0.0 ? point(&memory->clock, memory->steps) : memory->start_time;
 }
 
 static int has_ended(const Instance *instance) { return instance->memory.ended; }
-
-#include "fmi2_status.h"

@@ -1,6 +1,6 @@
 /* Strong coupling: strong.py of the master. */
 
-#define NO_AGREEMENT ((fmi2Status)100) /* besides the statuses of FMI */
+#define NO_AGREEMENT ((Status)100) /* besides the statuses of FMI */
 
 /* Update the largest values with the present signals. */
 static void see(Exchange *now) {
@@ -10,36 +10,36 @@ static void see(Exchange *now) {
     }
 }
 
-static fmi2Status save_begin(Instance *instance, const Group *group) {
+static Status save_begin(Instance *instance, const Group *group) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
         const int i = members[m];
         const fmi2Status status = CALL(instance, i, GetFMUstate)(instance->parts[i], &instance->begin[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2GetFMUstate", status);
     }
     instance->kept = instance->memory.now;
-    return fmi2OK;
+    return StatusOK;
 }
 
-static fmi2Status restore_parts(Instance *instance, const Group *group) {
+static Status restore_parts(Instance *instance, const Group *group) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
         const int i = members[m];
         const fmi2Status status = CALL(instance, i, SetFMUstate)(instance->parts[i], instance->begin[i]);
         if (is_bad(status)) return blame(instance, i, "fmi2SetFMUstate", status);
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-static fmi2Status sweep(Instance *instance, const Group *group, double time, double length) {
+static Status sweep(Instance *instance, const Group *group, double time, double length) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
-        fmi2Status status = set_inputs(instance, members[m], time, length);
-        if (status == fmi2OK) status = step_part(instance, members[m], time, length);
-        if (status == fmi2OK) status = get_outputs(instance, members[m]);
-        if (status != fmi2OK) return status;
+        Status status = set_inputs(instance, members[m], time, length);
+        if (status == StatusOK) status = step_part(instance, members[m], time, length);
+        if (status == StatusOK) status = get_outputs(instance, members[m]);
+        if (status != StatusOK) return status;
     }
-    return fmi2OK;
+    return StatusOK;
 }
 
-static fmi2Status iterate(Instance *instance, const Group *group, double time, double length) {
+static Status iterate(Instance *instance, const Group *group, double time, double length) {
     Exchange *now = &instance->memory.now;
     const int n = group->n_coupling, *places = &coupling[group->first_coupling];
     double *jacobian = &instance->memory.jacobians[group->jacobian];
@@ -53,13 +53,13 @@ static fmi2Status iterate(Instance *instance, const Group *group, double time, d
     for (int c = 0; c < n; c++) sizes[c] = now->largest[places[c]] + signals[places[c]].floor;
     memcpy(earlier, jacobian, (size_t)(n * n) * sizeof(double));
     for (int k = 0; k < SWEEPS; k++) {
-        fmi2Status status = k > 0 ? restore_parts(instance, group) : fmi2OK;
+        Status status = k > 0 ? restore_parts(instance, group) : StatusOK;
         int agreed = 1, finite = 1;
-        if (status == fmi2OK) {
+        if (status == StatusOK) {
             for (int c = 0; c < n; c++) now->signals[places[c]] = guess[c];
             status = sweep(instance, group, time, length);
         }
-        if (status != fmi2OK) return status;
+        if (status != StatusOK) return status;
         for (int c = 0; c < n; c++) {
             const double answer = now->signals[places[c]], residual = answer - guess[c];
             answers[k * n + c] = answer;
@@ -70,28 +70,28 @@ static fmi2Status iterate(Instance *instance, const Group *group, double time, d
         if (!finite) break;
         if ((k > 0 && k <= n) || !agreed)
             improve(n, k + 1, residuals, answers, sizes, earlier, jacobian, basis, direction, guess);
-        if (agreed) return fmi2OK;
+        if (agreed) return StatusOK;
     }
     forget(n, jacobian);
     return NO_AGREEMENT;
 }
 
 /* Bring a group to the end of the step, in halves if one step fails. */
-static fmi2Status advance_group(Instance *instance, const Group *group, double time, double length,
+static Status advance_group(Instance *instance, const Group *group, double time, double length,
                                 int halvings) {
-    if (group->saved && save_begin(instance, group) != fmi2OK) return fmi2Error;
-    const fmi2Status status = iterate(instance, group, time, length);
-    if (status != fmi2Discard && status != NO_AGREEMENT) return status;
+    if (group->saved && save_begin(instance, group) != StatusOK) return StatusError;
+    const Status status = iterate(instance, group, time, length);
+    if (status != StatusDiscard && status != NO_AGREEMENT) return status;
     if (instance->memory.ended) return status;
     if (!group->saved || !group->halves || halvings == 0) {
         if (status == NO_AGREEMENT)
-            report(instance, fmi2Error, "the loop of %s does not converge on the step from t = %.9g s of %.3g s.",
+            report(instance, StatusError, "the loop of %s does not converge on the step from t = %.9g s of %.3g s.",
                    parts[members[group->first_member]].name, time, length);
         return status;
     }
-    if (restore_parts(instance, group) != fmi2OK) return failed(instance);
+    if (restore_parts(instance, group) != StatusOK) return failed(instance);
     instance->memory.now = instance->kept;
     const double middle = time + 0.5 * length, end = time + length;
-    const fmi2Status first = advance_group(instance, group, time, middle - time, halvings - 1);
-    return first != fmi2OK ? first : advance_group(instance, group, middle, end - middle, halvings - 1);
+    const Status first = advance_group(instance, group, time, middle - time, halvings - 1);
+    return first != StatusOK ? first : advance_group(instance, group, middle, end - middle, halvings - 1);
 }

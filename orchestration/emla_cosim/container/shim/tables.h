@@ -63,9 +63,9 @@ typedef struct {
 /* A variable of this FMU: that of a part. */
 typedef struct {
     const char *name;
-    char type;
+    char type; /* as that of an input; in FMI 3.0 that of an enumeration is E */
     char settable;
-    int part;
+    int part; /* -1 for the time */
     fmi2ValueReference reference;
     int signal; /* its signal, or -1 */
 } Variable;

@@ -13,13 +13,13 @@ NAMES = {SSP: "an SSP", FMU: "an FMU", C: "a C file"}
 """What messages call them."""
 
 _STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance")
-_ONLY_HERE = ("inputs", "outputs", "components", "precision", "platform")
+_ONLY_HERE = ("fmi", "inputs", "outputs", "components", "precision", "platform")
 """Options of exports only: any other value than the default was asked for."""
 
 _NOT_IN = {
-    SSP: (*_STEPPED, "inputs", "outputs", "components", "precision"),
+    SSP: (*_STEPPED, "fmi", "inputs", "outputs", "components", "precision"),
     FMU: ("components", "precision"),
-    C: ("inputs", "platform"),
+    C: ("fmi", "inputs", "platform"),
 }
 
 

@@ -219,6 +219,7 @@ class Scenario:
             options.outputs,
             lambda names: _tracked(names, options.roles),
             options.platform,
+            options.fmi,
             options.overwrite,
             progress,
         )

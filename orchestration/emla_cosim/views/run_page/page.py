@@ -9,11 +9,11 @@ from ...base.arrays import Vector
 from ...base.signal_types import REAL
 from ...base.wording import format_count
 from ...run.result import Result
+from ...ssp.diagram import build_diagrams, group_connections
 from ..formatting import describe_stepping
 from ..pages.comparisons import build_comparison_rows
 from ..pages.page import Plots, render_template
 from . import picture_plots, signals, tables
-from .diagram import build_diagrams, group_connections
 from .heading import build_heading
 
 _VALUES = 20_000_000

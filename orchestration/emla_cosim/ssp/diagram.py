@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...base.wording import format_count
-from ...ssp.documents.ssd_data import Connector, Element, SsdConnection, SystemElement
-from ...ssp.writer.coordinates import add_coordinates
+from ..base.wording import format_count
+from .documents.ssd_data import Connector, Element, SsdConnection, SystemElement
+from .writer.coordinates import add_coordinates
 
 _MOST, _MOST_ALONE = 24, 100
 """Most boxes in one diagram. Parts of a larger system have diagrams of their own."""

@@ -1,0 +1,62 @@
+"""Terminals of the FMU of a system: those of its components, as far as their variables are outside."""
+
+from collections.abc import Iterator, Sequence
+from xml.etree.ElementTree import Element, SubElement
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from fmublock.description import format_xml
+
+from .plan import ContainerPlan, Library
+from .variables import ContainerVariable
+
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+"""The file in an FMU."""
+
+
+def container_terminals(plan: ContainerPlan, variables: Sequence[ContainerVariable]) -> bytes | None:
+    """Return the file as UTF-8 XML, or None without terminals.
+
+    Members keep their names, so that they connect with the terminals of other FMUs. The terminal `load` of
+    the component `lift.plant` becomes `lift.plant.load`.
+    """
+    members = [dict(_read_members(library)) for library in plan.libraries]
+    found: dict[str, dict[str, str]] = {}
+    for variable in variables:
+        part = plan.parts[variable.part]
+        known = members[part.library].get(variable.own.name)
+        if known is not None and variable.causality in ("input", "output"):
+            terminal, member = known
+            found.setdefault(f"{part.name}.{terminal}", {}).setdefault(member, variable.name)
+    if not found:
+        return None
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    terminals = SubElement(root, "Terminals")
+    for name, inside in found.items():
+        terminal = SubElement(terminals, "Terminal", name=name, matchingRule="bus")
+        for member, variable in inside.items():
+            attributes = {"variableName": variable, "memberName": member, "variableKind": "signal"}
+            SubElement(terminal, "TerminalMemberVariable", attributes)
+    return format_xml(root)
+
+
+def _read_members(library: Library) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield the variables in the terminals of an FMU, with the names of terminal and member.
+
+    Terminals inside of others are left out, as are those whose members connect by their order: some may be
+    missing outside.
+    """
+    content = library.content.get(TERMINALS)
+    if content is None:
+        return
+    try:
+        root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
+    except etree.XMLSyntaxError:
+        return
+    for terminal in root.iterfind("Terminals/Terminal"):
+        if terminal.get("matchingRule") != "bus":
+            continue
+        for member in terminal.iterfind("TerminalMemberVariable"):
+            variable, name = member.get("variableName"), member.get("memberName")
+            if variable and name and member.get("variableKind") == "signal":
+                yield variable, (str(terminal.get("name")), name)
