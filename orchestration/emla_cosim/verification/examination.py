@@ -53,6 +53,7 @@ def examine_fmu(
             findings[found.check] = found
             _take_over(found, subject)
     names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
+    names -= {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(
         subject.path,
@@ -130,14 +131,18 @@ def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Fi
     known, ready, skip = dict(before), [], subject.settings.skip
     for check in checks:
         if (missing := _missing(check, known, skip)) is not None:
-            known[check.name] = skip_blocked(check, missing)
+            known[check.name] = skip_blocked(check, missing, subject.known_version)
         else:
             ready.append(check)
     found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
     for check in checks:
         if check.name in found:  # a needed check may be in the same group
             missing = _missing(check, known, skip) or _hindering(check, found[check.name], known)
-            known[check.name] = skip_blocked(check, missing) if missing is not None else found[check.name]
+            known[check.name] = (
+                skip_blocked(check, missing, subject.known_version)
+                if missing is not None
+                else found[check.name]
+            )
         yield known[check.name]
 
 
