@@ -1,4 +1,4 @@
-"""FMUs of FMI 3.0 that are wrong in one thing: the toy with another model description, or another function."""
+"""FMUs of FMI 3.0 that are wrong in one thing: the toy with another description or function."""
 
 import tempfile
 from collections.abc import Callable
@@ -84,7 +84,8 @@ _DO_STEP = (
 )
 _STEP = "fmi3Status status = original(c, t, h, no, event, end, early, reached);"
 _GET = (
-    "fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 v[], size_t m)"
+    "fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 v[], "
+    "size_t m)"
 )
 _DERIVE = (
     "fmi3Status {}(fmi3Instance c, const fmi3ValueReference u[], size_t nu, const fmi3ValueReference k[], "
@@ -243,7 +244,9 @@ THIRD: list[Broken] = [
         "third-directional",
         "FMI 3.0: a directional derivative that is wrong by half",
         "derivatives.directional",
-        with_function("fmi3GetDirectionalDerivative", _DERIVE.format("fmi3GetDirectionalDerivative"), _SCALED),
+        with_function(
+            "fmi3GetDirectionalDerivative", _DERIVE.format("fmi3GetDirectionalDerivative"), _SCALED
+        ),
     ),
     Broken(
         "third-adjoint",

@@ -15,6 +15,7 @@ _SAY_IT_BETTER = (
     units.defined,
     variables.names,
     variables.attributes,
+    variables.aliases,
     starts.presence,
     structure.outputs,
     structure.derivatives,
