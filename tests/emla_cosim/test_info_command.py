@@ -180,8 +180,8 @@ def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, t
         b"<ModelStructure/>", b'<ModelStructure><Output valueReference="2"/></ModelStructure>'
     )
     inner = '<Terminal name="inner"/>'
-    terminals = f"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals><Terminal name="outer">{inner}</Terminal>
-    </Terminals></fmiTerminalsAndIcons>"""
+    terminals = f"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
+    <Terminal name="outer">{inner}</Terminal></Terminals></fmiTerminalsAndIcons>"""
     files = {"modelDescription.xml": content, "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
     write_archive(tmp_path / "x.fmu", files)
     shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())

@@ -29,7 +29,9 @@ _REACHED = fmi3("4.2.1", "The time reached is specified in lastSuccessfulTime.")
 @check(
     "steps.events",
     "Event mode and early return are used as declared",
-    _UNUSED,
+    fmi3(
+        "4.2", "The state machine in [...] defines the allowed calling sequences for FMI for Co-Simulation."
+    ),
     "Handle events inside of fmi3DoStep without event mode. Declare hasEventMode and "
     "mightReturnEarlyFromDoStep.",
     needs=("run.finite",),
@@ -41,7 +43,7 @@ def events(subject: Subject) -> CheckOutcome:
     if subject.kinds[0] != "CoSimulation":
         return skipped("The FMU is not for Co-Simulation.")
     if claim := in_fresh_process(_claim, subject):
-        return failed(claim)
+        return failed(claim, clause=_UNUSED)
     has_mode = subject.has_flag("hasEventMode", "CoSimulation")
     run: EventRun = in_fresh_process(_run_with_events, subject, has_mode)
     if run.early is not None and not subject.has_flag("mightReturnEarlyFromDoStep", "CoSimulation"):
@@ -50,7 +52,8 @@ def events(subject: Subject) -> CheckOutcome:
         )
         return failed(said, clause=_ANNOUNCED)
     if not has_mode and run.events:
-        return failed("fmi3DoStep asked for event mode, but hasEventMode is not set.")
+        said = "fmi3DoStep asked for event mode, but hasEventMode is not set."
+        return failed(said, clause=_UNUSED)
     if run.astray is not None:
         begin, end, reached = run.astray
         said = f"fmi3DoStep from t = {begin:.9g} s to {end:.9g} s returned early at t = {reached:.9g} s."

@@ -52,10 +52,9 @@ def booleans(subject: Subject) -> CheckOutcome:
         "The values can be any integer number but must be unique within the same enumeration (in order that "
         'the mapping between "name" and "value" is bijective).',
         in_3=fmi3(
-            "2.2.7.3",
-            "If an FMU defines min/max values for local and output variables of integer and <Enumeration> "
-            "types, then the FMU must return values within the defined range when fmi3Get{VariableType} is "
-            "called.",
+            "2.4.7.5",
+            "For <Enumeration> the attribute declaredType is required because the <Enumeration> items are "
+            "defined in <TypeDefinitions><TypeDefinition>.",
         ),
     ),
     "Add an item for the value to the SimpleType, or return another one.",
