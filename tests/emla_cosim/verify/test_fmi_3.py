@@ -99,3 +99,21 @@ def test_a_reference_to_nothing_is_told_by_its_number(
     assert finding.verdict == Verdict.FAILED
     assert words.rstrip(".") in finding.sentence
     assert finding.clause.document == "FMI 3.0.2"
+
+
+def test_values_that_no_check_reads_are_named(tmp_path: Path) -> None:
+    build = with_tree(
+        lambda root: root.find("ModelVariables").extend(
+            [
+                root.makeelement("Binary", name="blob", valueReference="98", causality="local"),
+                root.makeelement(
+                    "UInt64", name="n", valueReference="99", causality="structuralParameter", start="2"
+                ),
+            ]
+        ),
+        fmi=3,
+    )
+    (one,) = ec.verify(build(tmp_path), only=["description", "variables"]).examined
+    assert not one.of(Verdict.FAILED)
+    assert "Values of Binary variables were not examined: blob." in one.not_examined
+    assert "Other values of structural parameters were not examined: n." in one.not_examined
