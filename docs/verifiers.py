@@ -35,12 +35,13 @@ from tests.support.broken.editing import good_bytes
 from tests.support.broken.memory import MEMORY, build_memory_fmu
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN
+from tests.support.broken.third import THIRD
 from tests.support.broken.wide import WIDE, build_wide_fmu
 
 OURS = "emla verify"
 SETS = {
     "the file: archive, model description, libraries": STATIC,
-    "behavior": [b for b in BROKEN if b not in STATIC and b not in MEMORY],
+    "behavior": [b for b in BROKEN if b not in STATIC and b not in MEMORY and b not in THIRD],
     "the use of memory, with sources": MEMORY,
 }
 LIMIT = 120.0

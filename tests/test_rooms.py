@@ -60,6 +60,7 @@ LATE = {
         {
             "base.errors",
             "recorders.tubes.tolerance",
+            "verification.catalogue",
             "verification.examination",
             "verification.compute_once",
             "verification.settings",

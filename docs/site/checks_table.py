@@ -15,4 +15,6 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def _lines() -> Iterator[str]:
     yield "| Check | What it asks | Rests on |\n|---|---|---|"
     for check in CHECKS:
-        yield f"| `{check.name}` | {check.title} | {check.clause} |"
+        versions = [version for version in (2, 3) if check.only_for in (0, version)]
+        clauses = dict.fromkeys(str(check.of(version).clause) for version in versions)
+        yield f"| `{check.name}` | {check.title} | {'; '.join(clauses)} |"

@@ -165,11 +165,11 @@ FIELDS = {
     "": "format version name description start_time stop_time step_size notes fmus components connections "
     "variables",
     "fmus": "path model description fmi_version kinds platforms start_time stop_time step_size tolerance "
-    "tool version author license guid sha256 size",
+    "tool version author license guid sha256 size capabilities terminals",
     "components": "name model fmu",
     "connections": "output input factor offset",
     "variables": "name component fmu_name causality variability type unit start default minimum maximum "
-    "choices description driven_by read_by settable",
+    "choices description driven_by read_by settable data_type dimensions clocks interval_variability",
 }
 """What scripts rely on; docs/info.md describes it."""
 

@@ -162,3 +162,37 @@ def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Pa
 def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:
     assert "matches 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
     assert "there is no scenario 'nothing'" in sentence(emla("info", "nothing"), 2)
+
+
+THIRD = """
+<Float64 name="time" valueReference="0" causality="independent"/>
+<Clock name="tick" valueReference="1" causality="input" intervalVariability="constant" intervalDecimal="0.1"/>
+<Int8 name="count" valueReference="2" causality="output" clocks="1"/>
+<Float32 name="u" valueReference="3" causality="input" start="1 2 3"><Dimension start="3"/></Float32>
+"""
+"""Variables of FMI 3.0 with a Clock."""
+
+
+def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, tmp_path: Path) -> None:
+    content = description(THIRD, version="3.0")
+    content = content.replace(b'modelIdentifier="M"/>', b'modelIdentifier="M" hasEventMode="true"/>')
+    content = content.replace(
+        b"<ModelStructure/>", b'<ModelStructure><Output valueReference="2"/></ModelStructure>'
+    )
+    inner = '<Terminal name="inner"/>'
+    terminals = f"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
+    <Terminal name="outer">{inner}</Terminal></Terminals></fmiTerminalsAndIcons>"""
+    files = {"modelDescription.xml": content, "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
+    write_archive(tmp_path / "x.fmu", files)
+    shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
+    assert "it needs clocks, which are not supported" in shown
+    assert "capabilities CoSimulation: hasEventMode terminals outer, outer.inner" in shown
+    assert "M.tick constant Clock input" in shown
+    assert "M.count Int8 output at tick" in shown
+    assert "M.u Float32 [3] input 1 2 3" in shown
+    told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
+    assert told["fmus"][0]["capabilities"] == {"CoSimulation": ["hasEventMode"]}
+    assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
+    rows = {v["fmu_name"]: v for v in told["variables"]}
+    assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
+    assert (rows["u"]["dimensions"], rows["tick"]["interval_variability"]) == ([3], "constant")

@@ -14,14 +14,19 @@ from fmpy.model_description import ModelVariable
 from ..base.files import restore_working_folder
 from .elements import ElementVariable
 from .variables import TypedValue
-from .version_3 import Slave3
+from .version_3 import Model3, Slave3
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 FINE = (OK, WARNING)
 
 _WITHOUT_STATUS = ("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", "fmi2FreeInstance")
-_WITHOUT_STATUS_3 = ("fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3FreeInstance")
+_WITHOUT_STATUS_3 = (
+    "fmi3GetVersion",
+    "fmi3InstantiateCoSimulation",
+    "fmi3InstantiateModelExchange",
+    "fmi3FreeInstance",
+)
 
 
 class FmiInstance(ABC):
@@ -160,6 +165,10 @@ class FMU3AnnouncedSlave(_Announced, Slave3):
     """fmpy's class for co-simulation of FMI 3.0."""
 
 
+class FMU3AnnouncedModel(_Announced, Model3):
+    """fmpy's class for Model Exchange of FMI 3.0."""
+
+
 def load(
     kind: str, library: Path, folder: Path, identifier: str, guid: str | None, version: str = "2.0"
 ) -> Any:
@@ -178,7 +187,7 @@ def load(
     """
     made = FMU2AnnouncedSlave if kind == "CoSimulation" else FMU2AnnouncedModel
     if version != "2.0":
-        made = FMU3AnnouncedSlave
+        made = FMU3AnnouncedSlave if kind == "CoSimulation" else FMU3AnnouncedModel
     with restore_working_folder():  # fmpy changes to the library's folder
         return made(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)

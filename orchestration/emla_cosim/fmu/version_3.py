@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 from .log import FmuLog
 
@@ -117,6 +117,30 @@ class Slave3(FMU3Slave):
     def fmi2SetString(self, component: Any, references: Any, count: int, texts: Any) -> int:
         """Set Strings."""
         return self.fmi3SetString(component, references, count, texts, count)
+
+
+class Model3(Slave3, FMU3Model):  # pyright: ignore[reportIncompatibleMethodOverride]
+    """fmpy's class for Model Exchange, with the methods of FMI 2.0 that an integration calls."""
+
+    def instantiate(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, callbacks: Any = None, loggingOn: bool = False
+    ) -> None:
+        """Instantiate the FMU for Model Exchange, which takes fewer arguments."""
+
+        def instantiate(*arguments: Any) -> Any:
+            return self.fmi3InstantiateModelExchange(*arguments[:5], *arguments[9:11])
+
+        made: Any = self
+        made.fmi3InstantiateCoSimulation = instantiate
+        super().instantiate(callbacks, loggingOn)
+
+    def getDerivatives(self, derivatives: Any, count: int) -> int:
+        """Write the derivatives of the continuous states."""
+        return self.getContinuousStateDerivatives(derivatives, count)
+
+    def newDiscreteStates(self) -> Any:
+        """Update the discrete states."""
+        return self.updateDiscreteStates()
 
 
 def short_functions(functions: dict[str, Any], end: StepEnd) -> dict[str, Any]:

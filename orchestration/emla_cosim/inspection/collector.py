@@ -12,6 +12,7 @@ from ..base.faults import accept_faults
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
+from ..fmu.elements import is_version_3
 from ..fmu.interface import (
     KINDS,
     MODEL_EXCHANGE,
@@ -171,6 +172,11 @@ def _read(path: Path) -> tuple[Interface, str]:
             interface = read_description(path, validate=False)
         except ValidationError as more:
             raise CommandError(f"'{path}' is not a valid FMU: {first_problem(more)}.") from more
+    except CommandError as error:
+        interface = read_description(path, validate=False)
+        if not is_version_3(interface.description):
+            raise
+        wrong = str(error).removeprefix(f"'{path}' ").rstrip(".")
     return interface, explain_unsupported(interface) or wrong
 
 

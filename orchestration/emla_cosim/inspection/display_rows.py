@@ -55,6 +55,7 @@ def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
     starts, defaults = _values([v.start for v in elements]), _values([v.default for v in elements])
     ends = (f"from {first.driven_by}",) if first.driven_by else ()
     ends += tuple(f"to {reader}" for reader in first.read_by)
+    ends += (f"at {' and '.join(first.clocks)}",) if first.clocks else ()
     return DisplayRow(
         name=name,
         kind=_kind(first),
@@ -74,9 +75,12 @@ def format_line(text: str) -> str:
 
 
 def _kind(variable: VariableInfo) -> str:
-    variability = "" if variable.variability in _USUAL else variable.variability
-    kind = "" if variable.type in ("Real", "Float64") else variable.type
-    return format_line(" ".join(filter(None, (variability, kind, variable.causality))))
+    variability = variable.interval_variability or variable.variability
+    variability = "" if variability in _USUAL else variability
+    kind = "" if variable.data_type in ("Real", "Float64") else variable.data_type
+    is_whole = variable.dimensions and not variable.name.endswith("]")
+    size = f"[{', '.join(map(str, variable.dimensions))}]" if is_whole else ""
+    return format_line(" ".join(filter(None, (variability, kind, size, variable.causality))))
 
 
 def _values(values: Sequence[Start | None]) -> str:

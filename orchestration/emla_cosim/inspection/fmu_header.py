@@ -2,6 +2,8 @@
 
 import math
 import zipfile
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -43,7 +45,37 @@ def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
         guid=_text(said.guid),
         sha256=content,
         size=size,
+        capabilities=_capabilities(path),
+        terminals=tuple(_terminals(path)),
     )
+
+
+def _capabilities(path: Path) -> dict[str, tuple[str, ...]]:
+    """Return the flags that are set in the element of each kind."""
+    root = _read_xml(path, "modelDescription.xml")
+    found = {kind: root.find(kind) for kind in _KINDS} if root is not None else {}
+    return {
+        kind: tuple(name for name, text in element.attrib.items() if text.strip() in ("true", "1"))
+        for kind, element in found.items()
+        if element is not None
+    }
+
+
+def _terminals(path: Path) -> Iterator[str]:
+    """Yield the names of all terminals of FMI 3.0."""
+    root = _read_xml(path, "terminalsAndIcons/terminalsAndIcons.xml")
+    for terminal in root.iterfind(".//Terminal") if root is not None else ():
+        parts = [terminal, *terminal.iterancestors("Terminal")]
+        yield ".".join(str(one.get("name", "")) for one in reversed(parts))
+
+
+def _read_xml(path: Path, name: str) -> Any:
+    """Return the root element of a file in the archive; None if it is missing or no XML."""
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
+
+    with zipfile.ZipFile(path) as archive, suppress(KeyError, etree.XMLSyntaxError):
+        return etree.fromstring(archive.read(name), etree.XMLParser(resolve_entities=False, no_network=True))
+    return None
 
 
 def _platforms(path: Path) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Rows of information on a system: FMUs, components, connections and variables."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 Start = float | int | bool | str
 """A start value: number, Boolean or text; for an enumeration, the name of its literal."""
@@ -28,6 +28,8 @@ class FmuInfo:
         guid: identifier of the model.
         sha256: hash of the file.
         size: size of the file in bytes.
+        capabilities: flags that are set, by kind.
+        terminals: names of terminals; those inside of another one have its name and a dot before theirs.
     """
 
     path: str
@@ -47,6 +49,8 @@ class FmuInfo:
     guid: str
     sha256: str
     size: int
+    capabilities: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    terminals: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,10 @@ class VariableInfo:
         driven_by: full name of the output that is connected to an input, or None.
         read_by: full names of the inputs that are connected to an output.
         settable: whether `set` accepts it.
+        data_type: type of FMI 3.0, such as Float32 or Int8; for FMI 2.0, `type`.
+        dimensions: size of the array that it is or belongs to; empty for a scalar.
+        clocks: names of the Clocks that it belongs to.
+        interval_variability: of a Clock, such as constant or triggered.
     """
 
     name: str
@@ -120,3 +128,7 @@ class VariableInfo:
     driven_by: str | None
     read_by: tuple[str, ...]
     settable: bool
+    data_type: str = ""
+    dimensions: tuple[int, ...] = ()
+    clocks: tuple[str, ...] = ()
+    interval_variability: str = ""

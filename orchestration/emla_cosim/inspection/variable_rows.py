@@ -42,6 +42,11 @@ class FmuVariable:
         self.limits = _limit(variable, "min"), _limit(variable, "max")
         self.unit = interface.unit(self.name)
         self.settable = interface.is_settable(self.name)
+        self.data_type = str(getattr(variable, "data_type", "") or variable.type)
+        if variable.type == "Enumeration":
+            self.data_type = "Enumeration"
+        clocks: Any = variable.clocks or ()  # fmpy replaces value references by variables
+        self.clocks = tuple(str(clock.name) for clock in clocks)
         self.description = " ".join(str(variable.description or "").split())
 
     def shown(self, value: Any, back: LinearTransformation) -> Start | None:
@@ -104,6 +109,10 @@ class VariableRows:
             driven_by=None if driver is None else self.wires.name(driver),
             read_by=tuple(self.wires.name(reader) for reader in self.wires.readers.get(end, ())),
             settable=self.runnable and driver is None and said.settable,
+            data_type=said.data_type,
+            dimensions=tuple(said.variable.shape or ()),
+            clocks=said.clocks,
+            interval_variability=str(said.variable.intervalVariability or ""),
         )
 
 

@@ -20,6 +20,9 @@ _OF_FOLDER = {
     "darwin64": ("darwin", "x86_64"),
 }
 
+NAMES_OF_VERSION_2 = frozenset(_OF_FOLDER)
+"""Names of platforms in FMI 2.0."""
+
 
 def read_targets(path: Path) -> set[tuple[str, str]]:
     """Return the systems and processors that a library is for, such as `("linux", "x86_64")`.

@@ -2,10 +2,11 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
+from .terms import say_in_catalogue
 from .verdict import CheckOutcome, Clause
 
 Examine = Callable[[Any], CheckOutcome]
@@ -26,6 +27,7 @@ class Check:
         time_factor: Multiplies the time limit.
         memory_factor: Multiplies the memory limit.
         advisory: Whether a failure only warns or, if the clause is a rule of this program, is only noted.
+        only_for: Version of FMI that alone has what the check is about, 2 or 3; 0 for both.
     """
 
     name: str
@@ -37,6 +39,12 @@ class Check:
     time_factor: float = 1.0
     memory_factor: float = 1.0
     advisory: bool = False
+    only_for: int = 0
+
+    def of(self, version: int) -> "Check":
+        """Return the check with the texts for a version of FMI, 2 or 3."""
+        title, hint = (say_in_catalogue(text, version) for text in (self.title, self.hint))
+        return replace(self, clause=self.clause.of(version), title=title, hint=hint)
 
     def __reduce__(self) -> Any:
         """Pickle the check by its module and name, for other processes."""
@@ -62,11 +70,14 @@ def check(
     time_factor: float = 1.0,
     memory_factor: float = 1.0,
     advisory: bool = False,
+    only_for: int = 0,
 ) -> Callable[[Examine], Check]:
     """Decorate a function as a check. `Check` describes the arguments."""
 
     def made(examine: Examine) -> Check:
-        return Check(name, title, clause, hint, examine, needs, time_factor, memory_factor, advisory)
+        return Check(
+            name, title, clause, hint, examine, needs, time_factor, memory_factor, advisory, only_for
+        )
 
     return made
 

@@ -9,6 +9,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+NUMERIC = (
+    *("Real", "Integer", "Enumeration", "Float32", "Float64"),
+    *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)),
+)
+"""Types that are numbers, of FMI 2.0 and 3.0."""
+
+REAL = ("Real", "Float32", "Float64")
+
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 _EXACT = ("exact",)
@@ -33,10 +41,27 @@ _INITIAL = {
 }
 """Allowed causality and variability, and their `initial`, the default first (tables in 2.2.7)."""
 
+_INITIAL_3 = {
+    **_INITIAL,
+    ("structuralParameter", "fixed"): _EXACT,
+    ("structuralParameter", "tunable"): _EXACT,
+    ("input", "discrete"): _EXACT,
+    ("input", "continuous"): _EXACT,
+}
+"""The same for FMI 3.0 (tables in 2.4.7.4 and 2.4.7.5)."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A dimension of an array of FMI 3.0: its size, or the position of the variable that has it."""
+
+    size: int | None
+    index: int | None
+
 
 @dataclass(frozen=True)
 class DeclaredVariable:
-    """A ScalarVariable. `own` has its own attributes; `attributes` also those of its SimpleType."""
+    """A variable. `own` has its own attributes; `attributes` also those of its type."""
 
     index: int
     """Position in ModelVariables, from 1."""
@@ -50,11 +75,31 @@ class DeclaredVariable:
     attributes: Mapping[str, str]
     multiple_sets: bool
     """Whether it has the attribute canHandleMultipleSetPerTimeInstant."""
+    aliases: tuple[str, ...] = ()
+    dimensions: tuple[Dimension, ...] = ()
+    clocks: tuple[int, ...] | None = None
+    """Positions of its Clocks; None if it has none."""
+    previous: int | None = None
+    """Position of the variable with its previous value."""
+    starts: int = 0
+    """Number of start values of an array."""
+    version: int = 2
+    """Version of FMI."""
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it is a floating-point number."""
+        return self.type in REAL
+
+    @property
+    def is_clocked(self) -> bool:
+        """Whether it is a Clock or belongs to one."""
+        return self.type == "Clock" or self.clocks is not None
 
     @property
     def initials(self) -> tuple[str, ...] | None:
         """Allowed values of `initial`; None if causality and variability are incompatible."""
-        return _INITIAL.get((self.causality, self.variability))
+        return (_INITIAL_3 if self.version == 3 else _INITIAL).get((self.causality, self.variability))
 
     @property
     def possible(self) -> bool:
@@ -108,6 +153,13 @@ class DeclaredUnknown:
     kinds: tuple[str, ...] | None
 
 
+_LISTS_3 = {
+    "Outputs": "Output",
+    "Derivatives": "ContinuousStateDerivative",
+    "InitialUnknowns": "InitialUnknown",
+}
+
+
 @dataclass(frozen=True)
 class Declarations:
     """The declarations that checks compare, in the order of the model description."""
@@ -118,6 +170,19 @@ class Declarations:
     outputs: tuple[DeclaredUnknown, ...]
     derivatives: tuple[DeclaredUnknown, ...]
     initial_unknowns: tuple[DeclaredUnknown, ...]
+    clocked_states: tuple[DeclaredUnknown, ...] = ()
+    event_indicators: tuple[DeclaredUnknown, ...] = ()
+    version: int = 2
+
+    def describe_missing(self, index: int) -> str:
+        """Return what is wrong with an index of no variable: `variable 9; there are only 8`."""
+        if self.version == 3:
+            return f"value reference {-1 - index}, which no variable has"
+        return f"variable {index}; there are only {len(self.variables)}"
+
+    def list_name(self, name: str) -> str:
+        """Return how this version of FMI calls a list of ModelStructure."""
+        return _LISTS_3.get(name, name) if self.version == 3 else name
 
     def variable(self, index: int) -> DeclaredVariable | None:
         """Return the variable with an index of ModelStructure, or None."""

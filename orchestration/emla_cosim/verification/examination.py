@@ -53,15 +53,25 @@ def examine_fmu(
             findings[found.check] = found
             _take_over(found, subject)
     names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
-    shown = tuple(f for f in findings.values() if f.check in names)
+    others = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
+    shown = tuple(f for f in findings.values() if f.check in (names - others or names))
     return Examined(
         subject.path,
         _facts(subject),
         shown,
         time.monotonic() - began,
-        objections=find_objections(shown, subject.settings),
+        objections=(*find_objections(shown, subject.settings), *_not_in_version(subject, others, shown)),
         not_examined=list_unexamined(subject, findings),
     )
+
+
+def _not_in_version(subject: Subject, others: Iterable[str], shown: Sequence[Finding]) -> Iterator[str]:
+    """Yield checks that must run, but are of what another version of FMI has."""
+    for pattern in subject.settings.must_run:
+        if any(is_selected_by(pattern, name) for name in others) and not any(
+            is_selected_by(pattern, f.check) for f in shown
+        ):
+            yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
 
 
 def _take_over(found: Finding, subject: Subject) -> None:
@@ -130,14 +140,18 @@ def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Fi
     known, ready, skip = dict(before), [], subject.settings.skip
     for check in checks:
         if (missing := _missing(check, known, skip)) is not None:
-            known[check.name] = skip_blocked(check, missing)
+            known[check.name] = skip_blocked(check, missing, subject.known_version)
         else:
             ready.append(check)
     found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
     for check in checks:
         if check.name in found:  # a needed check may be in the same group
             missing = _missing(check, known, skip) or _hindering(check, found[check.name], known)
-            known[check.name] = skip_blocked(check, missing) if missing is not None else found[check.name]
+            known[check.name] = (
+                skip_blocked(check, missing, subject.known_version)
+                if missing is not None
+                else found[check.name]
+            )
         yield known[check.name]
 
 

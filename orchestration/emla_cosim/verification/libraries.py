@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..fmu.shared_library import missing_bytes
-from .binary_headers import wanted_target
+from .binary_headers import NAMES_OF_VERSION_2, wanted_target
 from .subject import Subject
 
 _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
@@ -39,6 +39,8 @@ def list_libraries(subject: Subject) -> list[Library]:
     for kind in subject.kinds:
         name = subject.tree.find(kind).get("modelIdentifier")
         for folder in list_platforms(subject):
+            if subject.version == 3 and folder.name in NAMES_OF_VERSION_2:
+                continue  # no tool looks there for a library of FMI 3.0
             for path in sorted(folder.iterdir()):
                 if path.is_file() and path.stem == name and path.suffix in _find_suffixes(folder.name):
                     by_path.setdefault(path, []).append(kind)

@@ -36,9 +36,9 @@ def judge_problems(
         if found:
             every = [*problems, *doubts]
             clause = found[0].clause if isinstance(found[0], Breach) else None
-            details = _lines([_line(one, clause) for one in every]) if len(every) > 1 else ()
+            lines = _lines([_line(one) for one in every]) if len(every) > 1 else ()
             first = f"{shorten_sentence(_message(found[0]))}{_and_more(len(every) - 1)}"
-            return make(first, details=details, clause=clause, gaps=gaps)
+            return make(first, lines=lines, clause=clause, gaps=gaps)
     return passed(fine, gaps=gaps)
 
 
@@ -46,12 +46,9 @@ def _message(problem: Problem) -> str:
     return problem.message if isinstance(problem, Breach) else problem
 
 
-def _line(problem: Problem, quoted: Clause | None) -> str:
-    """Return the message, with its own clause unless that is the one `quoted` above the details."""
-    line = shorten_sentence(_message(problem))
-    if isinstance(problem, Breach) and problem.clause != quoted:
-        return f"{line} ({problem.clause}: “{problem.clause.sentence}”)"
-    return line
+def _line(problem: Problem) -> tuple[str, Clause | None]:
+    """Return the message and its own clause."""
+    return shorten_sentence(_message(problem)), problem.clause if isinstance(problem, Breach) else None
 
 
 def _and_more(count: int) -> str:
@@ -60,8 +57,8 @@ def _and_more(count: int) -> str:
     return " There is one more place." if count == 1 else f" There are {count} more places."
 
 
-def _lines(found: Sequence[str]) -> tuple[str, ...]:
-    rest = (f"There are {len(found) - MOST} more.",) if len(found) > MOST else ()
+def _lines(found: Sequence[tuple[str, Clause | None]]) -> tuple[tuple[str, Clause | None], ...]:
+    rest = ((f"There are {len(found) - MOST} more.", None),) if len(found) > MOST else ()
     return (*found[:MOST], *rest)
 
 

@@ -127,8 +127,10 @@ class FmuCollector(pytest.File):
             item.add_marker(pytest.mark.fmu(check=check.name, group=check.group))
             yield item
 
-    def finding(self, item: FmuItem) -> Finding:
+    def finding(self, item: FmuItem) -> Finding | None:
         """Return the finding of a check, or of a failed check that it needs and that is not selected.
+
+        It is None for a check of what another version of FMI has.
 
         The first request runs all selected checks, in whichever worker it comes from.
         """
@@ -170,6 +172,9 @@ class FmuItem(pytest.Item):
 
         assert isinstance(self.parent, FmuCollector)
         found = self.parent.finding(self)
+        if found is None:
+            other = f"{self.name}: the FMI version of the FMU does not have it."
+            raise pytest.skip.Exception(other, _use_item_location=True)
         if found.verdict == Verdict.FAILED:
             needed = "" if found.check == self.name else f"It needs {found.check}, which failed. "
             raise FmuFailure(needed + explain_finding(found))
@@ -244,12 +249,15 @@ def _worker_data(config: pytest.Config) -> dict[str, Any] | None:
     return getattr(config, "workerinput", {}).get("emla_verify")
 
 
-def _of(check: str, examined: Examined, selected: Container[str]) -> Finding:
-    """Return the finding of a check, or that of a failed check that has no test."""
+def _of(check: str, examined: Examined, selected: Container[str]) -> Finding | None:
+    """Return the finding of a check, or that of a failed check that has no test; None if there is none."""
+    from .catalogue import CHECKS
     from .verdict import Verdict
 
     lost = [f for f in examined.of(Verdict.FAILED) if f.check not in selected]
     found = next((f for f in examined.findings if f.check == check), None)
+    if found is None and any(c.name == check and c.only_for for c in CHECKS):
+        return next(iter(lost), None)
     if found is None or (lost and found.verdict == Verdict.SKIPPED):
         return (lost or examined.findings)[0]
     return found

@@ -1,5 +1,6 @@
 """The FMU under examination."""
 
+import re
 import sys
 import zipfile
 from dataclasses import dataclass, field
@@ -11,12 +12,23 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..fmu.elements import split_arrays
 from ..fmu.interface import Interface
 from ..fmu.shared_library import find_library
 from .declarations import Declarations, read_declarations
+from .declarations_3 import read_declarations_3
 from .settings import Settings
 
 DESCRIPTION = "modelDescription.xml"
+_KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
+_VERSION_3 = re.compile(r"3\.0(\.[0-9]+)?")
+
+_FLAGS = {
+    "canGetAndSetFMUstate": "canGetAndSetFMUState",
+    "canSerializeFMUstate": "canSerializeFMUState",
+    "providesDirectionalDerivative": "providesDirectionalDerivatives",
+}
+"""Capability flags of FMI 2.0 that have another name in FMI 3.0."""
 
 
 @dataclass
@@ -49,15 +61,35 @@ class Subject:
         with zipfile.ZipFile(self.path) as archive:
             return etree.fromstring(archive.read(DESCRIPTION), parser)
 
+    @property
+    def version(self) -> int:
+        """The version of FMI: 3 for FMI 3.0, otherwise 2."""
+        return 3 if _VERSION_3.fullmatch(self.tree.get("fmiVersion", "")) else 2
+
+    @property
+    def known_version(self) -> int:
+        """The version of FMI as far as the model description was read."""
+        return self.version if "tree" in vars(self) else 2
+
+    def read_description(self) -> ModelDescription:
+        """Read the model description with fmpy, without a validation."""
+        return fmpy.read_model_description(str(self.path), validate=False)
+
     @cached_property
     def description(self) -> ModelDescription:
-        """The model description from fmpy, not validated."""
-        return fmpy.read_model_description(str(self.path), validate=False)
+        """The model description from fmpy, not validated.
+
+        Variables of FMI 3.0 are split into elements, with the types of FMI 2.0, without Clocks and Binary.
+        """
+        found = self.read_description()
+        if self.version == 3:
+            split_arrays(found)
+        return found
 
     @cached_property
     def declared(self) -> Declarations:
         """The declarations of the model description. Needs `description.schema`."""
-        return read_declarations(self.tree)
+        return (read_declarations_3 if self.version == 3 else read_declarations)(self.tree)
 
     @cached_property
     def interface(self) -> Interface:
@@ -71,17 +103,25 @@ class Subject:
 
     @property
     def kinds(self) -> list[str]:
-        """The kinds of the FMU: `CoSimulation`, `ModelExchange`, or both, in this order."""
-        return [name for name in ("CoSimulation", "ModelExchange") if self.tree.find(name) is not None]
+        """The kinds of the FMU: `CoSimulation`, `ModelExchange`, and that of FMI 3.0, in this order."""
+        names = _KINDS if self.version == 3 else _KINDS[:2]
+        return [name for name in names if self.tree.find(name) is not None]
 
     def find_kind_element(self, kind: str) -> Any:
         """Return fmpy's element of the model description for a kind, or None."""
-        description = self.description
-        return description.coSimulation if kind == "CoSimulation" else description.modelExchange
+        return getattr(self.description, f"{kind[0].lower()}{kind[1:]}")
 
     def has_capability(self, capability: str, kind: str | None = None) -> bool:
-        """Return whether a flag such as `canGetAndSetFMUstate` is set, by default for the first kind."""
-        return bool(getattr(self.find_kind_element(kind or self.kinds[0]), capability, False))
+        """Return whether a flag is set, by its name in FMI 2.0, by default for the first kind."""
+        kind = kind or self.kinds[0]
+        if self.version == 3:  # fmpy (0.3.32) does not read all of them
+            return self.has_flag(_FLAGS.get(capability, capability), kind)
+        return bool(getattr(self.find_kind_element(kind), capability, False))
+
+    def has_flag(self, flag: str, kind: str | None = None) -> bool:
+        """Return whether the element of a kind, by default the first one, has an attribute that is true."""
+        element = self.tree.find(kind or self.kinds[0])
+        return element is not None and element.get(flag, "false").strip() in ("true", "1")
 
     def library(self, kind: str | None = None) -> Path | None:
         """Return the shared library for this machine, or None."""

@@ -31,6 +31,7 @@ def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[
         *_not_run(found),
         *_gaps(found),
         *_other_platforms(subject),
+        *_of_version_3(subject),
         *protection,
     )
 
@@ -56,6 +57,26 @@ def _not_run(found: Sequence[Finding]) -> Iterator[str]:
 def _gaps(found: Sequence[Finding]) -> Iterator[str]:
     for f in found:
         yield from (f"{f.check}: {gap}" for gap in f.outcome.gaps)
+
+
+def _of_version_3(subject: Subject) -> Iterator[str]:
+    """Yield what FMI 3.0 has and no check that calls the FMU uses."""
+    if subject.known_version != 3 or "declared" not in vars(subject):
+        return
+    variables = subject.declared.variables
+    found = {
+        "Values of Binary variables": [v for v in variables if v.type == "Binary"],
+        "Values of arrays of Strings": [v for v in variables if v.type == "String" and v.dimensions],
+        "Other values of structural parameters": [
+            v for v in variables if v.causality == "structuralParameter"
+        ],
+        "Values during intermediate updates": [
+            v for v in variables if v.own.get("intermediateUpdate") in ("true", "1")
+        ],
+    }
+    for what, some in found.items():
+        if some:
+            yield f"{what} were not examined: {join_few_names([v.name for v in some])}."
 
 
 def _other_platforms(subject: Subject) -> Iterator[str]:

@@ -22,23 +22,33 @@ class Verdict(StrEnum):
 class Clause:
     """A quotation of FMI 2.0.4 with its section: `Clause("2.1.5", "The function ...")`.
 
-    `document` names another document that is quoted.
+    `document` names another document that is quoted, `in_3` is what FMI 3.0 says instead.
     """
 
     section: str
     sentence: str
     document: str = "FMI 2.0.4"
+    in_3: "Clause | None" = None
 
     def __str__(self) -> str:
         return f"{self.document}, {self.section}"
+
+    def of(self, version: int) -> "Clause":
+        """Return the clause for FMUs of a version of FMI, 2 or 3."""
+        return self.in_3 if version == 3 and self.in_3 is not None else self
+
+
+def fmi3(section: str, sentence: str) -> Clause:
+    """Return a quotation of FMI 3.0.2."""
+    return Clause(section, sentence, document="FMI 3.0.2")
 
 
 _OWN = "emla verify"
 
 
-def own_rule(check: str, sentence: str) -> Clause:
-    """Return a rule of this program, for which the standard has no sentence."""
-    return Clause(check, sentence, document=_OWN)
+def own_rule(check: str, sentence: str, in_3: Clause | None = None) -> Clause:
+    """Return a rule of this program, for which the standard, or only FMI 2.0, has no sentence."""
+    return Clause(check, sentence, document=_OWN, in_3=in_3)
 
 
 def is_own_rule(clause: Clause) -> bool:
@@ -50,6 +60,11 @@ RETURNS = Clause(
     "2.1.3",
     "This section defines the “status” flag [...] that is returned by all functions to indicate the success "
     "of the function call:",
+    in_3=fmi3(
+        "2.2.4",
+        "This section defines the return values the C-API functions indicating success or failure of the "
+        "function call.",
+    ),
 )
 """A function that crashes, ends the process or never returns violates this clause."""
 
@@ -69,6 +84,7 @@ class CheckOutcome:
         blocked: Whether the check applies, but could not run. Such an FMU does not pass.
         blocks: Whether checks that need this one cannot run if it fails.
         gaps: What the check could not judge, as sentences for the section *Not examined*.
+        lines: Details before `terms.in_terms_of` writes them: messages, each with its clause if it has one.
     """
 
     verdict: Verdict
@@ -81,6 +97,7 @@ class CheckOutcome:
     blocked: bool = False
     blocks: bool = True
     gaps: tuple[str, ...] = ()
+    lines: tuple[tuple[str, Clause | None], ...] = ()
 
 
 def passed(sentence: str, **more: Any) -> CheckOutcome:

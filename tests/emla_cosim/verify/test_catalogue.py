@@ -19,6 +19,17 @@ def test_check_is_well_told(check: Check) -> None:
         assert re.fullmatch(r"[1-5](\.\d)*|fmi2\w+\.xsd", check.clause.section)
 
 
+@pytest.mark.parametrize("check", [c for c in CHECKS if c.only_for != 2], ids=lambda c: c.name)
+def test_check_is_told_in_the_terms_of_fmi_3(check: Check) -> None:
+    """No clause of FMI 2.0 is quoted for an FMU of FMI 3.0, and no function of it is named."""
+    third = check.of(3)
+    assert third.clause.document != "FMI 2.0.4"
+    if third.clause.document == "FMI 3.0.2":
+        assert re.fullmatch(r"[1-5](\.\d+)*|fmi3PlatformTypes.h", third.clause.section)
+    assert "fmi2" not in third.title + third.hint
+    assert check.of(2) == check
+
+
 def test_needs_stand_before() -> None:
     names = [c.name for c in CHECKS]
     assert len(set(names)) == len(names)

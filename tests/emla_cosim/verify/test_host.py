@@ -126,7 +126,7 @@ class _Model:
 def _integration(model: _Model) -> Integration:
     description = SimpleNamespace(numberOfContinuousStates=1, numberOfEventIndicators=1)
     means = SimpleNamespace(completedIntegratorStepNotNeeded=False)
-    subject: Any = SimpleNamespace(description=description, find_kind_element=lambda kind: means)
+    subject: Any = SimpleNamespace(version=2, description=description, find_kind_element=lambda kind: means)
     integration = Integration(model, subject)
     integration.begin()
     return integration

@@ -65,7 +65,11 @@ def test_no_model_description(content: bytes, examine: Examine, tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("version", "words"),
-    [("1.0", "It is an FMI 1.0 FMU"), ("3.0", "It is an FMI 3.0 FMU"), ("x" * 9999, "It is an FMI xxx")],
+    [
+        ("1.0", "It is an FMI 1.0 FMU"),
+        ("3.0-beta.3", "It is an FMI 3.0-beta.3 FMU"),
+        ("x" * 9999, "It is an FMI xxx"),
+    ],
 )
 def test_other_versions_are_told(version: str, words: str, examine: Examine, tmp_path: Path) -> None:
     finding = examine(setting("/*", fmiVersion=version)(tmp_path))["description.readable"]

@@ -17,15 +17,15 @@ Files = dict[str, bytes]
 
 
 @cache
-def good_bytes() -> bytes:
-    """An FMU that passes all checks: the toy, for Co-Simulation and Model Exchange."""
+def good_bytes(fmi: int = 2) -> bytes:
+    """An FMU that passes all checks: the toy, for Co-Simulation and Model Exchange of a version of FMI."""
     with tempfile.TemporaryDirectory() as folder:
-        return build_toy("native", Path(folder, "Toy.fmu")).read_bytes()
+        return build_toy("native", Path(folder, "Toy.fmu"), fmi=fmi).read_bytes()
 
 
-def good_files() -> Files:
+def good_files(fmi: int = 2) -> Files:
     """What is in it, by path."""
-    return read_files(good_bytes())
+    return read_files(good_bytes(fmi))
 
 
 def read_files(content: bytes) -> Files:
@@ -43,28 +43,28 @@ def written(path: Path, files: Iterable[tuple[str | zipfile.ZipInfo, bytes]]) ->
     return path
 
 
-def with_files(edit: Callable[[Files], object]) -> Callable[[Path], Path]:
+def with_files(edit: Callable[[Files], object], fmi: int = 2) -> Callable[[Path], Path]:
     """Builds the good FMU with files that `edit` changed."""
 
     def build(folder: Path) -> Path:
-        files = good_files()
+        files = good_files(fmi)
         edit(files)
         return written(folder / "Toy.fmu", files.items())
 
     return build
 
 
-def with_text(old: str, new: str, file: str = DESCRIPTION) -> Callable[[Path], Path]:
+def with_text(old: str, new: str, file: str = DESCRIPTION, fmi: int = 2) -> Callable[[Path], Path]:
     """Builds the good FMU with one text in place of another, which has to be there."""
 
     def edit(files: Files) -> None:
         assert old.encode() in files[file], f"{old} is not in {file}"
         files[file] = files[file].replace(old.encode(), new.encode())
 
-    return with_files(edit)
+    return with_files(edit, fmi)
 
 
-def with_tree(edit: Callable[[etree._Element], object]) -> Callable[[Path], Path]:
+def with_tree(edit: Callable[[etree._Element], object], fmi: int = 2) -> Callable[[Path], Path]:
     """Builds the good FMU with a model description that `edit` changed."""
 
     def change(files: Files) -> None:
@@ -72,10 +72,10 @@ def with_tree(edit: Callable[[etree._Element], object]) -> Callable[[Path], Path
         edit(root)
         files[DESCRIPTION] = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
 
-    return with_files(change)
+    return with_files(change, fmi)
 
 
-def setting(path: str, **attributes: str | None) -> Callable[[Path], Path]:
+def setting(path: str, fmi: int = 2, **attributes: str | None) -> Callable[[Path], Path]:
     """Builds the good FMU with attributes of an element changed; those that are None are taken away."""
 
     def edit(root: etree._Element) -> None:
@@ -88,14 +88,14 @@ def setting(path: str, **attributes: str | None) -> Callable[[Path], Path]:
                 else:
                     element.set(name, value)
 
-    return with_tree(edit)
+    return with_tree(edit, fmi)
 
 
-def without(path: str) -> Callable[[Path], Path]:
+def without(path: str, fmi: int = 2) -> Callable[[Path], Path]:
     """Builds the good FMU without an element."""
 
     def edit(root: etree._Element) -> None:
         (element,) = root.xpath(path)
         element.getparent().remove(element)
 
-    return with_tree(edit)
+    return with_tree(edit, fmi)

@@ -144,10 +144,10 @@ STATIC: list[Broken] = [
         with_text("</ModelVariables>", ""),
     ),
     Broken(
-        "fmi-3",
-        "A model description of FMI 3.0",
+        "fmi-1",
+        "A model description of FMI 1.0",
         "description.readable",
-        with_text('fmiVersion="2.0"', 'fmiVersion="3.0"'),
+        with_text('fmiVersion="2.0"', 'fmiVersion="1.0"'),
     ),
     Broken(
         "dtd",

@@ -11,10 +11,11 @@ from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
+from tests.support.broken.third import THIRD
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

@@ -130,6 +130,8 @@ def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
         "model": fmu.model,
         "file": f"{fmu.path} ({fmu.size / 1024:.0f} KiB)",
         "FMI": f"{fmu.fmi_version}, {' and '.join(fmu.kinds) or 'of no kind'}",
+        "capabilities": "; ".join(f"{kind}: {', '.join(f)}" for kind, f in fmu.capabilities.items() if f),
+        "terminals": ", ".join(fmu.terminals),
         "binaries": ", ".join(fmu.platforms) or "none",
         "experiment": said,
         "made by": ", ".join(filter(None, (fmu.tool, fmu.author))),

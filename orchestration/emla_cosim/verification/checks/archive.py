@@ -10,7 +10,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
 
 _LARGEST = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""
@@ -35,7 +35,14 @@ _LFS = b"version https://git-lfs.github.com/spec/"
 @check(
     "archive.safe",
     "The archive can be unpacked safely",
-    Clause("2.3", "All relevant files are stored in a ZIP file with a pre-defined structure."),
+    Clause(
+        "2.3",
+        "All relevant files are stored in a ZIP file with a pre-defined structure.",
+        in_3=fmi3(
+            "2.5",
+            "An FMU consists of several files, that are stored in a ZIP file with a pre-defined structure.",
+        ),
+    ),
     "Zip the FMU again with a tool that writes each entry once, with a relative name and forward slashes.",
 )
 def safe(subject: Subject) -> CheckOutcome:
@@ -73,7 +80,7 @@ def _is_lfs_pointer(path: Path) -> bool:
 
 def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
     """Raise UnsafeArchiveError for repeated entries and zip bombs, which `unpack` allows."""
-    if twice := find_repeated(e.filename for e in entries):
+    if twice := find_repeated(e.filename for e in entries if not e.is_dir()):
         raise UnsafeArchiveError(f"has more than one entry '{twice[0]}'; tools differ in which one they read")
     size, whole = sum(e.file_size for e in entries), path.stat().st_size
     if size > max(_LARGEST, _RATIO * whole):
@@ -102,6 +109,11 @@ def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
         "2.3",
         "The compression method for all files stored in the ZIP archive must be either 8 (deflate), "
         "or 0 (store).",
+        in_3=fmi3(
+            "2.5",
+            "The compression method for all files stored in the ZIP archive must be either 8 (deflate) or 0 "
+            "(store).",
+        ),
     ),
     "Zip the FMU's folder with the method `deflate`.",
     needs=("archive.safe",),
@@ -131,7 +143,11 @@ def format_(subject: Subject) -> CheckOutcome:
 @check(
     "archive.layout",
     "Files are in the folders of the standard",
-    Clause("2.3", "This ZIP file has the following structure:"),
+    Clause(
+        "2.3",
+        "This ZIP file has the following structure:",
+        in_3=fmi3("2.5.1", "Structure of the ZIP file of an FMU"),
+    ),
     "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
     needs=("archive.safe",),
 )

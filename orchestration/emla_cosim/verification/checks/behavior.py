@@ -16,7 +16,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, noted, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
 
 _STEPS = 20
 _MOST_PAIRS = 100
@@ -35,7 +35,14 @@ _MARGIN = 0.05
 @check(
     "steps.integrate",
     "Steps integrate the declared derivatives",
-    Clause("4.2.2", "The slave must integrate until time instant"),
+    Clause(
+        "4.2.2",
+        "The slave must integrate until time instant",
+        in_3=fmi3(
+            "4.2.1",
+            "The importer requests the computation of the next time step with the following function:",
+        ),
+    ),
     "Let fmi2DoStep integrate the equations that fmi2GetReal evaluates, with the inputs that were set.",
     needs=("run.finite",),
     time_factor=2.0,
@@ -55,7 +62,7 @@ def integrate(subject: Subject) -> CheckOutcome:
     runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
     step = span(subject)[1]
     names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
-    still, late, wrong, moved = set(), {}, {}, 0
+    still, late, wrong, moved, stays = set(), {}, {}, 0, False
     for changes in _in_time(subject, runs):
         moved += len(changes)
         points, rows = in_separate_process(_held, subject, changes, names)
@@ -65,11 +72,14 @@ def integrate(subject: Subject) -> CheckOutcome:
             off = np.abs(rows[:, k] - points) > _SOON * step
             if np.all(off):
                 late[time.name] = f"{time.name} is {rows[0, k]:.9g} s after the step to {points[0]:.9g} s."
+        if np.any(np.diff(points) <= 0.0):
+            stays = True  # FMI 3.0 allows it: internal steps are longer
+            continue
         for k, (state, derivative) in enumerate(pairs):
             x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
             if np.all(x == x[0]) and np.all(slopes != 0.0):
                 still.add(state.name)
-            elif (apart := _apart(x, slopes, step)) > _FAR:
+            elif (apart := _apart(x, slopes, points)) > _FAR:
                 with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
                 line = f"{state.name} does not follow {derivative.name}{with_what} ({apart:.0%} apart)."
                 wrong.setdefault(state.name, line)
@@ -79,6 +89,10 @@ def integrate(subject: Subject) -> CheckOutcome:
     # internal steps may be longer
     doubts = [*late.values(), *wrong.values()]
     gaps = list_left_out(moved, len(inputs), "inputs were moved.")
+    if stays:
+        gaps += (
+            "The time that the FMU reaches stays the same in some steps, so that slopes have no length.",
+        )
     return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts, gaps)
 
 
@@ -92,24 +106,24 @@ def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
 
 
 def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vector, Vector]:
-    """Return communication points in s, and values after each step to them, with constant inputs."""
+    """Return times in s that the FMU reached, and values after each step to them, with constant inputs."""
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
     instance.initialize(changes, float(course.times[0]))
-    rows = []
+    rows, points = [], []
     for time in course.times[:-1]:
         instance.set(changes)
         instance.step(float(time), course.step)
         if instance.terminated:
             break
         rows.append([float(value) for value in instance.get(names)])
+        points.append(float(course.times[len(rows)]) if instance.reached is None else instance.reached)
     instance.free()
-    points = course.times[1 : len(rows) + 1]
-    return points, np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return np.array(points), np.array(rows, dtype=float).reshape(len(rows), len(names))
 
 
-def _apart(x: Vector, slopes: Vector, step: float) -> float:
+def _apart(x: Vector, slopes: Vector, points: Vector) -> float:
     """Return how far slopes of a state are outside of its derivatives at both ends, relative to all."""
-    moved, before, after = np.diff(x) / step, slopes[:-1], slopes[1:]
+    moved, before, after = np.diff(x) / np.diff(points), slopes[:-1], slopes[1:]
     low, high = np.minimum(before, after), np.maximum(before, after)
     margin = (high - low) + _MARGIN * np.abs(slopes).max() + 1e-12
     outside = np.maximum(np.maximum(low - margin - moved, moved - high - margin), 0.0)
@@ -123,6 +137,9 @@ def _apart(x: Vector, slopes: Vector, step: float) -> float:
     Clause(
         "2.2.8",
         "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
+        in_3=fmi3(
+            "2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."
+        ),
     ),
     "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
     needs=("run.deterministic",),
@@ -289,6 +306,7 @@ def _listed(subject: Subject) -> set[str]:
     ),
     "Use the derivatives within the step, or set canInterpolateInputs to false.",
     needs=("run.deterministic",),
+    only_for=2,
 )
 def interpolation(subject: Subject) -> CheckOutcome:
     """Check that a derivative of the inputs changes a run in which other inputs would change it."""

@@ -8,8 +8,9 @@ from dataclasses import replace
 import fmpy
 
 from ...fmu.shared_library import missing_bytes
+from ..build_description import list_source_files
 from ..check import check
-from ..fmi_functions import list_required_functions
+from ..fmi_functions import list_all_functions_3, list_required_functions
 from ..libraries import (
     Library,
     find_dependencies_file,
@@ -21,7 +22,7 @@ from ..libraries import (
 from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped
+from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
 
@@ -33,6 +34,11 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
         "2.3",
         "The FMU must be distributed with at least one implementation, in other words either sources or one "
         "of the binaries for a particular machine.",
+        in_3=fmi3(
+            "2.5",
+            "The FMU must be distributed with at least one implementation, in other words, either sources or "
+            "one of the binaries for a particular machine.",
+        ),
     ),
     "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
     needs=("description.schema",),
@@ -40,7 +46,7 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
 def present(subject: Subject) -> CheckOutcome:
     """Check that there is a library for this or another platform, or sources."""
     found = list_libraries(subject)
-    sources = [e.get("name") for e in subject.tree.iterfind(".//SourceFiles/File")]
+    sources = list_source_files(subject)
     without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
     if without and not sources:
         folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
@@ -63,6 +69,11 @@ def present(subject: Subject) -> CheckOutcome:
         "2.3",
         "Specifically it is required that all functions specified for Model Exchange and/or Co-Simulation "
         "are present, even if they are only needed for capabilities that the FMU does not support.",
+        in_3=fmi3(
+            "2.5",
+            "The FMU must implement all API functions declared in fmi3Functions.h, even if they are only "
+            "needed for interface types or optional capabilities that the FMU does not support.",
+        ),
     ),
     "Export them without a prefix. Functions of unsupported capabilities may return fmi2Error.",
     needs=("binaries.present",),
@@ -72,13 +83,13 @@ def symbols(subject: Subject) -> CheckOutcome:
     found = list_libraries(subject)
     if not found:
         return skipped("There are no binaries.")
-    problems = [(one, p) for one in found for p in _lacking(one)]
+    problems = [(one, p) for one in found for p in _lacking(one, subject.version)]
     fine = f"All functions are exported by {join_few_names([str(one) for one in found])}."
     outcome = judge_problems([p for _, p in problems], fine)
     return replace(outcome, blocks=any(one.platform in _HERE for one, _ in problems))
 
 
-def _lacking(library: Library) -> Iterator[str]:
+def _lacking(library: Library, version: int) -> Iterator[str]:
     if missing := missing_bytes(library.path):
         if library.platform not in _HERE:  # `binaries.loads` reports the others
             yield f"{library} is truncated: its last {missing} bytes are missing."
@@ -89,7 +100,8 @@ def _lacking(library: Library) -> Iterator[str]:
         yield f"{library} is not a readable shared library."
         return
     names = list_exports(binary)
-    wanted = list(dict.fromkeys(name for kind in library.kinds for name in list_required_functions(kind)))
+    wanted = list_all_functions_3() if version == 3 else ()
+    wanted = wanted or dict.fromkeys(n for kind in library.kinds for n in list_required_functions(kind))
     if lacking := [name for name in wanted if name not in names]:
         yield f"{library} does not export {join_few_names(lacking)}."
 
@@ -101,6 +113,11 @@ def _lacking(library: Library) -> Iterator[str]:
         "2.3",
         "FMUs should contain all resources that are required to load and execute a shared library, link "
         "against a static library, or compile from source.",
+        in_3=fmi3(
+            "2.5.1.4.1",
+            "FMUs should contain all resources that are required to load and execute a shared library, link "
+            "against a static library, or compile from source.",
+        ),
     ),
     "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
     needs=("binaries.symbols",),

@@ -7,14 +7,16 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..check import check
+from ..host.arrays import ElementDependency
 from ..host.declared_dependencies import ALL_TYPES, Dependency, at_events, at_initialization
 from ..host.experiment import span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import other_of, same, settable, start_of
 from ..host.points import Point, in_event_mode, in_initialization
+from ..messages import judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
@@ -30,7 +32,13 @@ Pairs = dict[tuple[str, str], str]
 @check(
     "dependencies.observed",
     "Outputs change only with declared dependencies",
-    Clause("2.2.8", "If present as empty list, the Unknown depends on none of the Knowns."),
+    Clause(
+        "2.2.8",
+        "If present as empty list, the Unknown depends on none of the Knowns.",
+        in_3=fmi3(
+            "2.4.8", "If dependencies is present as empty list, the unknown depends on none of the knowns."
+        ),
+    ),
     "Add the input to the dependencies of the unknown, or leave the attribute out.",
     needs=("run.finite",),
     time_factor=3.0,
@@ -167,3 +175,79 @@ def _jumps(
                     if d.excludes(known.name) and same(one, three) and not same(one, two):
                         found.setdefault((d.unknown, known.name), where)
     return found
+
+
+_ELEMENTS = fmi3("2.2.9", "This function returns the dependency information for a single variable.")
+_MOST_UNKNOWNS = 20
+_MOST_KNOWNS = 100
+
+
+@check(
+    "dependencies.elements",
+    "Elements of arrays change only with dependencies of elements",
+    _ELEMENTS,
+    "Return all dependencies of all elements, or set providesPerElementDependencies to false.",
+    needs=("run.finite",),
+    time_factor=2.0,
+    only_for=3,
+)
+def elements(subject: Subject) -> CheckOutcome:
+    """Check that the dependencies that the FMU returns in initialization mode are valid and complete."""
+    if not subject.has_flag("providesPerElementDependencies"):
+        return skipped("providesPerElementDependencies is not set.")
+    instance = HostedInstance(subject)
+    instance.begin_initialization(span(subject)[0])
+    every = [d.unknown for d in at_initialization(subject)]
+    every = list({subject.variables[n].valueReference: n for n in reversed(every)}.values())[::-1]
+    found = {
+        instance.reference(n): instance.dependencies(instance.reference(n)) for n in every[:_MOST_UNKNOWNS]
+    }
+    problems = [
+        p for reference, entries in found.items() for p in _invalid_entries(subject, reference, entries)
+    ]
+    if not problems:
+        problems = list(_unlisted(instance, found))
+    count = sum(len(entries) for entries in found.values())
+    fine = f"{count} dependencies of the elements of {len(found)} outputs are valid."
+    return judge_problems(
+        problems, fine, gaps=list_left_out(len(found), len(every), "outputs were examined.")
+    )
+
+
+def _invalid_entries(subject: Subject, reference: int, entries: Sequence[ElementDependency]) -> Iterator[str]:
+    """Yield entries with elements or variables that do not exist."""
+    sizes = {int(v.valueReference): getattr(v, "size", 1) for v in subject.variables.values()}
+    known = {v.reference for v in subject.declared.variables}
+    names = {v.reference: v.name for v in subject.declared.variables}
+    for one in entries:
+        if one.independent not in known:
+            yield f"{names[reference]} depends on value reference {one.independent}, which no variable has."
+        elif one.element > sizes[reference]:
+            yield f"{names[reference]} has no element {one.element}, for which a dependency is returned."
+        elif one.element_of_independent > sizes.get(one.independent, one.element_of_independent):
+            what = f"{names[one.independent]} has no element {one.element_of_independent}"
+            yield f"{what}, a dependency of {names[reference]}."
+
+
+def _unlisted(instance: HostedInstance, found: dict[int, list[ElementDependency]]) -> Iterator[str]:
+    """Yield elements of outputs that change with an element of an input which is no dependency of theirs."""
+    subject = instance.subject
+    unknowns = [
+        v for v in subject.description.modelVariables if int(v.valueReference) in found and v.type == "Real"
+    ]
+    knowns = [v for v in settable(subject, "input") if v.type == "Real" and other_of(v) is not None]
+    names = [v.name for v in unknowns]
+    for known in knowns[:_MOST_KNOWNS]:
+        before = instance.get(names)
+        with suppress(CallError):  # outside of the values that the FMU accepts
+            instance.set({known.name: other_of(known)})
+            after = instance.get(names)
+            instance.set({known.name: start_of(known)})
+            for unknown, one, two, three in zip(unknowns, before, after, instance.get(names), strict=True):
+                entries = found[int(unknown.valueReference)]
+                if (
+                    same(one, three)
+                    and not same(one, two)
+                    and not any(e.has(unknown, known) for e in entries)
+                ):
+                    yield f"{unknown.name} changes with {known.name}, which is no dependency of it."

@@ -1,6 +1,6 @@
 """Compare the derivatives that an FMU provides with finite differences."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.points import Point, in_event_mode, in_initialization
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, noted, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
 
 _FUNCTION = "fmi2GetDirectionalDerivative"
 _POINTS = 5
@@ -53,7 +53,11 @@ class _Difference(NamedTuple):
 @check(
     "derivatives.directional",
     "Directional derivatives are correct",
-    Clause("2.1.9", "This function computes the directional derivatives of an FMU."),
+    Clause(
+        "2.1.9",
+        "This function computes the directional derivatives of an FMU.",
+        in_3=fmi3("2.2.12", "fmi3GetDirectionalDerivative to compute the directional derivatives"),
+    ),
     "Compare the derivatives with differences, or set providesDirectionalDerivative to false.",
     needs=("run.finite",),
     time_factor=3.0,
@@ -162,6 +166,67 @@ def _line(slope: _Slope) -> str:
     )
 
 
+_EXACT = 1e-9
+"""Allowed difference of both products, relative to the sum of their terms."""
+
+
+@check(
+    "derivatives.adjoint",
+    "Adjoint derivatives agree with directional ones",
+    fmi3("2.2.12", "fmi3GetAdjointDerivative to calculate the adjoint derivatives"),
+    "Compare both derivatives, or set providesAdjointDerivatives to false.",
+    needs=("run.finite",),
+    time_factor=2.0,
+    only_for=3,
+)
+def adjoint(subject: Subject) -> CheckOutcome:
+    """Compare adjoint derivatives of outputs by inputs with directional ones, or with differences."""
+    kind = subject.kinds[0]
+    if not subject.has_flag("providesAdjointDerivatives", kind):
+        return skipped("providesAdjointDerivatives is not set.")
+    directional = subject.has_flag("providesDirectionalDerivatives", kind)
+    wrong: list[str] = []
+    count = 0
+    points = in_initialization if kind == "CoSimulation" else in_event_mode
+    for point in points(subject, _POINTS):
+        if not point.unknowns or not point.knowns:
+            return skipped("No derivative of a Real output by a Real input can be requested.")
+        matrix, doubt = _matrix(point, directional)
+        for i, unknown in enumerate(point.unknowns):
+            seed = [float(k == i) for k in range(len(point.unknowns))]
+            found = np.array(point.instance.adjoint(point.unknowns, point.knowns, seed))
+            count += len(found)
+            limit = (_EXACT if directional else _AGREE) * np.maximum(
+                np.abs(found), np.abs(matrix[i])
+            ) + doubt[i]
+            for k in np.flatnonzero(~(np.abs(found - matrix[i]) <= limit) & np.isfinite(matrix[i])):
+                wrong.append(
+                    f"that of {unknown} by {point.knowns[k]} {point.where} is {found[k]:.6g}, not "
+                    f"{matrix[i][k]:.6g}."
+                )
+    if wrong:
+        return failed(
+            f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}", details=tuple(wrong)
+        )
+    return passed(
+        f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
+    )
+
+
+def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
+    """Return derivatives of the unknowns (rows) by the knowns (columns), and the uncertainty of each."""
+    if directional:
+        found = np.array([point.directional([known], [1.0]) for known in point.knowns]).T
+        return found, np.zeros_like(found)
+    columns, doubts = [], []
+    for known in point.knowns:
+        size = point.scale(known)
+        wide, narrow = (_difference(point, {known: 1.0}, part * size) for part in _STEPS)
+        columns.append(narrow.central)
+        doubts.append(2.0 * np.abs(wide.central - narrow.central) + narrow.lost)
+    return np.array(columns).T, np.array(doubts).T
+
+
 _MOST_ORDERS = 3
 _MARGIN = 0.05
 """Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
@@ -174,6 +239,11 @@ _MARGIN = 0.05
         "4.3.1",
         "Calling of fmi2GetRealOutputDerivatives(..) is allowed up to the order defined by "
         "maxOutputDerivativeOrder.",
+        in_3=fmi3(
+            "4.4",
+            "Calling of fmi3GetOutputDerivatives is allowed up to the order defined by "
+            "maxOutputDerivativeOrder.",
+        ),
     ),
     "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
     needs=("run.finite",),
@@ -182,12 +252,12 @@ def of_outputs(subject: Subject) -> CheckOutcome:
     """Check that fmi2GetRealOutputDerivatives is between the slopes before and after, at most points."""
     if subject.kinds[0] != "CoSimulation":
         return skipped("The FMU is not for Co-Simulation.")
-    if not subject.find_kind_element("CoSimulation").maxOutputDerivativeOrder:
+    declared = int(subject.tree.find("CoSimulation").get("maxOutputDerivativeOrder", "0"))
+    if not declared:
         return skipped("maxOutputDerivativeOrder is 0.")
     names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
     if not names:
         return skipped("It has no continuous output.")
-    declared = int(subject.find_kind_element("CoSimulation").maxOutputDerivativeOrder)
     most = min(declared, _MOST_ORDERS)
     times, values = _slopes_on_the_way(subject, names, most)
     wrong = []
@@ -201,7 +271,15 @@ def of_outputs(subject: Subject) -> CheckOutcome:
             f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes, "
             f"for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
             details=lines,
-            clause=Clause("4.2.1", "Retrieves the n-th derivative of output values."),
+            clause=Clause(
+                "4.2.1",
+                "Retrieves the n-th derivative of output values.",
+                in_3=fmi3(
+                    "4.1.2",
+                    "For example, after a successful call to fmi3DoStep, the returned values are related to "
+                    "the end of the communication step.",
+                ),
+            ),
         )
     gaps = list_left_out(most, declared, "orders of derivatives were compared.")
     return passed(
@@ -216,15 +294,12 @@ def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[V
     """
     instance, course = HostedInstance(subject), make_experiment(subject, 40)
     instance.initialize(course.at(0), float(course.times[0]))
-    references = [instance.reference(n) for n in names]
-    call: Callable[..., list[float]] = instance.fmu.getRealOutputDerivatives
     rows: list[list[list[float]]] = []
     for k in range(len(course.times) - 1):
         instance.set(course.at(len(course.times) // 3))
         instance.step(float(course.times[k]), course.step)
         row = [instance.get(names)]
-        with instance.calling():
-            row += [call(references, [order] * len(names)) for order in range(1, most + 1)]
+        row += [instance.output_derivatives(names, order) for order in range(1, most + 1)]
         rows.append(row)
         if instance.terminated:
             break

@@ -2,7 +2,7 @@
 
 from ..check import check
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, passed, warned
+from ..verdict import CheckOutcome, Clause, fmi3, passed, warned
 
 _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 """How the names of start pages end."""
@@ -11,7 +11,11 @@ _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 @check(
     "documents.present",
     "The documentation has a start page",
-    Clause("2.3", "index.html // Entry point of the documentation"),
+    Clause(
+        "2.3",
+        "index.html // Entry point of the documentation",
+        in_3=fmi3("2.5.1", "index.html                       // entry point of the documentation"),
+    ),
     "Write documentation/index.html, which may only link to the other files.",
     needs=("description.readable",),
 )
@@ -22,7 +26,7 @@ def present(subject: Subject) -> CheckOutcome:
     has_page = (folder / "index.html").is_file()
     if others and not has_page:
         return warned(f"documentation/index.html is missing; there is {others[0]}.")
-    licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
+    licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html", "spdx")]
     has_licence = any(p.is_file() for p in licences) or bool(subject.tree.get("license"))
     page = "It has a start page." if has_page else "It has no documentation, which is optional."
     licence = "It has a licence." if has_licence else "It names no licence, which is only recommended."

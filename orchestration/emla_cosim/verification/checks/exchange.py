@@ -10,7 +10,7 @@ from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs, run_alone
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, noted, passed, skipped
+from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed, skipped
 from ._sameness import compare_runs, differing
 
 
@@ -21,6 +21,7 @@ from ._sameness import compare_runs, differing
         "2.1.7",
         "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
         "these variables",
+        in_3=fmi3("4.2.1", "fmi3Get{VariableType} does not trigger an evaluation of f_doStep."),
     ),
     "Use the values set before the step begins. Calls that get a value must not change the state.",
     needs=("run.deterministic",),
@@ -69,7 +70,15 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Output
 @check(
     "steps.split",
     "Two half steps equal one step",
-    Clause("4.3.1", "The slave can handle variable communication step size."),
+    Clause(
+        "4.3.1",
+        "The slave can handle variable communication step size.",
+        in_3=fmi3(
+            "4.4",
+            "If canHandleVariableCommunicationStepSize = true, then the communication step size (argument "
+            "communicationStepSize of fmi3DoStep) can vary for each call.",
+        ),
+    ),
     "Integrate with shorter internal steps, or set canHandleVariableCommunicationStepSize to false.",
     needs=("run.deterministic", "run.finite"),
     time_factor=4.0,

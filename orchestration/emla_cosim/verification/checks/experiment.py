@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from ..check import check
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
+from ..verdict import CheckOutcome, Clause, fmi3, skipped
 
 
 @check(
@@ -16,6 +16,11 @@ from ..verdict import CheckOutcome, Clause, skipped
         "2.2.5",
         "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have already "
         "a meaningful default value for the model at hand.",
+        in_3=fmi3(
+            "2.4.6",
+            "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have "
+            "already a meaningful default value for the model at hand.",
+        ),
     ),
     "Set the start before the stop, and a positive step and tolerance.",
     needs=("description.schema",),
@@ -25,7 +30,7 @@ def experiment(subject: Subject) -> CheckOutcome:
     element = subject.tree.find("DefaultExperiment")
     if element is None:
         return skipped("The FMU has no default experiment.")
-    given = {name: float(text) for name, text in element.attrib.items()}
+    given = {name: float(text) for name, text in element.attrib.items() if "}" not in name}
     fine = ", ".join(f"{name} {value:g}" for name, value in given.items())
     return judge_problems((), f"The default experiment has {fine or 'no attributes'}.", list(_doubts(given)))
 

@@ -17,7 +17,7 @@ from ..libraries import (
 )
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, noted, skipped
+from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -43,6 +43,11 @@ _UNDEFINED = 0
         "2.3",
         "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio C "
         "Runtime on Windows].",
+        in_3=fmi3(
+            "2.5.1.4.1",
+            "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio "
+            "C Runtime on Windows].",
+        ),
     ),
     "Link it statically, ship it beside the library, or name it in documentation/externalDependencies.txt.",
     needs=("binaries.symbols",),
@@ -79,7 +84,7 @@ def _undefined(library: Library, binary: Any) -> Iterator[str]:
     imported = [s for s in binary.dynamic_symbols if s.shndx == _UNDEFINED and s.name]
     wanted = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
     open_ones = sorted({str(s.name) for s in wanted if not _versioned(s)})
-    if open_ones and library.platform == fmpy.platform:
+    if open_ones and library.platform in (fmpy.platform, fmpy.platform_tuple):
         named = [handle for name in list_needed_libraries(binary) if (handle := _handle(name)) is not None]
         open_ones = [name for name in open_ones if not any(hasattr(handle, name) for handle in named)]
     elif any(not _EVERYWHERE.fullmatch(name) for name in list_needed_libraries(binary)):

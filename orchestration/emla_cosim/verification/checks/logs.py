@@ -17,7 +17,7 @@ from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, Clause, failed, noted, passed, warned
+from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, warned
 
 _MOST_CATEGORIES = 6
 _ALL = "logAll"
@@ -26,16 +26,34 @@ _ALL = "logAll"
 _STEPS = 10
 
 
-_DISABLED = Clause("2.1.5", "If loggingOn = fmi2False, debug logging is disabled.")
+_DISABLED = Clause(
+    "2.1.5",
+    "If loggingOn = fmi2False, debug logging is disabled.",
+    in_3=fmi3(
+        "2.3.1",
+        "If loggingOn = fmi3False, then any logging is disabled and the logMessage callback function must "
+        "not be called by the FMU.",
+    ),
+)
 _ENABLED = Clause(
     "2.1.5",
     "If loggingOn = fmi2True, debug logging is enabled for the log categories specified in categories, "
     "otherwise it is disabled.",
+    in_3=fmi3(
+        "2.3.1",
+        "The FMU must call the logMessage callback function only for categories which are turned on by this "
+        "function.",
+    ),
 )
 _ALLOWED = Clause(
     "2.1.5",
     "The allowed values for “category” are defined in the modelDescription.xml file via the element "
     "“<fmiModelDescription><LogCategories>”",
+    in_3=fmi3(
+        "2.3.1",
+        "The allowed values for category are defined in the modelDescription.xml file via the element "
+        "<LogCategories>.",
+    ),
 )
 
 
@@ -101,8 +119,7 @@ def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[li
 def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
     LOG.lines.clear()
     instance, course = HostedInstance(subject, logging=logging), make_experiment(subject, _STEPS)
-    with instance.calling():
-        instance.fmu.setDebugLogging(logging, names)
+    instance.set_debug_logging(logging, names)
     if logging:
         LOG.lines.clear()
     run_instance(instance, course)

@@ -1,21 +1,23 @@
 """Checks that libraries are for their platform, and for this version of the FMI."""
 
 import ctypes
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
 
-from ..binary_headers import read_targets, wanted_target
+from ..binary_headers import NAMES_OF_VERSION_2, read_targets, wanted_target
 from ..check import check
 from ..libraries import list_libraries, list_platforms
 from ..messages import judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped, warned
 
 _SUFFIXES = (".so", ".dll", ".dylib")
 _HERE = (fmpy.platform_tuple, fmpy.platform)
+_VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
 
 
 @check(
@@ -26,6 +28,11 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
         'The following names are standardized: for Windows: "win32", "win64"- for Linux: "linux32", '
         '"linux64", for Macintosh: "darwin32", "darwin64" where "32" stands for "32-bit x86" and "64" for '
         '"64-bit x86" respectively.',
+        in_3=fmi3(
+            "2.5.1.4.1",
+            "The binaries must be placed in the respective <platformTuple> directory with the general format "
+            "<arch>-<sys>.",
+        ),
     ),
     "Move the library to the folder of its platform, or build it for this one.",
     needs=("binaries.present",),
@@ -43,6 +50,9 @@ def platform(subject: Subject) -> CheckOutcome:
             (problems if is_model else doubts).extend(_misplaced(path, folder))
     if not count:
         return skipped("There are no binaries.")
+    if subject.version == 3:
+        folders = [folder.name for folder in list_platforms(subject) if folder.name in NAMES_OF_VERSION_2]
+        doubts += [f"binaries/{name} is the name of FMI 2.0 for a platform." for name in folders]
     return judge_problems(problems, f"{count} libraries are for the platforms of their folders.", doubts)
 
 
@@ -65,6 +75,11 @@ def _misplaced(path: Path, folder: Path) -> Iterator[str]:
         "2.1.4",
         'The standard header file as documented in this specification has version "2.0" (so this function '
         'usually returns "2.0").',
+        in_3=fmi3(
+            "2.2.5",
+            "The standard header file as documented in this specification has version 3.0, so this function "
+            "returns 3.0.",
+        ),
     ),
     "Compile the library with the header files of FMI 2.0, and return fmi2Version and fmi2TypesPlatform.",
     needs=("binaries.loads",),
@@ -73,6 +88,10 @@ def version(subject: Subject) -> CheckOutcome:
     """Check what fmi2GetVersion and fmi2GetTypesPlatform return, before any other call."""
     for library in (one for one in list_libraries(subject) if one.platform in _HERE):
         loaded = ctypes.CDLL(str(library.path))
+        if subject.version == 3:
+            if not _VERSION_3.fullmatch(said := _text(loaded, "fmi3GetVersion") or b""):
+                return failed(f"fmi3GetVersion of {library} returns {_shown(said)}, not '3.0'.")
+            continue
         found = {name: _text(loaded, name) for name in ("fmi2GetVersion", "fmi2GetTypesPlatform")}
         if found["fmi2GetVersion"] != b"2.0":
             return failed(
@@ -81,6 +100,8 @@ def version(subject: Subject) -> CheckOutcome:
         if found["fmi2GetTypesPlatform"] != b"default":
             shown = _shown(found["fmi2GetTypesPlatform"])
             return warned(f"fmi2GetTypesPlatform of {library} returns {shown}, not 'default'.")
+    if subject.version == 3:
+        return passed("It is compiled for FMI 3.0.")
     return passed("It is compiled for FMI 2.0 and the default types.")
 
 

@@ -12,7 +12,7 @@ from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, noted, passed, warned
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
 from ._sameness import compare_runs
 
 _PART = 0.4
@@ -22,7 +22,14 @@ _PART = 0.4
 @check(
     "run.completes",
     "The default experiment runs",
-    Clause("4.2.4", "The following state machine defines the supported calling sequences."),
+    Clause(
+        "4.2.4",
+        "The following state machine defines the supported calling sequences.",
+        in_3=fmi3(
+            "4.2",
+            "The state machine in [...] defines the allowed calling sequences for FMI for Co-Simulation.",
+        ),
+    ),
     "See the log. Try the FMU with the step size and start values that its author uses.",
     needs=("instance.created",),
 )
@@ -51,7 +58,11 @@ def completes(subject: Subject) -> CheckOutcome:
 @check(
     "run.finite",
     "Outputs are always finite",
-    Clause("2.1.3", "fmi2OK – all well"),
+    Clause(
+        "2.1.3",
+        "fmi2OK – all well",
+        in_3=fmi3("2.2.4", "The output argument values are defined."),
+    ),
     "A step without finite results should return fmi2Discard or fmi2Error, and log the reason.",
     needs=("run.completes",),
 )
@@ -78,6 +89,12 @@ _UNCERTAIN = 1e-6
         "If an FMU defines min/max values for Reals, then the expected behavior of the FMU is that "
         "fmi2GetReal returns values at the solution [...] in the defined range with a certain uncertainty "
         "related to the tolerances of the numerical algorithms.",
+        in_3=fmi3(
+            "2.2.7.3",
+            "If an FMU defines min/max values for local and output variables of floating point types, then "
+            "the FMU may return values in the defined range with a certain uncertainty related to the "
+            "tolerances of the numerical algorithms and representational limits of IEEE 754.",
+        ),
     ),
     "Widen min and max in modelDescription.xml, or limit the output.",
     needs=("run.finite",),

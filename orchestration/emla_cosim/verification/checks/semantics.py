@@ -6,7 +6,7 @@ from fmpy.validation import validate_model_description
 from ..check import check
 from ..messages import shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, noted, passed
+from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed
 from . import description, starts, structure, types, units, variables
 
 _SAY_IT_BETTER = (
@@ -15,6 +15,7 @@ _SAY_IT_BETTER = (
     units.defined,
     variables.names,
     variables.attributes,
+    variables.aliases,
     starts.presence,
     structure.outputs,
     structure.derivatives,
@@ -30,6 +31,12 @@ _SAY_IT_BETTER = (
         "2.2",
         "All static information related to an FMU is stored in the text file modelDescription.xml in XML "
         "format.",
+        in_3=fmi3(
+            "2.4",
+            "All static information related to the core functionality of an FMU is stored in the text file "
+            "modelDescription.xml in XML format as specified by the XML schema file "
+            "fmi3ModelDescription.xsd.",
+        ),
     ),
     "Tools that are based on FMPy may refuse the FMU.",
     needs=("description.schema",),
@@ -39,7 +46,7 @@ def semantics(subject: Subject) -> CheckOutcome:
     if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
         return passed("Other checks report problems; FMPy would repeat them.")
     try:
-        read = subject.description
+        read = subject.read_description()
     except MemoryError:
         raise
     except Exception as error:

@@ -12,9 +12,10 @@ from pathlib import Path
 from ..check import check
 from ..compiler import find_inside, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
+from ..sanitizer.compiling import find_sources
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, passed, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
@@ -44,6 +45,12 @@ _LISTED = Clause(
     Clause(
         "2.3",
         "// all needed C sources and C header files to compile and link the FMU",
+        in_3=fmi3(
+            "2.5.1.3",
+            "A source code FMU contains the sources of the model in the sources directory together with a "
+            "buildDescription.xml that contains at least one BuildConfiguration element for the supported "
+            "platforms.",
+        ),
     ),
     "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
     needs=("description.schema",),
@@ -51,6 +58,8 @@ _LISTED = Clause(
 )
 def compile_(subject: Subject) -> CheckOutcome:
     """Check that all listed source files exist, with their headers, and compile and link to a library."""
+    if subject.version == 3:
+        return _judge_configurations(subject)
     folder = subject.folder / "sources"
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
     if not any(lists.values()):
@@ -85,20 +94,41 @@ def compile_(subject: Subject) -> CheckOutcome:
     )
 
 
+def _judge_configurations(subject: Subject) -> CheckOutcome:
+    """Compile the sources that the build description names for each kind."""
+    seconds = _PART * _TIME_FACTOR * subject.settings.seconds
+    found = {kind: sources for kind in subject.kinds if (sources := find_sources(subject, kind)) is not None}
+    if not found:
+        return skipped("The FMU has no sources with a build configuration for this machine.")
+    folder = subject.folder / "sources"
+    for sources in dict.fromkeys(found.values()):
+        if not sources.is_c:
+            return skipped("Not all of the sources are C.")
+        names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
+        macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
+        if (outcome := _compiled(folder, names, seconds, sources.includes, macros)) is not None:
+            return outcome
+    return passed(f"The sources for {' and '.join(found)} compile and link.")
+
+
 def _listed(subject: Subject, kind: str) -> list[str]:
     return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
 
 
 def _compiled(
-    folder: Path, names: Sequence[str], seconds: float, includes: Sequence[Path] = ()
+    folder: Path,
+    names: Sequence[str],
+    seconds: float,
+    includes: Sequence[Path] = (),
+    macros: Sequence[str] = (),
 ) -> CheckOutcome | None:
-    """Compile and link these files, with more include folders. Return None on success."""
+    """Compile and link these files, with more include folders and macros. Return None on success."""
     with (
         tempfile.TemporaryDirectory() as scratch,
         as_file(files("fmpy") / "c-code") as headers,
     ):
         command = [*_compiler(), "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
-        command += [f"-I{path}" for path in includes]
+        command += [*(f"-I{path}" for path in includes), *macros]
         command += ["-Wl,--no-undefined"] if sys.platform == "linux" else []
         command += [str(folder / name) for name in names]
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]

@@ -4,26 +4,39 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..check import check
-from ..declarations import DeclaredVariable
+from ..declarations import NUMERIC, DeclaredVariable
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
-
-_NUMERIC = ("Real", "Integer", "Enumeration")
+from ..verdict import CheckOutcome, Clause, fmi3
 
 _REQUIRED = Clause(
-    "2.2.7", 'If initial = "exact" or "approx" or causality = "input", a start value must be provided.'
+    "2.2.7",
+    'If initial = "exact" or "approx" or causality = "input", a start value must be provided.',
+    in_3=fmi3("2.4.7.5", "If initial = exact or approx, a start attribute must be provided."),
 )
 _ALWAYS_REQUIRED = Clause(
     "2.2.7",
     'Variables with causality = "parameter" or "input", as well as variables with variability = "constant", '
     'must have a "start" value.',
+    in_3=fmi3(
+        "2.4.7.5",
+        "Variables with causality = parameter or input, as well as variables with variability = constant, "
+        "must have a start attribute",
+    ),
 )
 _FORBIDDEN = Clause(
     "2.2.7",
     'If initial = calculated, or causality = "independent", it is not allowed to provide a start value.',
+    in_3=fmi3(
+        "2.4.7.5",
+        "If initial = calculated or causality = independent, it is not allowed to provide a start attribute.",
+    ),
 )
-_ORDERED = Clause("fmi2ScalarVariable.xsd", "max >= start >= min required")
+_ORDERED = Clause(
+    "fmi2ScalarVariable.xsd",
+    "max >= start >= min required",
+    in_3=fmi3("2.4.4", "Minimum value of variable (variable value ≥ min)."),
+)
 _FINITE = Clause(
     "2.2",
     "The special values NAN, INF, +INF, and -INF for variables values are not allowed in the FMI xml files.",
@@ -33,6 +46,11 @@ _ITEM = Clause(
     "2.2.7",
     "For Enumeration it is required, because the Enumeration items are defined in TypeDefinitions / "
     "SimpleType.",
+    in_3=fmi3(
+        "2.4.7.5",
+        "For <Enumeration> the attribute declaredType is required because the <Enumeration> items are "
+        "defined in <TypeDefinitions><TypeDefinition>.",
+    ),
 )
 
 
@@ -45,7 +63,7 @@ _ITEM = Clause(
 )
 def presence(subject: Subject) -> CheckOutcome:
     """Check that variables have a start value if and only if the standard requires one."""
-    variables = [v for v in subject.declared.variables if v.possible]
+    variables = [v for v in subject.declared.variables if v.possible and v.type != "Clock"]
     problems = [p for v in variables for p in _misplaced(v)]
     return judge_problems(
         problems, f"{sum(v.start is not None for v in variables)} variables have start values."
@@ -53,7 +71,8 @@ def presence(subject: Subject) -> CheckOutcome:
 
 
 def _misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
-    needed = variable.causality in ("input", "parameter") or variable.variability == "constant"
+    always = ("input", "parameter", "structuralParameter")
+    needed = variable.causality in always or variable.variability == "constant"
     if variable.causality == "independent":
         if variable.start is not None:
             yield Breach(f"{variable} is independent, but has a start value.", _FORBIDDEN)
@@ -74,17 +93,34 @@ def _misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
 def ranges(subject: Subject) -> CheckOutcome:
     """Check that start values are finite, within min and max, and items of their enumerations."""
     declared = subject.declared
-    numeric = [v for v in declared.variables if v.type in _NUMERIC]
+    numeric = [v for v in declared.variables if v.type in NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
     problems = [p for v in numeric for p in _wrong(v, items)]
     doubts = [p for v in numeric for p in _endless(v)]
+    if subject.version == 3:  # which does not say that they must be
+        doubts += [str(getattr(p, "message", p)) for p in problems if _is_left_open(p)]
+        problems = [p for p in problems if not _is_left_open(p)]
     return judge_problems(
         problems, f"Start values of {len(numeric)} numeric variables are within their ranges.", doubts
     )
 
 
+def _is_left_open(problem: Problem) -> bool:
+    """Return whether FMI 3.0 has no sentence on it: values that are not finite, and nominal values."""
+    return isinstance(problem, Breach) and problem.clause in (_FINITE, _NOMINAL)
+
+
 def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[Problem]:
-    given = variable.attributes
+    """Yield what is wrong with each different start value."""
+    starts = (variable.start or "").split() if variable.version == 3 else [variable.start]
+    for start in dict.fromkeys(starts) or [None]:
+        given = {name: text for name, text in variable.attributes.items() if name != "start"}
+        yield from _wrong_start(variable, given if start is None else {**given, "start": start}, items)
+
+
+def _wrong_start(
+    variable: DeclaredVariable, given: Mapping[str, str], items: Mapping[str, set[int]]
+) -> Iterator[Problem]:
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
     if not math.isfinite(values.get("start", 0.0)):
         yield Breach(f"The start value of {variable} is {given['start']}, not a finite number.", _FINITE)

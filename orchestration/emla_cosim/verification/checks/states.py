@@ -2,7 +2,6 @@
 
 import contextlib
 import time
-from ctypes import byref
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, failed, noted, passed, skipped
+from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped
 from ._sameness import compare_runs
 
 _ALLOWED = 0.1
@@ -30,6 +29,7 @@ _HINT = "Copy everything that changes or was set: hidden states, random numbers,
         "2.1.8",
         "fmi2SetFMUstate copies the content of the previously copied FMUstate back and uses it as "
         "actual new FMU state.",
+        in_3=fmi3("2.2.7.4", "This function restores the state provided by FMUState."),
     ),
     _HINT,
     needs=("run.deterministic",),
@@ -58,20 +58,16 @@ def restored(subject: Subject) -> CheckOutcome:
 
 
 def _again(instance: HostedInstance, course: Experiment, first: int, last: int) -> list[CheckOutcome]:
-    with instance.calling():
-        state = instance.fmu.getFMUstate()
+    state = instance.save_state()
     wanted = step_instance(instance, course, first, last)
     outcomes = []
     for _ in range(2):
-        with instance.calling():
-            instance.fmu.setFMUstate(state)
-        instance.terminated = False
+        instance.restore_state(state)
         found = step_instance(instance, course, first, last)
         outcomes.append(
             compare_runs(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
         )
-    with instance.calling():
-        instance.fmu.freeFMUstate(state)
+    instance.free_state(state)
     return outcomes
 
 
@@ -79,6 +75,11 @@ _FREED = Clause(
     "2.1.8",
     "fmi2FreeFMUstate frees all memory and other resources allocated with the fmi2GetFMUstate call for this "
     "FMUstate.",
+    in_3=fmi3(
+        "2.2.7.4",
+        "This function frees all memory and other resources allocated with the fmi3GetFMUState call for the "
+        "provided argument FMUState.",
+    ),
 )
 _SAVES = 5000
 """How often a state is saved again before memory is measured."""
@@ -97,12 +98,11 @@ def _grown_by_saving(instance: HostedInstance) -> float:
     used, count = [], 0
     for _ in range(3):
         until, count = time.monotonic() + _SAVING * instance.subject.settings.seconds, 0
-        with instance.calling():
-            state = instance.fmu.getFMUstate()
-            while count < _SAVES and time.monotonic() < until:
-                instance.fmu.fmi2GetFMUstate(instance.fmu.component, byref(state))
-                count += 1
-            instance.fmu.freeFMUstate(state)
+        state = instance.save_state()
+        while count < _SAVES and time.monotonic() < until:
+            instance.save_state_again(state)
+            count += 1
+        instance.free_state(state)
         used.append(read_memory())
     grown = min(np.diff(used))  # what was freed the first time is used again
     return float(grown) / count if grown > _GROWTH else 0.0
@@ -111,7 +111,11 @@ def _grown_by_saving(instance: HostedInstance) -> float:
 @check(
     "state.freed",
     "Freeing a state clears its pointer",
-    Clause("2.1.8", "The function returns a null pointer in argument FMUstate."),
+    Clause(
+        "2.1.8",
+        "The function returns a null pointer in argument FMUstate.",
+        in_3=fmi3("2.2.7.4", "The function returns a NULL pointer in argument FMUState."),
+    ),
     "Set *FMUstate to NULL in fmi2FreeFMUstate. Ignore a pointer that is NULL already.",
     needs=("state.restored",),
 )
@@ -121,9 +125,8 @@ def freed(subject: Subject) -> CheckOutcome:
         return skipped("canGetAndSetFMUstate is not set.")
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
     instance.initialize(course.at(0), float(course.times[0]))
-    with instance.calling():
-        state = instance.fmu.getFMUstate()
-        instance.fmu.freeFMUstate(state)
+    state = instance.save_state()
+    instance.free_state(state)
     if state.value is not None:
         return failed("fmi2FreeFMUstate leaves the pointer to the state that it freed.")
     if grown := _grown_by_saving(instance):
@@ -133,8 +136,7 @@ def freed(subject: Subject) -> CheckOutcome:
             clause=_FREED,
         )
     instance.circumstance = " of a NULL pointer"
-    with instance.calling():
-        instance.fmu.freeFMUstate(state)
+    instance.free_state(state)
     return passed("fmi2FreeFMUstate clears the pointer, and ignores one that is NULL.")
 
 
@@ -145,6 +147,11 @@ def freed(subject: Subject) -> CheckOutcome:
         "2.1.8",
         "fmi2DeSerializeFMUstate deserializes the byte vector serializedState of length size, constructs "
         "a copy of the FMU state and returns FMUstate, the pointer to this copy.",
+        in_3=fmi3(
+            "2.2.7.4",
+            "This function deserializes the byte vector serializedState of length size, constructs a copy of "
+            "the FMU state and returns FMUState, the pointer to this copy.",
+        ),
     ),
     _HINT + " Check the size and a version before you accept bytes as a state.",
     needs=("state.restored",),
@@ -175,22 +182,24 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course, 0, middle)
-    with instance.calling():
-        state = instance.fmu.getFMUstate()
-        data = instance.serialize(state)
-        if isinstance(data, bytes):
-            instance.fmu.freeFMUstate(state)
+    state = instance.save_state()
+    data = instance.serialize(state)
+    if isinstance(data, bytes):
+        instance.free_state(state)
     return data
 
 
 def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> OutputTrajectory:
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
-    with instance.calling():
-        state = instance.fmu.deSerializeFMUstate(data)
-        instance.fmu.setFMUstate(state)
-        instance.fmu.freeFMUstate(state)
+    _continue_from(instance, data)
     return step_instance(instance, course, middle)
+
+
+def _continue_from(instance: HostedInstance, data: bytes) -> None:
+    state = instance.deserialize(data)
+    instance.restore_state(state)
+    instance.free_state(state)
 
 
 def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
@@ -220,9 +229,6 @@ def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
         instance.circumstance = f" with a state made of {name}"
         with contextlib.suppress(CallError):
             run_instance(instance, course)
-            with instance.calling():
-                state = instance.fmu.deSerializeFMUstate(data)
-                instance.fmu.setFMUstate(state)
-                instance.fmu.freeFMUstate(state)
+            _continue_from(instance, data)
             instance.step(float(course.times[-1]), course.step)
         instance.free()

@@ -6,7 +6,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredUnknown, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, fmi3
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
@@ -16,31 +16,53 @@ _OUTPUTS = Clause(
     "Ordered list of all outputs, in other words a list of ScalarVariable indices where every corresponding "
     'ScalarVariable must have causality = "output" (and every variable with causality="output" must be '
     "listed here).",
+    in_3=fmi3(
+        "2.4.8",
+        "Ordered list of all outputs, in other words, a list of value references where every corresponding "
+        "variable must have causality = output (and every variable with causality = output must be listed "
+        "here).",
+    ),
 )
 _DERIVATIVES = Clause(
     "2.2.8",
     "Ordered list of all state derivatives, in other words, a list of ScalarVariable indices where every "
     "corresponding ScalarVariable must be a state derivative.",
+    in_3=fmi3("2.4.8", "Ordered list of value references of all derivatives of continuous states."),
 )
 _DERIVATIVE = Clause(
     "2.2.7",
     'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
+    in_3=fmi3(
+        "2.4.7.5",
+        "If present, then the variable with this attribute is the derivative of the variable with value "
+        "reference given in derivative.",
+    ),
 )
 _DEFINED_STATES = Clause(
     "2.2.7",
     "All ScalarVariables listed in this element must have attribute derivative (in order that the "
     "continuous-time states are uniquely defined).",
+    in_3=fmi3("2.4.7.5", "All variables listed in these elements must have attribute derivative."),
 )
 _STATES = Clause(
-    "2.2.7", '"local": Local variable that is calculated from other variables or is a continuous-time state'
+    "2.2.7",
+    '"local": Local variable that is calculated from other variables or is a continuous-time state',
+    in_3=fmi3(
+        "2.4.7.4", "A continuous-time state or an event indicator must have causality = local or output"
+    ),
 )
 _INITIAL = Clause(
     "2.2.8",
     'This list consists of all variables with (1) causality = "output" and (initial="approx" or '
     '"calculated"), and (2) causality = "calculatedParameter" and (3) all continuous-time states and all '
     'state derivatives [...] with initial="approx" or "calculated"',
+    in_3=fmi3("2.4.8", "Ordered list of all exposed unknowns in InitializationMode."),
 )
-_NO_DUPLICATES = Clause("2.2.8", "The resulting list is not allowed to have duplicates")
+_NO_DUPLICATES = Clause(
+    "2.2.8",
+    "The resulting list is not allowed to have duplicates",
+    in_3=fmi3("2.4.8", "The resulting list is not allowed to have duplicates"),
+)
 _ORDER = Clause(
     "2.2.8",
     "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
@@ -48,17 +70,55 @@ _ORDER = Clause(
     "appear before B in InitialUnknowns).",
 )
 _INDICES = Clause(
-    "2.2.8", "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices."
+    "2.2.8",
+    "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
+    in_3=fmi3("2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."),
 )
 _ASCENDING = Clause(
-    "2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."
+    "2.2.8",
+    "The indices are ordered according to magnitude, starting with the smallest index.",
+    in_3=fmi3("2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."),
 )
 _KINDS = Clause(
     "2.2.8",
     'If "dependenciesKind" is present, "dependencies" must be present and must have the same number of list '
     "elements.",
+    in_3=fmi3(
+        "2.4.8",
+        "If dependenciesKind is present, dependencies must be present and must have the same number of list "
+        "elements.",
+    ),
 )
-_REAL_KINDS = Clause("2.2.8", "Only for Real unknowns")
+_REAL_KINDS = Clause(
+    "2.2.8",
+    "Only for Real unknowns",
+    in_3=fmi3("2.4.8", "The following dependenciesKind is only allowed for floating point"),
+)
+_INITIAL_KINDS = fmi3(
+    "2.4.8",
+    "The following dependenciesKind is only allowed for floating point v_unknown in EventMode and "
+    "ContinuousTimeMode (ME) and at communication points (CS and SE), and not for InitialUnknown for "
+    "InitializationMode:",
+)
+_LOCAL_CLOCKS = fmi3(
+    "2.2.8.2",
+    "Like all local variables, local Clocks must not be used as inputs to other FMUs and must not be listed "
+    "in the ModelStructure.",
+)
+_CLOCKED = fmi3(
+    "2.4.8",
+    "All clocked states must have variability = discrete, must have the attribute clocks, and must not be of "
+    "type fmi3Clock.",
+)
+_PREVIOUS = fmi3(
+    "2.4.8",
+    "Each ClockedState must have the attribute previous to represent the previous value of this "
+    "ClockedState.",
+)
+_INDICATORS = fmi3(
+    "2.4.8",
+    "Only continuous variables of type Float32 and Float64 can be referenced by EventIndicator.",
+)
 
 
 @check(
@@ -90,6 +150,8 @@ def derivatives(subject: Subject) -> CheckOutcome:
     """Check that each of ModelStructure/Derivatives is the derivative of a different continuous state."""
     declared = subject.declared
     problems = [
+        *_clocked_states(declared),
+        *_event_indicators(declared),
         *_listing("Derivatives", declared.derivatives, declared, _DERIVATIVES),
         *_no_derivatives(declared),
         *(p for v in declared.variables for p in _misdirected(v, declared)),
@@ -99,17 +161,44 @@ def derivatives(subject: Subject) -> CheckOutcome:
 
 def _no_derivatives(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with the states of the listed derivatives."""
-    listed_ones = [v for u in declared.derivatives if (v := declared.variable(u.index)) is not None]
+    listed_ones = _listed_variables(declared.derivatives, declared)
     for variable in listed_ones:
         if "derivative" not in variable.own:
-            what = f"{variable} is listed in Derivatives, but has no attribute `derivative`."
+            listed = declared.list_name("Derivatives")
+            what = f"{variable} is listed in {listed}, but has no attribute `derivative`."
             yield Breach(what, _DEFINED_STATES)
         elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
             yield from _no_state(state)
     states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
     for index in find_repeated(states):
-        what = f"More than one of Derivatives is the derivative of {declared.variable(int(index)) or index}."
+        listed = declared.list_name("Derivatives")
+        what = f"More than one of {listed} is the derivative of {declared.variable(int(index)) or index}."
         yield Breach(what, _DEFINED_STATES)
+
+
+def _clocked_states(declared: Declarations) -> Iterator[Problem]:
+    """Yield problems with ClockedState of FMI 3.0."""
+    yield from _listing("ClockedState", declared.clocked_states, declared, _CLOCKED)
+    for variable in _listed_variables(declared.clocked_states, declared):
+        if variable.variability != "discrete" or variable.clocks is None or variable.type == "Clock":
+            kind = f"{variable.variability}, of type {variable.type}"
+            has = "no Clock" if variable.clocks is None else "a Clock"
+            yield Breach(f"{variable} is listed in ClockedState, but is {kind}, and has {has}.", _CLOCKED)
+        elif variable.previous is None:
+            yield Breach(f"{variable} is listed in ClockedState, but has no previous value.", _PREVIOUS)
+
+
+def _event_indicators(declared: Declarations) -> Iterator[Problem]:
+    """Yield problems with EventIndicator of FMI 3.0."""
+    yield from _listing("EventIndicator", declared.event_indicators, declared, _INDICATORS)
+    for variable in _listed_variables(declared.event_indicators, declared):
+        if variable.variability != "continuous" or not variable.is_real:
+            kind = f"{variable.variability}, of type {variable.type}"
+            yield Breach(f"{variable} is listed in EventIndicator, but is {kind}.", _INDICATORS)
+
+
+def _listed_variables(unknowns: Iterable[DeclaredUnknown], declared: Declarations) -> list[DeclaredVariable]:
+    return [v for u in unknowns if (v := declared.variable(u.index)) is not None]
 
 
 def _no_state(state: DeclaredVariable) -> Iterator[Problem]:
@@ -127,11 +216,11 @@ def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator
     index = int(variable.own["derivative"])
     of = declared.variable(index)
     if of is None:
-        what = f"{variable} is the derivative of variable {index}; there are only {len(declared.variables)}."
+        what = f"{variable} is the derivative of {declared.describe_missing(index)}."
         yield Breach(what, _DERIVATIVE)
     elif of.index == variable.index:
         yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
-    elif of.type != "Real":
+    elif not of.is_real:
         yield Breach(f"{variable} is the derivative of {of}, which is of type {of.type}.", _DERIVATIVE)
 
 
@@ -146,13 +235,13 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     """Check that InitialUnknowns lists what initialization computes, once, by ascending index."""
     declared = subject.declared
     found = [u.index for u in declared.initial_unknowns]
-    doubtful = {v.index for v in declared.variables if not v.possible} | _ignored(subject)
+    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | _ignored(subject)
     wanted = _initially_unknown(declared) - doubtful
     problems: list[Problem] = [
         *_listing("InitialUnknowns", declared.initial_unknowns, declared, _INITIAL),
         *_compared("InitialUnknowns", wanted, declared.initial_unknowns, declared, _INITIAL, doubtful),
     ]
-    if not problems and found != sorted(found):
+    if not problems and declared.version == 2 and found != sorted(found):
         k = next(k for k in range(1, len(found)) if found[k] < found[k - 1])
         what = (
             f"InitialUnknowns has {declared.variable(found[k])} after {declared.variable(found[k - 1])}, "
@@ -165,9 +254,8 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
 def _ignored(subject: Subject) -> set[int]:
     """Return states and derivatives of an FMU for which the standard ignores the element Derivatives."""
     declared = subject.declared
-    slave = subject.tree.find("CoSimulation")
-    claims = slave is not None and slave.get("providesDirectionalDerivative") in ("true", "1")
-    if claims or subject.tree.find("ModelExchange") is not None:
+    flag = "providesDirectionalDerivative" + ("s" if declared.version == 3 else "")
+    if subject.has_flag(flag, "CoSimulation") or subject.tree.find("ModelExchange") is not None:
         return set()
     found = declared.states() | {u.index for u in declared.derivatives}
     return {i for i in found if (v := declared.variable(i)) is not None and v.causality != "output"}
@@ -195,6 +283,10 @@ def dependencies(subject: Subject) -> CheckOutcome:
     """Check that dependencies exist, ascend, refer to knowns, and have a kind each or none."""
     declared = subject.declared
     known = declared.states() | _free(declared)
+    if declared.version == 3:  # parameters, and states between events, which need not be listed
+        known |= {
+            v.index for v in declared.variables if v.causality == "parameter" or v.variability == "discrete"
+        }
     exact = _free(declared) | {v.index for v in declared.variables if v.initial == "exact"}
     lists = [
         ("Outputs", declared.outputs, known),
@@ -205,8 +297,10 @@ def dependencies(subject: Subject) -> CheckOutcome:
     doubts: list[Problem] = []
     for name, unknowns, knowns in lists:
         for unknown in unknowns:
-            who = f"{declared.variable(unknown.index) or unknown.index} in {name}"
+            who = f"{declared.variable(unknown.index) or unknown.index} in {declared.list_name(name)}"
             problems += _ill_formed(who, unknown, declared)
+            if declared.version == 3 and name == "InitialUnknowns":
+                problems += _later_kinds(who, unknown)
             doubts += _unknown_knowns(who, unknown, knowns, declared)
     count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
     return judge_problems(problems, f"{count} dependencies are on variables that are known.", doubts)
@@ -220,9 +314,8 @@ def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> I
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
-        what = f"{who} depends on variable {beyond[0]}; there are only {len(declared.variables)}."
-        yield Breach(what, _INDICES)
-    elif indices is not None and list(indices) != sorted(set(indices)):
+        yield Breach(f"{who} depends on {declared.describe_missing(beyond[0])}.", _INDICES)
+    elif declared.version == 2 and indices is not None and list(indices) != sorted(set(indices)):
         yield Breach(f"The dependencies of {who} are not in ascending order.", _ASCENDING)
     if kinds is None:
         return
@@ -230,9 +323,16 @@ def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> I
         yield Breach(f"{who} has {len(kinds)} kinds for {len(indices or ())} dependencies.", _KINDS)
     variable = declared.variable(unknown.index)
     linear = [kind for kind in kinds if kind in _LINEAR]
-    if variable is not None and variable.type != "Real" and linear:
+    if variable is not None and not variable.is_real and linear:
         what = f"{who} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
         yield Breach(what, _REAL_KINDS)
+
+
+def _later_kinds(who: str, unknown: DeclaredUnknown) -> Iterator[Problem]:
+    """Yield kinds of dependencies that do not exist before the initialization ends."""
+    later = [kind for kind in unknown.kinds or () if kind in _LINEAR and kind != "constant"]
+    if later:
+        yield Breach(f"{who} has a dependency of the kind {later[0]}.", _INITIAL_KINDS)
 
 
 def _unknown_knowns(
@@ -252,11 +352,13 @@ def _unknown_knowns(
 def _listing(
     name: str, unknowns: Sequence[DeclaredUnknown], declared: Declarations, clause: Clause
 ) -> Iterator[Problem]:
-    """Yield problems with the indices of a list: unknown or repeated ones."""
+    """Yield problems with the indices of a list: unknown or repeated ones, and local Clocks."""
+    name = declared.list_name(name)
     for unknown in unknowns:
-        if declared.variable(unknown.index) is None:
-            what = f"{name} lists variable {unknown.index}; there are only {len(declared.variables)}."
-            yield Breach(what, clause)
+        if (variable := declared.variable(unknown.index)) is None:
+            yield Breach(f"{name} lists {declared.describe_missing(unknown.index)}.", clause)
+        elif variable.type == "Clock" and variable.causality == "local":
+            yield Breach(f"{name} lists the local Clock {variable}.", _LOCAL_CLOCKS)
     for twice in find_repeated(str(u.index) for u in unknowns):
         what = f"{name} lists {declared.variable(int(twice)) or twice} more than once."
         yield Breach(what, _NO_DUPLICATES if clause is _INITIAL else clause)
@@ -271,7 +373,7 @@ def _compared(
     doubtful: Iterable[int] = (),
 ) -> Iterator[Problem]:
     """Yield wanted indices that are missing, and listed ones that are neither wanted nor doubtful."""
-    found = {u.index for u in unknowns}
+    name, found = declared.list_name(name), {u.index for u in unknowns}
     if missing := sorted(wanted - found):
         yield Breach(f"{name} lacks {join_few_names(_names(missing, declared))}.", clause)
     if surplus := [i for i in sorted(found.difference(wanted, doubtful)) if declared.variable(i) is not None]:

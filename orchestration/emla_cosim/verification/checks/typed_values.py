@@ -18,7 +18,7 @@ from ..host.other_values import MOST, Values, items_of, others, settable
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, skipped
+from ..verdict import CheckOutcome, Clause, fmi3, skipped
 
 _STEPS = 60
 _EVERY = 7
@@ -31,7 +31,11 @@ _PART = 0.5
 @check(
     "values.booleans",
     "Booleans are fmi2True or fmi2False",
-    Clause("2.1.2", "Data type for Boolean numbers (only two values: fmi2False, fmi2True)"),
+    Clause(
+        "2.1.2",
+        "Data type for Boolean numbers (only two values: fmi2False, fmi2True)",
+        in_3=fmi3("fmi3PlatformTypes.h", "Data type to be used with fmi3True and fmi3False"),
+    ),
     "Return 0 or 1: hosts compare with fmi2True.",
     needs=("run.completes",),
 )
@@ -47,6 +51,11 @@ def booleans(subject: Subject) -> CheckOutcome:
         "2.2.3",
         "The values can be any integer number but must be unique within the same enumeration (in order that "
         'the mapping between "name" and "value" is bijective).',
+        in_3=fmi3(
+            "2.4.7.5",
+            "For <Enumeration> the attribute declaredType is required because the <Enumeration> items are "
+            "defined in <TypeDefinitions><TypeDefinition>.",
+        ),
     ),
     "Add an item for the value to the SimpleType, or return another one.",
     needs=("run.completes",),
@@ -144,7 +153,11 @@ class _VaryingRun:
 @check(
     "values.strings",
     "Strings are valid",
-    Clause("2.1.2", r"Data type for character strings ('\0' terminated, UTF8 encoded)"),
+    Clause(
+        "2.1.2",
+        r"Data type for character strings ('\0' terminated, UTF8 encoded)",
+        in_3=fmi3("fmi3PlatformTypes.h", r"Data type for character strings ('\0' terminated, UTF-8 encoded)"),
+    ),
     "Return a pointer to UTF-8 text that lives at least until the next call of the FMU; never NULL.",
     needs=("run.completes",),
 )
@@ -185,7 +198,10 @@ def _problem(instance: HostedInstance, variable: ModelVariable, looks_at_memory:
     pointer = (ctypes.c_char_p * 1)()
     with instance.calling():
         reference = (ctypes.c_uint * 1)(variable.valueReference)
-        instance.fmu.fmi2GetString(instance.fmu.component, reference, 1, pointer)
+        if instance.subject.version == 3:
+            instance.fmu.fmi3GetString(instance.fmu.component, reference, 1, pointer, 1)
+        else:
+            instance.fmu.fmi2GetString(instance.fmu.component, reference, 1, pointer)
     place = ctypes.cast(pointer, ctypes.POINTER(ctypes.c_void_p))[0]
     if place is None:
         return "is a NULL pointer"

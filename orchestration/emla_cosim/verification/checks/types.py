@@ -6,20 +6,28 @@ from ..check import check
 from ..declarations import Declarations, DeclaredType, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, fmi3
 
 _UNIQUE = Clause(
     "2.2.3",
     "Attribute “name” must be unique with respect to all other elements of the TypeDefinitions list.",
+    in_3=fmi3("2.4.4", "The unique name of the variable type referenced using the attribute declaredType."),
 )
 _NO_VARIABLE = Clause(
-    "2.2.3", "“name” of a “SimpleType” must be different to all “name” attributes of ScalarVariables"
+    "2.2.3",
+    "“name” of a “SimpleType” must be different to all “name” attributes of ScalarVariables",
+    in_3=fmi3("2.4.4", "This attribute must be different to all name attributes of variables"),
 )
-_DEFINED = Clause("2.2.7", "If present, name of type defined with TypeDefinitions / SimpleType.")
+_DEFINED = Clause(
+    "2.2.7",
+    "If present, name of type defined with TypeDefinitions / SimpleType.",
+    in_3=fmi3("2.4.7.5", "If present, name of type defined with <TypeDefinitions><TypeDefinition>."),
+)
 _ITEMS = Clause(
     "2.2.3",
     "The values can be any integer number but must be unique within the same enumeration (in order that the "
     "mapping between “name” and “value” is bijective).",
+    in_3=fmi3("2.4.4", "name and value must be unique within the same <EnumerationType>."),
 )
 
 
@@ -40,10 +48,14 @@ def types(subject: Subject) -> CheckOutcome:
 def _names(declared: Declarations) -> Iterator[Problem]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield Breach(f"More than one SimpleType has the name {name}.", _UNIQUE)
+        yield Breach(f"More than one {_word(declared)} has the name {name}.", _UNIQUE)
     for one in declared.types:
         if one.name in variables:
-            yield Breach(f"The SimpleType {one.name} has the name of a variable.", _NO_VARIABLE)
+            yield Breach(f"The {_word(declared)} {one.name} has the name of a variable.", _NO_VARIABLE)
+
+
+def _word(declared: Declarations) -> str:
+    return "type definition" if declared.version == 3 else "SimpleType"
 
 
 def _uses(declared: Declarations) -> Iterator[Problem]:
@@ -53,7 +65,7 @@ def _uses(declared: Declarations) -> Iterator[Problem]:
         if name is None:
             continue
         if name not in by_name:
-            yield Breach(f"{variable} is declared as {name}, which is not a SimpleType.", _DEFINED)
+            yield Breach(f"{variable} is declared as {name}, which is not a {_word(declared)}.", _DEFINED)
         elif by_name[name].type != variable.type:
             other = by_name[name].type
             what = f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."

@@ -8,7 +8,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, fmi3
 
 _CLOSE = 1e-4
 """Relative tolerance of equal factors: some are written with few digits."""
@@ -16,28 +16,46 @@ _TURN = 2.0 * math.pi
 _RAD = BASE_UNITS.index("rad")
 
 _UNIQUE = Clause(
-    "2.2.2", "which must be unique with respect to all other defined elements of the UnitDefinitions list."
+    "2.2.2",
+    "which must be unique with respect to all other defined elements of the UnitDefinitions list.",
+    in_3=fmi3("2.4.3", "The name of a Unit must be unique with respect to all other <Unit> elements."),
 )
 _UNIQUE_DISPLAY = Clause(
     "2.2.2",
     "The attribute name must be unique with respect to all other names of the DisplayUnit definitions of the "
     "same Unit",
+    in_3=fmi3(
+        "2.4.3",
+        "The attribute name must be unique with respect to all other names of the <DisplayUnit> definitions "
+        "of the same Unit.",
+    ),
 )
 _DEFINED = Clause(
     "2.2.3",
     "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations. "
     '[For example, "N.m": in this case a Unit.name = "N.m" must be present under UnitDefinitions.',
+    in_3=fmi3(
+        "2.4.7.5",
+        "This attribute defines the unit of the variable by referencing a <UnitDefinitions><Unit> with the "
+        "same name, which must exist.",
+    ),
 )
 _NO_UNIT = Clause(
     "2.2.3",
     "It is an error if displayUnit is defined in element Real, but unit is not, or unit is not defined under "
     "<UnitDefinitions><Unit>.",
+    in_3=fmi3("2.4.7.5", "If displayUnit is defined a unit must also be defined."),
 )
 _CONVERTED = Clause(
     "2.2.2",
     "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
     "utilizing the conversion factor and offset attributes:",
+    in_3=fmi3(
+        "2.4.3",
+        "A value v_unit in Unit is converted to a value v_display in DisplayUnit by the equation:",
+    ),
 )
+_INVERSE = fmi3("2.4.3", "inverse = true is only allowed if offset = 0.")
 
 
 @check(
@@ -87,6 +105,12 @@ def consistent(subject: Subject) -> CheckOutcome:
     """
     units = subject.declared.units
     problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
+    problems += [
+        Breach(f"{display['name']} (display of {unit.name}) is inverse, but has an offset.", _INVERSE)
+        for unit in units
+        for display in unit.display
+        if _is_inverse(display) and _number(display, "offset", 0.0) != 0.0
+    ]
     found = (
         p
         for unit in units
@@ -98,6 +122,11 @@ def consistent(subject: Subject) -> CheckOutcome:
     return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
     )
+
+
+def _is_inverse(display: Mapping[str, str]) -> bool:
+    """Return whether a display unit of FMI 3.0 divides by the value."""
+    return display.get("inverse") in ("true", "1")
 
 
 def _finite(unit: DeclaredUnit) -> Iterator[str]:
@@ -139,7 +168,7 @@ def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
     mine = find_unit(unit.name)
     for display in unit.display:
         theirs = find_unit(display["name"])
-        if mine is None or theirs is None:
+        if mine is None or theirs is None or _is_inverse(display):
             continue
         factor = _number(display, "factor", 1.0)
         right = mine.factor / theirs.factor
@@ -165,6 +194,11 @@ def _offset(unit: DeclaredUnit) -> Iterator[str]:
     Clause(
         "2.2.7",
         'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
+        in_3=fmi3(
+            "2.4.7.5",
+            "If present, then the variable with this attribute is the derivative of the variable with value "
+            "reference given in derivative.",
+        ),
     ),
     "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
     needs=("units.consistent", "structure.derivatives"),

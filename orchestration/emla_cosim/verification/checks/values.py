@@ -20,12 +20,13 @@ from ..host.other_values import (
 )
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
+from ..verdict import CheckOutcome, Clause, fmi3, skipped
 
 _EXACT = Clause(
     "2.2.7",
     "The variable is initialized with the start value (provided under Real, Integer, Boolean, String or "
     "Enumeration).",
+    in_3=fmi3("2.4.7.5", "exact: The variable is initialized with the start value by the FMU."),
 )
 _TINY = 1e-6
 
@@ -36,7 +37,13 @@ _NOTHING = "It has no parameter and no input with another valid value."
 @check(
     "values.start",
     "Variables have their start values",
-    Clause("2.2.7", "This value is also stored in the C functions."),
+    Clause(
+        "2.2.7",
+        "This value is also stored in the C functions.",
+        in_3=fmi3(
+            "2.4.7.5", "During instantiation, the FMU initializes its variables with their start values."
+        ),
+    ),
     "Generate the model description and the library from the same values.",
     needs=("run.completes",),
 )
@@ -90,6 +97,11 @@ def _read(instance: HostedInstance, names: Sequence[str]) -> Values:
         "2.1.7",
         "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
         "these variables",
+        in_3=fmi3(
+            "2.2.7.2",
+            "With two exceptions, all variables that are allowed to be set with fmi3Set{VariableType} keep "
+            "their respective values until the next call to fmi3Set{VariableType}.",
+        ),
     ),
     "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
     needs=("run.completes",),
@@ -135,7 +147,11 @@ def _after_setting(subject: Subject, changes: Values) -> Values:
 @check(
     "values.reset",
     "Reset restores the values of parameters and inputs",
-    Clause("2.1.6", "All variables have their default values."),
+    Clause(
+        "2.1.6",
+        "All variables have their default values.",
+        in_3=fmi3("2.3.1", "All variables have their default values."),
+    ),
     "fmi2Reset must set every parameter and input to its start value.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -164,6 +180,11 @@ def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
         "2.1.5",
         "An FMU can be instantiated many times (provided capability flag "
         "canBeInstantiatedOnlyOncePerProcess = false).",
+        in_3=fmi3(
+            "2.3.1",
+            "An FMU can be instantiated many times (provided capability flag "
+            "canBeInstantiatedOnlyOncePerProcess = false).",
+        ),
     ),
     "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.completes",),
@@ -214,6 +235,12 @@ def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
         "This internal state consists especially of the values of the continuous-time states, iteration "
         "variables, parameter values, input values, delay buffers, file identifiers, and FMU internal status "
         "information.",
+        in_3=fmi3(
+            "2.2.7.4",
+            "This internal state consists especially of the values of the continuous states, iteration "
+            "variables, parameter values, input values, delay buffers, file identifiers, and FMU internal "
+            "status information.",
+        ),
     ),
     "Copy parameters and inputs of all types into the state, also Booleans and Strings.",
     needs=("state.restored",),
@@ -278,15 +305,13 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
     instance.initialize(changes, start)
     instance.step(start, step)
     before, data = _read(instance, list(changes)), None
-    with instance.calling():
-        saved = instance.fmu.getFMUstate()
-        if subject.has_capability("canSerializeFMUstate"):
-            serialized = instance.serialize(saved)
-            data = serialized if isinstance(serialized, bytes) else None
+    saved = instance.save_state()
+    if subject.has_capability("canSerializeFMUstate"):
+        serialized = instance.serialize(saved)
+        data = serialized if isinstance(serialized, bytes) else None
     instance.reset()
     instance.initialize(None, start)
-    with instance.calling():
-        instance.fmu.setFMUstate(saved)
+    instance.restore_state(saved)
     return before, _read(instance, list(changes)), data
 
 
@@ -299,18 +324,16 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
     instance.initialize(None, start)
     instance.step(start, step)
     before = _read(instance, names)
-    with instance.calling():
-        saved = instance.fmu.getFMUstate()
+    saved = instance.save_state()
     instance.set(changes)
     instance.step(start + step, step)
     changed, data = _read(instance, names), None
-    with instance.calling():
-        if subject.has_capability("canSerializeFMUstate"):
-            late = instance.fmu.getFMUstate()
-            serialized = instance.serialize(late)
-            data = serialized if isinstance(serialized, bytes) else None
-            instance.fmu.freeFMUstate(late)
-        instance.fmu.setFMUstate(saved)
+    if subject.has_capability("canSerializeFMUstate"):
+        late = instance.save_state()
+        serialized = instance.serialize(late)
+        data = serialized if isinstance(serialized, bytes) else None
+        instance.free_state(late)
+    instance.restore_state(saved)
     restored = _read(instance, names)
     return before, changed, restored, data
 
@@ -318,6 +341,5 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
 def _from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
     instance = HostedInstance(subject)
     instance.initialize(None, span(subject)[0])
-    with instance.calling():
-        instance.fmu.setFMUstate(instance.fmu.deSerializeFMUstate(data))
+    instance.restore_state(instance.deserialize(data))
     return _read(instance, names)

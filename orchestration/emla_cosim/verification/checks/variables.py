@@ -8,7 +8,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause
+from ..verdict import CheckOutcome, Clause, fmi3
 
 _NONDIGIT = "_a-zA-Z"
 _QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
@@ -16,12 +16,36 @@ _PART = rf"(?:[{_NONDIGIT}][{_NONDIGIT}0-9]*|{_QUOTED})(?:\[[0-9]+(?:,[0-9]+)*\]
 _IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
 _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 
-_GRAMMAR = Clause("2.2.9", 'name = identifier | "der(" identifier ["," unsignedInteger ] ")"')
-_CONTINUOUS = Clause("2.2.7", "Only a variable of type = “Real” can be “continuous”.")
-_ONE_INDEPENDENT = Clause("2.2.7", 'At most one ScalarVariable of an FMU can be defined as "independent".')
-_INITIAL = Clause(
-    "2.2.7", "If initial is not present, it is defined by the table below based on causality and variability."
+_GRAMMAR = Clause(
+    "2.2.9",
+    'name = identifier | "der(" identifier ["," unsignedInteger ] ")"',
+    in_3=fmi3("2.4.7.5.1", 'name            = identifier | "der(" identifier ["," unsignedInteger ] ")"'),
 )
+_CONTINUOUS = Clause(
+    "2.2.7",
+    "Only a variable of type = “Real” can be “continuous”.",
+    in_3=fmi3("2.4.7.4", "Only variables of type Float32 or Float64 may be continuous."),
+)
+_ONE_INDEPENDENT = Clause(
+    "2.2.7",
+    'At most one ScalarVariable of an FMU can be defined as "independent".',
+    in_3=fmi3("2.4.7.4", "Exactly one variable of an FMU must be defined as independent."),
+)
+_INDEPENDENT = fmi3(
+    "2.4.7.4", "The independent variable must be defined as a floating point type without a start attribute."
+)
+_INITIAL = Clause(
+    "2.2.7",
+    "If initial is not present, it is defined by the table below based on causality and variability.",
+    in_3=fmi3(
+        "2.4.7.5",
+        "If initial is not present in a type that can have that attribute, its value is defined by "
+        "[...] based on the values of causality and variability",
+    ),
+)
+_REFERENCES = fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU.")
+_INTERMEDIATE = fmi3("2.4.7.4", "Only continuous-time variables can have intermediateUpdate = true.")
+_MULTIPLE_SETS = fmi3("2.4.7.4", "Only for variables with causality = input.")
 _MODEL_EXCHANGE = Clause(
     "2.2.7", "Only for ModelExchange (if only CoSimulation FMU, this attribute must not be present."
 )
@@ -29,6 +53,7 @@ _ONE_START = Clause(
     "2.2.7",
     'At most one variable of the same alias set of variables with variability ≠ "constant" can have a start '
     "attribute.",
+    in_3=fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU."),
 )
 _SETTABLE = Clause(
     "2.2.7",
@@ -54,13 +79,17 @@ _SAME_UNIT = Clause(
 @check(
     "variables.names",
     "Variables have unique names",
-    Clause("2.2.9", "The names must be unique, non-empty strings."),
+    Clause(
+        "2.2.9",
+        "The names must be unique, non-empty strings.",
+        in_3=fmi3("2.4.7.5.1", "The names must be unique, non-empty strings."),
+    ),
     "Rename them. With variableNamingConvention `flat`, every name is allowed.",
     needs=("description.schema",),
 )
 def names(subject: Subject) -> CheckOutcome:
     """Check that names are unique, and structured if the FMU declares it."""
-    found = [v.name for v in subject.declared.variables]
+    found = [name for v in subject.declared.variables for name in (v.name, *v.aliases)]
     problems: list[Problem] = [
         f"More than one variable has the name {name}." for name in find_repeated(found)
     ]
@@ -77,7 +106,14 @@ def names(subject: Subject) -> CheckOutcome:
 @check(
     "variables.attributes",
     "Attributes of variables are compatible",
-    Clause("2.2.7", "The following combinations of variability/causality settings are allowed:"),
+    Clause(
+        "2.2.7",
+        "The following combinations of variability/causality settings are allowed:",
+        in_3=fmi3(
+            "2.4.7.4",
+            "Allowed combinations of causality and variability and their semantics are defined in [...]",
+        ),
+    ),
     "The tables in section 2.2.7 list the combinations. The default of variability is `continuous`.",
     needs=("description.schema",),
 )
@@ -89,7 +125,9 @@ def attributes(subject: Subject) -> CheckOutcome:
     if len(independent) > 1:
         both = f"Both {independent[0]} and {independent[1]} are independent."
         problems.append(Breach(both, _ONE_INDEPENDENT))
-    if "ModelExchange" not in subject.kinds:
+    if declared.version == 3:
+        problems += _of_version_3(declared, independent)
+    elif "ModelExchange" not in subject.kinds:
         problems += [p for v in declared.variables for p in _exchanged(v)]
     return judge_problems(problems, f"{len(declared.variables)} variables have compatible attributes.")
 
@@ -100,9 +138,28 @@ def _impossible(variable: DeclaredVariable) -> Iterator[Problem]:
         yield f"{what}, which the standard does not allow."
     elif not variable.possible:
         yield Breach(f"{what}; its initial cannot be {variable.given_initial}.", _INITIAL)
-    if variable.variability == "continuous" and variable.type != "Real":
-        what = f"{variable} is continuous, but of type {variable.type}; only a Real can be."
+    if variable.variability == "continuous" and not variable.is_real:
+        only = "Float32 and Float64" if variable.version == 3 else "a Real"
+        what = f"{variable} is continuous, but of type {variable.type}; only {only} can be."
         yield Breach(what, _CONTINUOUS)
+
+
+def _of_version_3(declared: Declarations, independent: Sequence[str]) -> Iterator[Problem]:
+    """Yield problems with attributes that only FMI 3.0 has or restricts."""
+    if not independent:
+        yield Breach("No variable is independent.", _ONE_INDEPENDENT)
+    for variable in declared.variables:
+        if variable.causality == "independent" and not variable.is_real:
+            yield Breach(f"{variable} is independent, but of type {variable.type}.", _INDEPENDENT)
+        if variable.own.get("intermediateUpdate") in ("true", "1") and variable.variability != "continuous":
+            yield Breach(f"{variable} has intermediateUpdate, but is {variable.variability}.", _INTERMEDIATE)
+        forbids = variable.own.get("canHandleMultipleSetPerTimeInstant") in ("false", "0")
+        if forbids and variable.causality != "input":
+            what = (
+                f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is "
+                f"{_article(variable.causality)}."
+            )
+            yield Breach(what, _MULTIPLE_SETS)
 
 
 def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:
@@ -126,9 +183,24 @@ def _article(causality: str) -> str:
 )
 def aliases(subject: Subject) -> CheckOutcome:
     """Check that aliases agree in unit and constancy, and that at most one has a start value."""
+    if subject.version == 3:
+        return _judge_references(subject.declared)
     sets = _alias_sets(subject.declared)
     problems = [p for several in sets for p in _apart(several)]
     return judge_problems(problems, f"{len(sets)} value references are shared, by compatible variables.")
+
+
+def _judge_references(declared: Declarations) -> CheckOutcome:
+    """Judge value references of FMI 3.0, in which aliases are elements of their variable."""
+    found: dict[int, list[str]] = defaultdict(list)
+    for variable in declared.variables:
+        found[variable.reference].append(variable.name)
+    problems = [
+        Breach(f"{names[0]} and {names[1]} have the same value reference {reference}.", _REFERENCES)
+        for reference, names in found.items()
+        if len(names) > 1
+    ]
+    return judge_problems(problems, f"{len(declared.variables)} variables have different value references.")
 
 
 def _alias_sets(declared: Declarations) -> list[list[DeclaredVariable]]:

@@ -2,18 +2,27 @@
 
 import time as clock
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import byref, c_int, c_size_t
+from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2DoStepStatus
+from fmpy.fmi3 import FMU3Slave
+from fmpy.model_description import ModelVariable
 
-from ...fmu.instance import DISCARD, ERROR, FINE, PENDING, STATUS, WARNING, FmiInstance, load
+from ...fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
 from ...fmu.log import LogLine
 from ..subject import Subject
 from ..subprocess_run import note
+from ..verdict import Clause, fmi3
+from .arrays import Arrays, ElementDependency, ElementLayout, get_elements, set_elements
 from .integration import Integration
 from .log import LOG, format_message
+
+_EARLY = fmi3(
+    "4.2.1",
+    "earlyReturn = fmi3True is only allowed if earlyReturnAllowed = fmi3True in fmi3InstantiateCoSimulation.",
+)
 
 _LARGEST_STATE = 2**28
 """Largest plausible size of a state in bytes."""
@@ -25,21 +34,23 @@ class CallError(Exception):
     def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
         self.call, self.status = call, status
+        self.clause: Clause | None = None
         name = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
         super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
 
     @property
     def has_status(self) -> bool:
         """Whether the answer is one of the statuses of the standard."""
-        return 0 <= self.status < len(STATUS)
+        return 0 <= self.status < (PENDING if self.call.startswith("fmi3") else len(STATUS))
 
     def __reduce__(self) -> Any:
         """Pickle the message instead of the log lines."""
-        return _rebuild_error, (str(self), self.call, self.status)
+        return _rebuild_error, (str(self), self.call, self.status, self.clause)
 
 
-def _rebuild_error(sentence: str, call: str, status: int) -> CallError:
+def _rebuild_error(sentence: str, call: str, status: int, clause: Clause | None = None) -> CallError:
     error = CallError(call, status)
+    error.clause = clause
     error.args = (sentence,)
     return error
 
@@ -48,10 +59,14 @@ class HostedInstance(FmiInstance):
     """An instance, from its instantiation until `close`. Its name must be unique in the process.
 
     `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
-    after the FMU asked to end the run. `circumstance` is added to the note of every call: ` with u = nan`.
+    after the FMU asked to end the run. `claim` is what a step said that no host without event mode expects,
+    and `reached` the time in s that it said it reached. `circumstance` is added to the note of every call:
+    ` with u = nan`.
     """
 
     circumstance = ""
+    claim = ""
+    reached: float | None = None
 
     def __init__(
         self,
@@ -60,9 +75,15 @@ class HostedInstance(FmiInstance):
         kind: str | None = None,
         logging: bool = False,
         guid: str | None = None,
+        events: bool = False,
+        early: bool = False,
     ) -> None:
-        """Load the library and instantiate. Raise CallError on failure."""
+        """Load the library and instantiate. Raise CallError on failure.
+
+        `events` and `early` let an FMU of FMI 3.0 use event mode, and return early from steps.
+        """
         self.subject, self.name = subject, name
+        self._events, self._early = events, early
         self.kind = kind or subject.kinds[0]
         library = subject.library(self.kind)
         note("loading its library")
@@ -74,37 +95,189 @@ class HostedInstance(FmiInstance):
                 subject.folder,
                 subject.find_kind_element(self.kind).modelIdentifier,
                 subject.description.guid if guid is None else guid,
+                f"{subject.version}.0",
             )
         except Exception as error:  # fmpy raises bare ones
             raise _rebuild_error(
                 f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
             ) from error
         self.fmu.instance, self.fmu.instanceName = self, name
+        self._is_3, self._arrays = subject.version == 3, Arrays()
         self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.instantiate(logging)
 
     def instantiate(self, logging: bool = False) -> None:
         """Instantiate again after `free`, with the loaded library."""
         self.terminated = False
+        self._arrays.clear()
         try:
-            self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
+            if self._is_3 and (self._events or self._early):
+                self._instantiate_with_events(logging)
+            else:
+                self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
         except Exception as error:  # fmpy raises a bare one for NULL
             raise _null(LOG.of(self.name)) from error
 
+    def _instantiate_with_events(self, logging: bool) -> None:
+        name = self.name.encode()
+
+        def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:
+            LOG.hear(environment, name, status, category, message)
+
+        FMU3Slave.instantiate(
+            self.fmu,
+            loggingOn=logging,
+            eventModeUsed=self._events,
+            earlyReturnAllowed=self._early,
+            logMessage=hear,
+        )
+
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
         """Note the next call."""
-        at = f" at t = {arguments[1]:.9g} s" if function == "fmi2DoStep" else ""
+        at = f" at t = {arguments[1]:.9g} s" if function in ("fmi2DoStep", "fmi3DoStep") else ""
         note(f"{function}{at}{self.circumstance}")
+
+    def status(self, name: str, *arguments: Any) -> int:
+        """Call a function, named as in FMI 2.0, with the component and these arguments; return its status."""
+        return super().status(name.replace("fmi2", "fmi3", 1) if self._is_3 else name, *arguments)
+
+    def step_status(self, time: float, length: float) -> int:
+        """Call the function that steps, whatever the phase; return its status."""
+        if not self._is_3:
+            return self.status("fmi2DoStep", time, length, 0)
+        flags, reached = [c_bool() for _ in range(3)], c_double()
+        return self.status(
+            "fmi3DoStep", time, length, False, *(byref(flag) for flag in flags), byref(reached)
+        )
+
+    def enter_initialization_status(self, start: float) -> int:
+        """Call the function that enters initialization mode, whatever the phase; return its status."""
+        arguments = (False, 0.0, start, False, 0.0) if self._is_3 else ()
+        return self.status("fmi2EnterInitializationMode", *arguments)
+
+    def set_status(self, values: Mapping[str, Any]) -> int:
+        """Set variables by name, whatever the phase; return the status."""
+        try:
+            self.set(values)
+        except CallError as error:
+            return error.status
+        return OK
 
     def error(self, call: str, status: int) -> CallError:
         """Return the error for a call with this status."""
         return CallError(call, status, LOG.of(self.name, WARNING))
 
+    def save_state(self) -> Any:
+        """Return a new copy of the state."""
+        with self.calling():
+            return self.fmu.getFMUState() if self._is_3 else self.fmu.getFMUstate()
+
+    def save_state_again(self, state: Any) -> None:
+        """Save the state in the memory of an earlier one."""
+        name = "fmi3GetFMUState" if self._is_3 else "fmi2GetFMUstate"
+        with self.calling():
+            getattr(self.fmu, name)(self.fmu.component, byref(state))
+
+    def restore_state(self, state: Any) -> None:
+        """Continue from a saved state."""
+        with self.calling():
+            (self.fmu.setFMUState if self._is_3 else self.fmu.setFMUstate)(state)
+        self.terminated = False
+
+    def free_state(self, state: Any) -> None:
+        """Free a saved state."""
+        with self.calling():
+            self.fmu.freeFMUstate(state)
+
     def serialize(self, state: Any) -> bytes | int:
         """Return the bytes of a state, or the size that the FMU reports if it is not plausible."""
         size = c_size_t()
-        self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
-        return self.fmu.serializeFMUstate(state) if 0 < size.value <= _LARGEST_STATE else size.value
+        with self.calling():
+            self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
+            if not 0 < size.value <= _LARGEST_STATE:
+                return size.value
+            return self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)
+
+    def deserialize(self, data: bytes) -> Any:
+        """Return a state from its bytes."""
+        with self.calling():
+            return self.fmu.deSerializeFMUstate(data)
+
+    def set_debug_logging(self, logging: bool, categories: Sequence[str]) -> None:
+        """Enable or disable the log messages of some categories, or of all."""
+        with self.calling():
+            if self._is_3 and not categories:  # fmpy (0.3.32) does not pass NULL
+                self.fmu.fmi3SetDebugLogging(self.fmu.component, logging, 0, None)
+                return
+            if self._is_3:
+                self.fmu.fmi3SetDebugLogging(self.fmu.component, not logging, 0, None)
+            self.fmu.setDebugLogging(logging, categories)
+
+    def directional(
+        self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
+    ) -> list[float]:
+        """Return the derivatives of unknowns along a direction in the knowns, all by name."""
+        call: Any = self.fmu.getDirectionalDerivative
+        with self.calling():
+            if not self._is_3:
+                return list(call(self._references(unknowns), self._references(knowns), list(seed)))
+            return self._derive(call, unknowns, knowns, seed)
+
+    def adjoint(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
+        """Return the products of the seed and the derivatives of the unknowns, for each of the knowns."""
+        with self.calling():
+            return self._derive(self.fmu.getAdjointDerivative, unknowns, knowns, seed, adjoint=True)
+
+    def _derive(
+        self,
+        call: Any,
+        unknowns: Sequence[str],
+        knowns: Sequence[str],
+        seed: Sequence[float],
+        adjoint: bool = False,
+    ) -> list[float]:
+        """Call with whole arrays, of which only some elements have a seed."""
+        variables = self.subject.variables
+        found, given = (ElementLayout(variables[n] for n in names) for names in (unknowns, knowns))
+        wanted, source = (given, found) if adjoint else (found, given)
+        answer = call(found.references, given.references, source.spread(seed), wanted.size)
+        return wanted.pick(answer)
+
+    def dependencies(self, reference: int) -> list[ElementDependency]:
+        """Return the dependencies of the elements of a variable."""
+        count = c_size_t()
+        with self.calling():
+            self.fmu.fmi3GetNumberOfVariableDependencies(self.fmu.component, reference, byref(count))
+            size = count.value
+            elements, of_independents = (c_size_t * size)(), (c_size_t * size)()
+            independents, kinds = (c_uint * size)(), (c_int * size)()
+            self.fmu.fmi3GetVariableDependencies(
+                self.fmu.component, reference, elements, independents, of_independents, kinds, size
+            )
+        return [
+            ElementDependency(*entry) for entry in zip(elements, independents, of_independents, strict=True)
+        ]
+
+    def output_derivatives(self, names: Sequence[str], order: int) -> list[float]:
+        """Return the derivatives of outputs of an order, by name."""
+        with self.calling():
+            if not self._is_3:
+                call: Any = self.fmu.getRealOutputDerivatives
+                return list(call(self._references(names), [order] * len(names)))
+            layout = ElementLayout(self.subject.variables[n] for n in names)
+            return layout.pick(self._output_derivatives(layout, order))
+
+    def _output_derivatives(self, layout: ElementLayout, order: int) -> list[float]:
+        count = len(layout.references)  # fmpy (0.3.32) takes scalars only
+        references, orders = (c_uint * count)(*layout.references), (c_int * count)(*[order] * count)
+        values = (c_double * layout.size)()
+        self.fmu.fmi3GetOutputDerivatives(self.fmu.component, references, count, orders, values, layout.size)
+        return list(values)
+
+    def terminate(self) -> None:
+        """End the run."""
+        with self.calling():
+            self.fmu.terminate()
 
     def initialize(
         self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
@@ -124,8 +297,12 @@ class HostedInstance(FmiInstance):
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, in this order, with one call for each type."""
+        typed = [(self.subject.variables[name], value) for name, value in values.items()]
         with self.calling():
-            self.set_typed([(self.subject.variables[name], value) for name, value in values.items()])
+            if self._is_3:
+                set_elements(self.fmu, typed, self._arrays)
+            else:
+                self.set_typed(typed)
 
     def get(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type, and for each String.
@@ -134,13 +311,16 @@ class HostedInstance(FmiInstance):
         """
         variables = [self.subject.variables[name] for name in names]
         with self.calling():
-            others = iter(self.get_typed([v for v in variables if v.type != "String"]))
-            return [self.get_typed([v])[0] if v.type == "String" else next(others) for v in variables]
+            others = iter(self._get([v for v in variables if v.type != "String"]))
+            return [self._get([v])[0] if v.type == "String" else next(others) for v in variables]
 
     def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
         with self.calling():
-            return self.get_typed([self.subject.variables[name] for name in names])
+            return self._get([self.subject.variables[name] for name in names])
+
+    def _get(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        return get_elements(self.fmu, variables) if self._is_3 else self.get_typed(variables)
 
     def step(self, time: float, length: float) -> None:
         """Step from `time` by `length`, both in s. Raise CallError also for a discarded step.
@@ -151,6 +331,9 @@ class HostedInstance(FmiInstance):
             if self._integration is not None:
                 self._integrate(self._integration, time, length)
                 return
+            if self._is_3:
+                self._step_3(time, length)
+                return
             try:
                 self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
             except FMICallException as error:
@@ -160,6 +343,19 @@ class HostedInstance(FmiInstance):
                     self.terminated = True
                 else:
                     raise self.error(f"fmi2DoStep at t = {time:.9g} s", error.status) from error
+
+    def _step_3(self, time: float, length: float) -> None:
+        """Step an FMU of FMI 3.0, without event mode and early return."""
+        event, terminates, early, reached = self.fmu.doStep(
+            time, length, noSetFMUStatePriorToCurrentPoint=False
+        )
+        self.terminated, self.reached = bool(terminates), float(reached)
+        at = f"fmi3DoStep at t = {time:.9g} s"
+        if early and not terminates:
+            said = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
+            raise _rebuild_error(said, "fmi3DoStep", ERROR, _EARLY)
+        if event and not self.claim:
+            self.claim = f"{at} asked for event mode, which is not used."
 
     def _integrate(self, integration: Integration, time: float, length: float) -> None:
         try:
@@ -183,12 +379,12 @@ class HostedInstance(FmiInstance):
     def reset(self) -> None:
         """Reset the instance to its initial state."""
         super().reset()
+        self._arrays.clear()
         self.terminated = False
 
     def close(self) -> None:
         """Terminate and free the instance. The library stays loaded."""
-        with self.calling():
-            self.fmu.terminate()
+        self.terminate()
         self.free()
         if self._integration is not None:
             self._integration.close()
@@ -196,6 +392,9 @@ class HostedInstance(FmiInstance):
     def reference(self, name: str) -> int:
         """Return the value reference of a variable."""
         return self.subject.variables[name].valueReference
+
+    def _references(self, names: Sequence[str]) -> list[int]:
+        return [self.reference(name) for name in names]
 
 
 def _null(lines: Iterable[LogLine]) -> CallError:

@@ -34,9 +34,13 @@ class Integration:
         """Prepare to integrate. This calls no function of the FMU."""
         self.terminated = False
         self._fmu = fmu
-        self._states = int(subject.description.numberOfContinuousStates)
+        self._is_3 = subject.version == 3
+        self._states = int(subject.description.numberOfContinuousStates or 0)
         self._indicators = int(subject.description.numberOfEventIndicators or 0)
-        self._tells = not subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded
+        if self._is_3:
+            self._tells = subject.has_flag("needsCompletedIntegratorStep", "ModelExchange")
+        else:
+            self._tells = not subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded
         self._next_event = math.inf
         self._solver: CVode | None = None
 
@@ -49,6 +53,10 @@ class Integration:
     def begin(self) -> None:
         """Handle the events of the initialization."""
         self.terminated = False
+        if self._is_3:  # structural parameters may change them
+            self.close()
+            self._states = self._fmu.getNumberOfContinuousStates()
+            self._indicators = self._fmu.getNumberOfEventIndicators()
         self._do_events()
 
     def step(self, time: float, length: float) -> None:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -56,10 +55,7 @@ class Point:
 
     def directional(self, knowns: Sequence[str], seed: Sequence[float]) -> Vector:
         """Return the result of fmi2GetDirectionalDerivative for the unknowns."""
-        unknowns = [self.instance.reference(n) for n in self.unknowns]
-        with self.instance.calling():
-            call: Any = self.instance.fmu.getDirectionalDerivative
-            return np.array(call(unknowns, [self.instance.reference(n) for n in knowns], list(seed)))
+        return np.array(self.instance.directional(self.unknowns, knowns, seed))
 
 
 def in_initialization(subject: Subject, count: int) -> Iterator[Point]:

@@ -10,6 +10,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+import fmpy
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..compiler import find_inside, run_compiler
@@ -79,11 +80,13 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
 
 def _read_configuration(subject: Subject, kind: str, path: Path) -> Any:
     """Return the element of the build description for the model identifier of a kind."""
-    wanted = subject.find_kind_element(kind).modelIdentifier
+    wanted = subject.tree.find(kind).get("modelIdentifier")
     with suppress(etree.XMLSyntaxError, OSError):
         root = etree.parse(str(path), etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
         found = root.findall("BuildConfiguration")
-        return next((e for e in found if e.get("modelIdentifier") == wanted), None)
+        mine = [e for e in found if e.get("modelIdentifier") == wanted]
+        platforms = (fmpy.platform_tuple, fmpy.platform, None)
+        return next((e for p in platforms for e in mine if e.get("platform") == p), None)
     return None
 
 

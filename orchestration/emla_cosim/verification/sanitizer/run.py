@@ -70,6 +70,8 @@ def _build_and_run(subject: Subject) -> SanitizedRun:
     sets = {kind: sources for kind, sources in by_kind.items() if sources is not None}
     if not sets:
         return SanitizedRun("The FMU has no sources that it lists.", has_sources=False)
+    if subject.version == 3:
+        return SanitizedRun("Sources of FMI 3.0 are not built with sanitizers.")
     if not all(sources.is_c for sources in sets.values()):
         return SanitizedRun("Not all of its sources are C.")
     with tempfile.TemporaryDirectory(dir=subject.folder.parent) as scratch:

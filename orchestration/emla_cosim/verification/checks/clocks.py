@@ -1,0 +1,198 @@
+"""Checks of what only FMI 3.0 has in variables: Clocks, previous values, dimensions."""
+
+import math
+from collections.abc import Iterator
+
+from ..check import check
+from ..declarations import Declarations, DeclaredVariable, find_repeated
+from ..declarations_3 import sizes
+from ..messages import Breach, Problem, judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, fmi3, skipped
+
+_PERIODIC = ("constant", "fixed", "tunable")
+
+_CAUSALITY = fmi3(
+    "2.4.7.4", "The causality of variables of type Clock must be either input, output or local."
+)
+_VARIABILITY = fmi3("2.4.7.4", "The variability of Clocks must be discrete.")
+_TRIGGERED = fmi3("2.2.8.2", "The attribute intervalVariability must be triggered for output Clocks.")
+_INTERVAL = fmi3("2.4.4", "This value must be greater than 0.0.")
+_REQUIRED = fmi3(
+    "2.4.4", "This attribute is required if Clock type is constant, fixed or tunable periodic Clocks."
+)
+_NOT_USED = fmi3("2.4.4", "It must not be used otherwise.")
+_SHIFT = fmi3("2.4.4", "This attribute requires that intervalDecimal is present.")
+_SHIFT_VALUE = fmi3("2.4.4", "The value of this attribute value must be equal to or greater than 0.0.")
+_CLOCKS = fmi3(
+    "2.4.7.4",
+    "The value of the attribute clocks is a non-empty list of value references of Clocks this variable "
+    "belongs to.",
+)
+_CLOCKED = fmi3(
+    "2.4.7.4", "Only variables with variability = discrete or variability = tunable can have this attribute."
+)
+_PREVIOUS = fmi3(
+    "2.4.7.4",
+    "Only clocked variables (i.e. variables with the attribute clocks) may have the previous attribute.",
+)
+_DISCRETE = fmi3("2.4.7.4", "Only variables with variability = discrete may have the previous attribute.")
+_NO_CLOCK = fmi3("2.4.7.4", "Variables of type Clock must not have the previous attribute.")
+_ONCE = fmi3("2.4.7.4", "Two variables must not have the same previous attribute reference.")
+_ITSELF = fmi3("2.4.7.4", "A variable must not refer to itself in the previous attribute.")
+_ALIKE = fmi3(
+    "2.4.7.4",
+    "The variable referenced by the previous attribute must have the same numeric type, variability = "
+    "discrete, and must not have causality = input.",
+)
+
+
+@check(
+    "variables.clocks",
+    "Clocks and clocked variables are compatible",
+    _CLOCKS,
+    "Section 2.2.8 has the types of Clocks and what each of them needs.",
+    needs=("description.schema",),
+    only_for=3,
+)
+def clocks(subject: Subject) -> CheckOutcome:
+    """Check the attributes of Clocks, and what clocked variables and previous values refer to."""
+    declared = subject.declared
+    found = [v for v in declared.variables if v.type == "Clock"]
+    clocked = [v for v in declared.variables if v.clocks is not None or v.previous is not None]
+    if not found and not clocked:
+        return skipped("It has no Clocks.")
+    problems = [p for v in found for p in _wrong_clock(v)]
+    problems += [p for v in clocked for p in (*_wrong_clocks(v, declared), *_wrong_previous(v, declared))]
+    for index in find_repeated(str(v.previous) for v in clocked if v.previous is not None):
+        named = declared.variable(int(index))
+        problems.append(Breach(f"More than one variable has the previous value {named or index}.", _ONCE))
+    return judge_problems(
+        problems, f"{len(found)} Clocks and {len(clocked)} clocked variables are compatible."
+    )
+
+
+def _wrong_clock(clock: DeclaredVariable) -> Iterator[Problem]:
+    given, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
+    if clock.causality not in ("input", "output", "local"):
+        yield Breach(f"The Clock {clock} has the causality {clock.causality}.", _CAUSALITY)
+    if clock.variability != "discrete":
+        yield Breach(f"The Clock {clock} is {clock.variability}.", _VARIABILITY)
+    if clock.causality == "output" and kind != "triggered":
+        yield Breach(f"The output Clock {clock} has the intervalVariability {kind}.", _TRIGGERED)
+    interval, shift = given.get("intervalDecimal"), given.get("shiftDecimal")
+    if interval is None and kind == "constant":
+        # 2.2.8.2 says what fixed and tunable Clocks without it mean
+        yield Breach(f"The Clock {clock} is constant, but has no intervalDecimal.", _REQUIRED)
+    if interval is not None and kind not in _PERIODIC:
+        yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", _NOT_USED)
+    if interval is not None and not 0.0 < float(interval) < math.inf:
+        yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", _INTERVAL)
+    if shift is not None and interval is None:
+        yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", _SHIFT)
+    if shift is not None and not float(shift) >= 0.0:
+        yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", _SHIFT_VALUE)
+
+
+def _wrong_clocks(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    if variable.clocks is None:
+        return
+    if not variable.clocks:
+        yield Breach(f"The list of Clocks of {variable} is empty.", _CLOCKS)
+    for index in variable.clocks:
+        if (clock := declared.variable(index)) is None:
+            yield Breach(f"{variable} belongs to {declared.describe_missing(index)}.", _CLOCKS)
+        elif clock.type != "Clock":
+            yield Breach(f"{variable} belongs to {clock}, which is no Clock.", _CLOCKS)
+    if variable.variability not in ("discrete", "tunable"):
+        yield Breach(f"{variable} belongs to a Clock, but is {variable.variability}.", _CLOCKED)
+
+
+def _wrong_previous(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    if variable.previous is None:
+        return
+    if variable.type == "Clock":
+        yield Breach(f"The Clock {variable} has a previous value.", _NO_CLOCK)
+    elif variable.clocks is None:
+        yield Breach(f"{variable} has a previous value, but no Clock.", _PREVIOUS)
+    elif variable.variability != "discrete":
+        yield Breach(f"{variable} has a previous value, but is {variable.variability}.", _DISCRETE)
+    of = declared.variable(variable.previous)
+    if of is None:
+        yield Breach(
+            f"The previous value of {variable} is {declared.describe_missing(variable.previous)}.", _ALIKE
+        )
+    elif of.index == variable.index:
+        yield Breach(f"{variable} is its own previous value.", _ITSELF)
+    elif of.type != variable.type or of.variability != "discrete" or of.causality == "input":
+        other = f"a {of.variability} {of.causality} of type {of.type}"
+        what = f"{of} is the previous value of {variable}, but {other}."
+        yield Breach(what, _ALIKE)
+
+
+_CHOICE = fmi3(
+    "2.4.7.2",
+    "These two options are mutually exclusive, i.e., for each Dimension element either a start attribute or "
+    "a valueReference attribute can be supplied, but not both.",
+)
+_SIZE = fmi3(
+    "2.4.7.2",
+    "All initial dimension sizes (defined by start values either directly or indirectly in the "
+    "fmiModelDescription) must be positive integers (i.e. not zero), so that no dimension is initially "
+    "vanished.",
+)
+_NAMED = fmi3(
+    "2.4.7.2",
+    "The referenced variable must be a variable of type <UInt64>, and must either be a constant (i.e. with "
+    "variability = constant) or a structural parameter (i.e. with causality = structuralParameter).",
+)
+_SCALAR = fmi3("2.4.7.4", "A structural parameter must not have a Dimension element.")
+_STARTS = fmi3(
+    "2.4.7.5",
+    "If only a single value is given for a multi-dimensional array, all values of the multi-dimensional "
+    "array are equal to this value.",
+)
+
+
+@check(
+    "variables.dimensions",
+    "Arrays have sizes, and as many start values",
+    _NAMED,
+    "A Dimension has a positive size, or the value reference of a structural parameter of type UInt64.",
+    needs=("description.schema",),
+    only_for=3,
+)
+def dimensions(subject: Subject) -> CheckOutcome:
+    """Check that sizes of arrays are positive, and that there is one start value or one for each element."""
+    declared = subject.declared
+    arrays = [v for v in declared.variables if v.dimensions]
+    if not arrays:
+        return skipped("It has no arrays.")
+    problems = [p for v in arrays for p in _wrong_dimensions(v, declared)]
+    return judge_problems(problems, f"{len(arrays)} arrays have sizes, and as many start values.")
+
+
+def _wrong_dimensions(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    if variable.causality == "structuralParameter":
+        yield Breach(f"The structural parameter {variable} is an array.", _SCALAR)
+    for dimension in variable.dimensions:
+        if (dimension.size is None) == (dimension.index is None):
+            has = "neither" if dimension.size is None else "both"
+            yield Breach(f"A Dimension of {variable} has {has} of start and valueReference.", _CHOICE)
+        elif dimension.index is not None:
+            named = declared.variable(dimension.index)
+            if named is None:
+                what = f"A Dimension of {variable} is {declared.describe_missing(dimension.index)}."
+                yield Breach(what, _NAMED)
+            elif named.type != "UInt64" or not (
+                named.variability == "constant" or named.causality == "structuralParameter"
+            ):
+                what = f"{named}, a {named.variability} {named.causality} of type {named.type}"
+                yield Breach(f"A Dimension of {variable} is {what}.", _NAMED)
+    found = list(sizes(variable, declared))
+    if 0 in found:
+        yield Breach(f"A Dimension of {variable} has the size 0.", _SIZE)
+    elif None not in found:
+        count = math.prod(size or 0 for size in found)
+        if variable.starts not in (0, 1, count):
+            yield Breach(f"{variable} has {count} elements, but {variable.starts} start values.", _STARTS)

@@ -1,0 +1,119 @@
+"""FMUs of FMI 3.0: ours pass, and what is not examined is said."""
+
+from pathlib import Path
+
+import fmpy
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.fmu.models import MODELS
+from emla_cosim.verification.findings import Finding
+from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.editing import good_bytes, setting, with_tree
+from tests.support.commands import Emla
+from tests.support.long import mostly_long
+
+ADVICE = {"EmlaObserver": {"structure.dependencies"}}
+"""Checks that warn of our models: a derivative depends on a value that the FMU calculates."""
+
+
+@pytest.mark.parametrize("model", mostly_long(MODELS, ["FocController"]))
+def test_our_fmus_pass(model: str, emla: Emla, tmp_path: Path) -> None:
+    built = emla(
+        "build", model, "--fmi", "3", "--output", str(tmp_path), "--platform", fmpy.platform, "--overwrite"
+    )
+    assert built.exit_code == 0, built.output
+    one = ec.verify(tmp_path / model / f"{model}.fmu").examined[0]
+    assert one.passed, one.of(Verdict.FAILED)
+    assert {f.check for f in one.of(Verdict.WARNING)} == ADVICE.get(model, set())
+    assert one["reference.agrees"].verdict == Verdict.PASSED  # of the result in the FMU
+    both = "ModelExchange" in one.facts["kinds"]
+    assert one["model_exchange.runs"].verdict == (Verdict.PASSED if both else Verdict.SKIPPED)
+    assert all(f.clause.document != "FMI 2.0.4" for f in one.findings)
+    assert not any(
+        "fmi2" in text for f in one.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)
+    )
+
+
+def _found(path: Path, check: str) -> Finding:
+    return ec.verify(path, only=[check]).examined[0][check]
+
+
+def test_an_fmu_with_clocks_is_not_called(tmp_path: Path) -> None:
+    build = with_tree(
+        lambda root: root.find("ModelVariables").append(
+            root.makeelement(
+                "Clock", name="c", valueReference="99", causality="input", intervalVariability="triggered"
+            )
+        ),
+        fmi=3,
+    )
+    (one,) = ec.verify(build(tmp_path), only=["instance.created", "run"]).examined
+    assert one["run.completes"].verdict == Verdict.SKIPPED
+    assert any("It has Clocks" in text for text in one.not_examined)
+
+
+def test_sources_of_fmi_3_are_not_built_with_sanitizers_and_that_is_said(tmp_path: Path) -> None:
+    (tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3))
+    (one,) = ec.verify(tmp_path / "Toy.fmu", only=["sanitizer"]).examined
+    assert one.passed
+    assert [f.verdict for f in one.findings] == 3 * [Verdict.SKIPPED]
+    assert any("not built with sanitizers" in text for text in one.not_examined)
+
+
+def test_a_check_of_fmi_3_must_not_be_missing_where_it_must_run(tmp_path: Path) -> None:
+    (tmp_path / "Toy.fmu").write_bytes(good_bytes())
+    (one,) = ec.verify(tmp_path / "Toy.fmu", only=["archive", "calls"], must_run=["calls.arguments"]).examined
+    assert not one.passed
+    assert "FMI 2.0 does not have" in one.objections[-1]
+    assert "calls.arguments" not in {f.check for f in one.findings}
+
+
+@pytest.mark.parametrize(
+    ("path", "attributes", "check", "words"),
+    [
+        (
+            "ModelStructure/Output[@valueReference='16']",
+            {"valueReference": "77"},
+            "structure.outputs",
+            "Output lists value reference 77, which no variable has.",
+        ),
+        (
+            "ModelStructure/Output[@valueReference='16']",
+            {"dependencies": "77"},
+            "structure.dependencies",
+            "inverse in Output depends on value reference 77, which no variable has.",
+        ),
+        (
+            "ModelVariables/*[@name='der(x)']",
+            {"derivative": "77"},
+            "structure.derivatives",
+            "der(x) is the derivative of value reference 77, which no variable has.",
+        ),
+    ],
+)
+def test_a_reference_to_nothing_is_told_by_its_number(
+    path: str, attributes: dict[str, str], check: str, words: str, tmp_path: Path
+) -> None:
+    finding = _found(setting(path, fmi=3, **attributes)(tmp_path), check)
+    assert finding.verdict == Verdict.FAILED
+    assert words.rstrip(".") in finding.sentence
+    assert finding.clause.document == "FMI 3.0.2"
+
+
+def test_values_that_no_check_reads_are_named(tmp_path: Path) -> None:
+    build = with_tree(
+        lambda root: root.find("ModelVariables").extend(
+            [
+                root.makeelement("Binary", name="blob", valueReference="98", causality="local"),
+                root.makeelement(
+                    "UInt64", name="n", valueReference="99", causality="structuralParameter", start="2"
+                ),
+            ]
+        ),
+        fmi=3,
+    )
+    (one,) = ec.verify(build(tmp_path), only=["description", "variables"]).examined
+    assert not one.of(Verdict.FAILED)
+    assert "Values of Binary variables were not examined: blob." in one.not_examined
+    assert "Other values of structural parameters were not examined: n." in one.not_examined
