@@ -49,6 +49,8 @@ CALLS = (
     "serializedFMUStateSize",
     "serializeFMUState",
     "deserializeFMUState",
+    "enterStepMode",
+    "updateDiscreteStates",
 )
 """Calls of an instance; the first entry means no call."""
 
