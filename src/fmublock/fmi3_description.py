@@ -52,6 +52,8 @@ def fmi3_model_description(
         "CoSimulation",
         capabilities,
         canHandleVariableCommunicationStepSize="true",
+        providesIntermediateUpdate="true",
+        canReturnEarlyAfterIntermediateUpdate="true",
         maxOutputDerivativeOrder="1",
     )
     described = (*shown.values(), time_variable(block))
@@ -115,6 +117,8 @@ def _add_variables(
             name = str(of_state.variable.name)
             attributes |= {"name": f"der({name})", "derivative": str(state)}
             attributes["description"] = f"Time derivative of {name}"
+        if (attributes["causality"], attributes["variability"]) == ("output", "continuous"):
+            attributes["intermediateUpdate"] = "true"
         element = SubElement(variables, FMI3_TYPES[fmi_type], attributes)
         set_type_attributes(element, scalar.variable)
         for length in of_state.variable.shape:

@@ -442,6 +442,8 @@ def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
             str(TIME + 1),
             "1",
             "20000",
+            str(X),
+            str(POWER),
         ],
         env={
             **os.environ,
@@ -455,5 +457,13 @@ def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
     )
     assert (run.returncode, run.stderr) == (0, "")
     counts = {name: [int(n) for n in numbers] for name, *numbers in map(str.split, run.stdout.splitlines())}
-    for function in ("DoStep", "GetFloat64", "SetFloat64", "GetAdjointDerivative", "SetFMUState"):
+    checked = (
+        "DoStep",
+        "GetFloat64",
+        "SetFloat64",
+        "GetAdjointDerivative",
+        "SetFMUState",
+        "GetFloat64WithinStep",
+    )
+    for function in checked:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function

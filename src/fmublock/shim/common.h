@@ -107,6 +107,7 @@ Status FMI(Terminate)(Handle c) {
 
 Status FMI(Reset)(Handle c) {
     Instance *instance = c;
+    if (require(instance, ~INTERMEDIATE_UPDATE, "reset") != StatusOK) return StatusError;
     set_start_values(&instance->now, instance->now.type);
     instance->no_return_before = -HUGE_VAL;
     memset(instance->left, 0, sizeof instance->left);
@@ -140,6 +141,7 @@ static Status prepare_get(Instance *instance, const ValueReference vr[], size_t 
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], type) != StatusOK) return StatusError;
+        if (check_required(instance, vr[i]) != StatusOK) return StatusError;
         derivatives_asked |= vr[i] >= FIRST_DERIVATIVE;
     }
     if (check_count(instance, vr, nvr, n) != StatusOK) return StatusError;
@@ -170,7 +172,7 @@ static Status check_settable(const Instance *instance, int reference) {
 /* Check all references of a call, so that a refused call changes nothing. */
 static Status prepare_set(Instance *instance, const ValueReference vr[], size_t nvr, char type, const void *values,
                           size_t n) {
-    if (require(instance, ~TERMINATED, "set values") != StatusOK) return StatusError;
+    if (require(instance, ~(TERMINATED | INTERMEDIATE_UPDATE), "set values") != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++)
         if (check_type(instance, vr[i], type) != StatusOK || check_settable(instance, (int)vr[i]) != StatusOK)

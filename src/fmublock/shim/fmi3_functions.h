@@ -11,7 +11,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                            instanceEnvironment);
 }
 
-/* A step ends early for no reason, so that it does not matter whether it may. */
+/* A step ends early only if the host asks for it in an intermediate update. */
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
                                          fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
@@ -20,12 +20,15 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3InstanceEnvironment instanceEnvironment,
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate) {
-    (void)visible, (void)earlyReturnAllowed, (void)requiredIntermediateVariables, (void)intermediateUpdate;
+    (void)visible;
     Instance *instance = create_instance(instanceName, instantiationToken, resourcePath, FOR_CO_SIMULATION,
                                          loggingOn, logMessage, instanceEnvironment);
-    if (instance == NULL || (!eventModeUsed && nRequiredIntermediateVariables == 0)) return instance;
-    report(instance, StatusError, "this FMU has no %s.",
-           eventModeUsed ? "event mode in co-simulation" : "intermediate update");
+    if (instance == NULL) return NULL;
+    if (eventModeUsed)
+        report(instance, StatusError, "this FMU has no event mode in co-simulation.");
+    else if (use_intermediate_update(instance, intermediateUpdate, earlyReturnAllowed, requiredIntermediateVariables,
+                                     nRequiredIntermediateVariables) == StatusOK)
+        return instance;
     fmi3FreeInstance(instance);
     return NULL;
 }
@@ -143,7 +146,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
                                     size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     Instance *instance = c;
     double tangents[ROOM(N_VALUES)];
-    if (require(instance, ~INSTANTIATED, "get adjoint derivatives") != StatusOK) return fmi3Error;
+    if (require(instance, ~(INSTANTIATED | INTERMEDIATE_UPDATE), "get adjoint derivatives") != StatusOK) return fmi3Error;
     if (check_arrays(instance, nUnknowns, unknowns, seed) != StatusOK) return fmi3Error;
     if (check_arrays(instance, nKnowns, knowns, sensitivity) != StatusOK) return fmi3Error;
     for (size_t i = 0; i < nUnknowns; i++)
@@ -179,7 +182,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi
         do_step(c, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = has_ended(c) ? fmi3True : fmi3False;
-    *earlyReturn = fmi3False;
+    *earlyReturn = status == StatusOK && ((Instance *)c)->returned_early;
     *lastSuccessfulTime = reached_time(c);
     return status;
 }

@@ -46,6 +46,12 @@ typedef struct {
     unsigned char left[ROOM(N_LIMITS)]; /* whether leaving each limit was reported */
     int ended; /* the last step was discarded as it goes past the end of the resource */
     double no_return_before; /* the host said that it will not go back to earlier times */
+#ifdef HAS_INTERMEDIATE_UPDATE
+    fmi3IntermediateUpdateCallback intermediate_update; /* or NULL */
+    int early_return_allowed, returned_early, requires_any;
+    double return_time; /* the host wants the present step to end there */
+    unsigned char is_required[ROOM(N_VALUES)]; /* which variables the host reads in the callback */
+#endif
 } Instance;
 
 #include "messages.h"
