@@ -51,6 +51,9 @@ CALLS = (
     "deserializeFMUState",
     "enterStepMode",
     "updateDiscreteStates",
+    "setClock",
+    "getIntervalDecimal",
+    "getShiftDecimal",
 )
 """Calls of an instance; the first entry means no call."""
 
