@@ -35,7 +35,7 @@ class Phase(IntEnum):
     """Phases of the FMI state machine, as bits, so that C code can name several.
 
     `EVENT` and `CONTINUOUS_TIME` belong to Model Exchange, which only native FMUs support, and
-    `INTERMEDIATE_UPDATE` to FMI 3.0.
+    `INTERMEDIATE_UPDATE` and `CO_SIMULATION_EVENT` to FMI 3.0.
     """
 
     INSTANTIATED = 1
@@ -45,6 +45,7 @@ class Phase(IntEnum):
     CONTINUOUS_TIME = 16
     TERMINATED = 32
     INTERMEDIATE_UPDATE = 64
+    CO_SIMULATION_EVENT = 128
 
 
 class BlockError(Exception):

@@ -1,7 +1,8 @@
 """Random calls of the FMI 3.0 functions of a library, with arrays of exactly the announced sizes.
 
-Arguments: the library, the instantiation token, the number of value references, the seed, the calls, and the
-value references of the variables to read within steps.
+Arguments: the library, the instantiation token, the number of value references, the seed, the calls, whether
+the FMU has a clock (0 or 1), whose value reference follows the others, and the value references of the
+variables to read within steps.
 """
 
 import ctypes
@@ -33,7 +34,7 @@ def numbers(rng: random.Random, kind: Any) -> tuple[Any, int]:
     return (kind * count)(*values), count
 
 
-def main(path: str, token: str, variables: int, seed: int, calls: int, *needed: int) -> None:
+def main(path: str, token: str, variables: int, seed: int, calls: int, has_clock: int, *needed: int) -> None:
     rng, library = random.Random(seed), ctypes.CDLL(path)
     logger = LOGGER(lambda environment, status, category, message: None)
     for kind in ("CoSimulation", "ModelExchange"):
@@ -53,7 +54,8 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, *needed: 
     required = (c_uint32 * len(needed))(*needed)
     instances, states = [], []
     for k in (0, 1):
-        extra = (c_bool(False), c_bool(True), required, c_size_t(len(needed))) if k == 0 else ()
+        k = 0 if has_clock else k  # it has no Model Exchange
+        extra = (c_bool(bool(has_clock)), c_bool(True), required, c_size_t(len(needed))) if k == 0 else ()
         last = (callback,) if k == 0 else ()
         create = library.fmi3InstantiateCoSimulation if k == 0 else library.fmi3InstantiateModelExchange
         made = create(b"x", token.encode(), b"/", c_bool(False), c_bool(True), *extra, None, logger, *last)
@@ -67,7 +69,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, *needed: 
         "Int8": ctypes.c_int8,
     }
     flags, time, size = [c_bool() for _ in range(5)], c_double(), c_size_t()
-    clock = 0.0
+    clock, ticks = 0.0, (c_uint32 * 1)(variables)
     about = c_uint32()
     for _ in range(calls):
         i = rng.randrange(2)
@@ -93,6 +95,13 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, *needed: 
             c_size_t(n_other),
         )
         about.value = rng.randrange(variables + 2)
+        of_clock = (
+            ("GetClock", (ticks, c_size_t(1), (c_bool * 1)())),
+            ("SetClock", (ticks, c_size_t(1), (c_bool * 1)(True))),
+            ("GetIntervalDecimal", (ticks, c_size_t(1), (c_double * 1)(), (c_int * 1)())),
+            ("GetShiftDecimal", (ticks, c_size_t(1), (c_double * 1)())),
+            ("EnterStepMode", ()),
+        )
         name, arguments = rng.choice(
             (
                 (f"Get{kind}", (refs, c_size_t(n), values, c_size_t(count))),
@@ -125,6 +134,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, *needed: 
                 ("SerializeFMUState", (state, data, length)),
                 ("DeserializeFMUState", (data, length, byref(state))),
                 ("GetClock", (refs, c_size_t(n), (c_bool * n)())),
+                *(of_clock if has_clock else ()),
             )
         )
         status = call(library, f"fmi3{name}", c, *arguments)

@@ -71,6 +71,13 @@ static Status check_required(const Instance *instance, ValueReference reference)
 }
 #endif
 
+#ifdef CLOCK_INTERVAL
+#include "fmi3_clocked.h"
+#define SEEN(instance) (&(instance)->shown)
+#else
+#define SEEN(instance) (&(instance)->now)
+#endif
+
 /* ---- integration ----------------------------------------------------------------------- */
 
 static double substeps(const State *now, double step) {

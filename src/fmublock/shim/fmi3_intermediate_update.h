@@ -6,6 +6,10 @@
 
 /* Outputs and states that change continuously. */
 static int is_intermediate(int reference) {
+#ifdef CLOCK_INTERVAL
+    (void)reference;
+    return 0;
+#endif
     const int is_state = reference >= FIRST_STATE && reference < FIRST_DISCRETE_STATE;
     const int is_output = reference >= FIRST_OUTPUT && reference < FIRST_DERIVATIVE;
     return (is_state || is_output) && variables[reference].type == 'R';
@@ -22,7 +26,11 @@ static Status use_intermediate_update(Instance *instance, fmi3IntermediateUpdate
         instance->is_required[required[i]] = 1;
         instance->requires_any = 1;
     }
+#ifndef CLOCK_INTERVAL
     instance->intermediate_update = callback;
+#else
+    (void)callback;
+#endif
     instance->early_return_allowed = early_return_allowed;
     return StatusOK;
 }

@@ -2,7 +2,7 @@
 
 #define FMI(name) fmi3##name
 
-#define HAS_INTERMEDIATE_UPDATE
+#define HAS_INTERMEDIATE_UPDATE /* no calls with a clock, whose ticks are the only steps */
 
 #define EXPORTS_ALL_FUNCTIONS /* also those of the kinds that an FMU has not */
 
