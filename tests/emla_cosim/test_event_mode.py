@@ -1,5 +1,6 @@
 """Event mode and early return of FMI 3.0 FMUs: time events, state events and discrete inputs."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,13 @@ from emla_cosim.master.instances.event_mode_instance import EventModeInstance
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
 from tests.support.event_fmu import build_event_fmu
+from tests.support.long import mostly_long
 
 PERIOD, THRESHOLD, STOP = 0.3, 0.35, 2.0
 ENDLESS_UPDATES, ENDLESS_RETURNS, UNASKED_EVENT, UNASKED_RETURN, NO_TIME, DISCARD = range(1, 7)
+FLAGS = [{}, {"early": False}, {"events": False}, {"varies": False, "early": False}]
+OPTIONS: list[dict[str, Any]] = [{}, {"isolate": ["a"]}, {"algorithm": "strong"}]
+BY_DEFAULT = [*((flags, {}) for flags in FLAGS), ({}, OPTIONS[1]), ({}, OPTIONS[2])]
 VALUES = {"a.period": PERIOD, "a.threshold": THRESHOLD}
 
 
@@ -44,9 +49,8 @@ def whole(times: Any, length: float) -> Any:
     return np.floor(np.asarray(times) / length + 1e-9)
 
 
-@pytest.mark.parametrize("options", [{}, {"isolate": ["a"]}, {"algorithm": "strong"}])
 @pytest.mark.parametrize(
-    "flags", [{}, {"early": False}, {"events": False}, {"varies": False, "early": False}]
+    ("flags", "options"), mostly_long(list(itertools.product(FLAGS, OPTIONS)), BY_DEFAULT), ids=str
 )
 def test_events_happen_at_their_times(build: Any, flags: dict[str, bool], options: dict[str, Any]) -> None:
     """Compare with the closed form. Without early return, a state event is at the end of a step."""
@@ -94,7 +98,7 @@ def test_a_start_time_shifts_the_events(build: Any) -> None:
     assert np.array_equal(found["a.count"], whole(times - 1.0, PERIOD))
 
 
-@pytest.mark.parametrize("isolate", [[], ["b"]])
+@pytest.mark.parametrize("isolate", mostly_long([[], ["b"]], [[]]))
 def test_discrete_inputs_change_in_event_mode(build: Any, isolate: list[str]) -> None:
     """The FMU refuses them otherwise, and latches them at events: here they are its only events."""
     fmus = {"a": build(), "b": build()}
@@ -144,7 +148,7 @@ def test_faults_end_the_run(build: Any, fault: int, flags: dict[str, bool], word
         run(System.of({"a": build(**flags)}, [], values))
 
 
-@pytest.mark.parametrize("isolate", [[], ["a"]])
+@pytest.mark.parametrize("isolate", mostly_long([[], ["a"]], [[]]))
 def test_a_resumed_run_is_the_same(build: Any, isolate: list[str], tmp_path: Path) -> None:
     """The time of the next event and the discrete inputs are in the checkpoint."""
     system = System.of({"a": build(), "b": build()}, ["a.count -> b.n"], VALUES)
