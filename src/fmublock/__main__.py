@@ -60,6 +60,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="version of FMI; 3 is native only (default: 2)",
     )
     command.add_argument(
+        "--clock",
+        type=float,
+        metavar="SECONDS",
+        help="interval of a periodic input clock, at whose ticks the block steps; FMI 3 only",
+    )
+    command.add_argument(
         "--platform",
         action="append",
         choices=TARGETS,
@@ -100,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if len(blocks) > 1 and (disclosure.values or disclosure.fixed or disclosure.hidden):
             raise LoadError("--set, --fix and --hide are for one block.")
         for block in blocks:
-            Recipe.of(block, options.flavour, disclosure=disclosure, fmi=options.fmi)
+            Recipe.of(block, options.flavour, disclosure=disclosure, fmi=options.fmi, clock=options.clock)
         paths = [options.output / f"{name}.fmu" for name in names]
         for path in paths:
             _check_place(path, options.overwrite)
@@ -110,6 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 path,
                 flavour=options.flavour,
                 fmi=options.fmi,
+                clock=options.clock,
                 platforms=options.platform,
                 disclosure=disclosure,
                 overwrite=options.overwrite,

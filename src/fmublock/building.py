@@ -23,6 +23,7 @@ def build(
     *,
     flavour: str = "native",
     fmi: int = 2,
+    clock: float | None = None,
     platforms: Sequence[str] = (),
     producer: Producer | None = None,
     documents: Documents | None = None,
@@ -39,6 +40,8 @@ def build(
         path: path of the FMU.
         flavour: native (compiled C) or python (PythonFMU).
         fmi: version of FMI: 2, or 3 for native FMUs.
+        clock: interval in s of a periodic input clock, for FMI 3.0: the block then steps at its ticks only.
+            Default: no clock.
         platforms: platforms of a native FMU, by their names in FMI 2.0: "linux64", "win64", "darwin64",
             "aarch64-linux", "aarch64-darwin". Default: this machine's.
         producer: generation tool, version and license in the model description.
@@ -62,7 +65,7 @@ def build(
         >>> fmublock.build(SignalFault, "SignalFault.fmu").name
         'SignalFault.fmu'
     """
-    recipe = Recipe.of(block, flavour, producer, documents, disclosure, fmi)
+    recipe = Recipe.of(block, flavour, producer, documents, disclosure, fmi, clock)
     if platforms and flavour != "native":
         raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
@@ -80,7 +83,9 @@ def draft_of(recipe: Recipe) -> Draft:
         except ValueError as error:
             raise BuildError(f"{scalar.name} of {recipe.model} has a wrong unit: {error}.") from error
     if recipe.flavour == "native":
-        return native_draft(recipe.block, recipe.producer, recipe.documents, recipe.sources, recipe.fmi)
+        return native_draft(
+            recipe.block, recipe.producer, recipe.documents, recipe.sources, recipe.fmi, recipe.clock
+        )
     return python_draft(recipe.block, recipe.producer, recipe.documents)
 
 

@@ -45,11 +45,13 @@ class FmuFeatures:
 
     `derivatives` means directional derivatives, those of inputs and outputs, and the states'
     derivatives as variables. `source_files` are the files in sources/ that a C compiler needs.
+    `clock` is the interval of a periodic input clock in s.
     """
 
     derivatives: bool = False
     model_exchange: bool = False
     source_files: tuple[str, ...] = ()
+    clock: float | None = None
 
 
 def offers_model_exchange(block: Block) -> bool:

@@ -9,6 +9,7 @@ from itertools import accumulate
 from xml.etree.ElementTree import Element, SubElement
 
 from .block import Block
+from .clocked import add_clock
 from .description import (
     FMI3_TYPES,
     FmuFeatures,
@@ -33,7 +34,7 @@ def fmi3_model_description(
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
-    every = (*layout.scalars, *layout.derivatives)
+    every = (*layout.scalars, *(layout.derivatives if offers.clock is None else ()))
     shown = {r: s for r, s in enumerate(every) if s.access is not Access.HIDDEN}
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, token, fmi=3)
@@ -41,18 +42,26 @@ def fmi3_model_description(
         "modelIdentifier": name,
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true",
-        "providesAdjointDerivatives": "true",
-        "providesPerElementDependencies": "true",
     }
+    special = {"hasEventMode": "true"}
+    if offers.clock is None:
+        capabilities |= {
+            "providesDirectionalDerivatives": "true",
+            "providesAdjointDerivatives": "true",
+            "providesPerElementDependencies": "true",
+        }
+        special = {
+            "providesIntermediateUpdate": "true",
+            "canReturnEarlyAfterIntermediateUpdate": "true",
+            "maxOutputDerivativeOrder": "1",
+        }
     if offers.model_exchange:
         SubElement(root, "ModelExchange", capabilities)
     SubElement(
         root,
         "CoSimulation",
-        capabilities,
+        capabilities | special,
         canHandleVariableCommunicationStepSize="true",
-        maxOutputDerivativeOrder="1",
     )
     described = (*shown.values(), time_variable(block))
     add_units(root, described)
@@ -60,8 +69,12 @@ def fmi3_model_description(
     add_log_categories(root, fmi=3)
     add_default_experiment(root, block)
     lengths = element_counts(block)
-    _add_variables(SubElement(root, "ModelVariables"), block, shown, lengths)
-    _add_structure(SubElement(root, "ModelStructure"), block, symbolic, lengths)
+    variables = SubElement(root, "ModelVariables")
+    _add_variables(variables, block, shown, lengths)
+    structure = SubElement(root, "ModelStructure")
+    _add_structure(structure, block, symbolic, lengths)
+    if offers.clock is not None:
+        add_clock(variables, structure, offers.clock)
     return format_xml(root)
 
 
@@ -116,6 +129,8 @@ def _add_variables(
             name = str(of_state.variable.name)
             attributes |= {"name": f"der({name})", "derivative": str(state)}
             attributes["description"] = f"Time derivative of {name}"
+        if (attributes["causality"], attributes["variability"]) == ("output", "continuous"):
+            attributes["intermediateUpdate"] = "true"
         element = SubElement(variables, FMI3_TYPES[fmi_type], attributes)
         set_type_attributes(element, scalar.variable)
         for length in of_state.variable.shape:

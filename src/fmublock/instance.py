@@ -34,7 +34,8 @@ MAXIMUM_SUBSTEPS = 1e9
 class Phase(IntEnum):
     """Phases of the FMI state machine, as bits, so that C code can name several.
 
-    `EVENT` and `CONTINUOUS_TIME` belong to Model Exchange, which only native FMUs support.
+    `EVENT` and `CONTINUOUS_TIME` belong to Model Exchange, which only native FMUs support, and
+    `INTERMEDIATE_UPDATE` and `CO_SIMULATION_EVENT` to FMI 3.0.
     """
 
     INSTANTIATED = 1
@@ -43,6 +44,8 @@ class Phase(IntEnum):
     EVENT = 8
     CONTINUOUS_TIME = 16
     TERMINATED = 32
+    INTERMEDIATE_UPDATE = 64
+    CO_SIMULATION_EVENT = 128
 
 
 class BlockError(Exception):

@@ -21,7 +21,12 @@ def _shim(fmi: int) -> str:
 
 
 def native_draft(
-    block: Block, producer: Producer, documents: Documents, has_sources: bool = True, fmi: int = 2
+    block: Block,
+    producer: Producer,
+    documents: Documents,
+    has_sources: bool = True,
+    fmi: int = 2,
+    clock: float | None = None,
 ) -> Draft:
     """Return the FMU without binaries: description, documents and C sources.
 
@@ -33,15 +38,16 @@ def native_draft(
     symbolic = evaluate_symbolically(block)
     content = {
         "sources/generated.h": c_equations(block, symbolic).encode(),
-        "sources/model.h": _model_header(block, symbolic, fmi).encode(),
+        "sources/model.h": _model_header(block, symbolic, fmi, clock).encode(),
         **sources("shim", fmi),
     }
     if fmi == 3:
         content["sources/buildDescription.xml"] = build_description(type(block).__name__, [_shim(fmi)])
     offers = FmuFeatures(
         derivatives=True,
-        model_exchange=offers_model_exchange(block),
+        model_exchange=offers_model_exchange(block) and clock is None,
         source_files=(_shim(fmi),) if has_sources else (),
+        clock=clock,
     )
     anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources, fmi)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
@@ -62,7 +68,7 @@ def native_binaries(
     return rename_folders(libraries, draft.fmi)
 
 
-def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:
+def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float | None) -> str:
     """Return names, types, ranges, start and nominal values as C: all that the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
@@ -80,7 +86,9 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:
     if fmi == 3:
         types = "/* type: R Float64, I Int32, E Enumeration, B Boolean;"
         letters["Enumeration"] = "E"
-    if offers_model_exchange(block):
+    if clock is not None:
+        lines.append(f"#define CLOCK_INTERVAL {c_number(clock)}")
+    elif offers_model_exchange(block):
         lines.append("#define MODEL_EXCHANGE")
     if layout.states:
         lines.append(f"#define INTERNAL_STEP {layout.references((type(block).internal_step,))[0]}")

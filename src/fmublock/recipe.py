@@ -4,6 +4,7 @@ Nothing here imports CasADi, so that an FMU that is up to date costs little time
 """
 
 import hashlib
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -93,6 +94,7 @@ class Recipe:
     documents: Documents = Documents()
     sources: bool = True
     fmi: int = 2
+    clock: float | None = None
 
     @classmethod
     def of(
@@ -103,6 +105,7 @@ class Recipe:
         documents: Documents | None = None,
         disclosure: Disclosure | None = None,
         fmi: int = 2,
+        clock: float | None = None,
     ) -> "Recipe":
         """Make a recipe from a caller's arguments. Raises BuildError if they are wrong."""
         disclosure = disclosure or Disclosure()
@@ -114,15 +117,18 @@ class Recipe:
             )
         if fmi != 2 and flavour != "native":
             raise VersionError(f"PythonFMU builds FMUs for FMI 2.0 only; build a native FMU for FMI {fmi}.0.")
+        if clock is not None and fmi == 2:
+            raise VersionError("a clock needs FMI 3.0; build the FMU for FMI 3.")
+        if clock is not None and not 0.0 < clock < math.inf:
+            raise VersionError(f"the interval of a clock must be positive and finite, not {clock:g} s.")
         made = disclosure.restrict(_instance(block))
         if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
             raise DisclosureError(
                 f"FMUs of the flavour {flavour} contain equations and values as Python files; "
                 "build a native FMU."
             )
-        return cls(
-            made, flavour, producer or Producer(), documents or Documents(), disclosure.has_sources, fmi
-        )
+        has_sources = disclosure.has_sources
+        return cls(made, flavour, producer or Producer(), documents or Documents(), has_sources, fmi, clock)
 
     @property
     def model(self) -> str:
@@ -131,7 +137,7 @@ class Recipe:
 
     @property
     def _settings(self) -> tuple[object, ...]:
-        return self.flavour, self.producer, self.documents, self.sources, self.fmi
+        return self.flavour, self.producer, self.documents, self.sources, self.fmi, self.clock
 
     def key(self) -> str | None:
         """64 hexadecimal digits that change with all that this FMU is made of.

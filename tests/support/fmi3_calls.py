@@ -1,6 +1,8 @@
 """Random calls of the FMI 3.0 functions of a library, with arrays of exactly the announced sizes.
 
-Arguments: the library, the instantiation token, the number of value references, the seed, the calls.
+Arguments: the library, the instantiation token, the number of value references, the seed, the calls, whether
+the FMU has a clock (0 or 1), whose value reference follows the others, and the value references of the
+variables to read within steps.
 """
 
 import ctypes
@@ -9,6 +11,9 @@ import sys
 from ctypes import byref, c_bool, c_double, c_int, c_int32, c_int64, c_size_t, c_uint32, c_void_p
 from typing import Any
 
+UPDATE = ctypes.CFUNCTYPE(
+    None, c_void_p, c_double, *4 * (c_bool,), ctypes.POINTER(c_bool), ctypes.POINTER(c_double)
+)
 LOGGER = ctypes.CFUNCTYPE(None, c_void_p, c_int, ctypes.c_char_p, ctypes.c_char_p)
 NUMBERS = (0.0, 1.0, -1.0, 0.1, 1e-3, 2.0, 1e308, float("inf"), float("nan"))
 
@@ -29,16 +34,29 @@ def numbers(rng: random.Random, kind: Any) -> tuple[Any, int]:
     return (kind * count)(*values), count
 
 
-def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
+def main(path: str, token: str, variables: int, seed: int, calls: int, has_clock: int, *needed: int) -> None:
     rng, library = random.Random(seed), ctypes.CDLL(path)
     logger = LOGGER(lambda environment, status, category, message: None)
     for kind in ("CoSimulation", "ModelExchange"):
         getattr(library, f"fmi3Instantiate{kind}").restype = c_void_p
     counts: dict[str, list[int]] = {}
+
+    def update(environment: Any, time: float, *others: Any) -> None:
+        """Read and set random values within a step, and end it now and then."""
+        refs, n = references(rng, variables)
+        values, count = numbers(rng, c_double)
+        for name in ("GetFloat64", "SetFloat64"):
+            status = call(library, f"fmi3{name}", instances[0], refs, c_size_t(n), values, c_size_t(count))
+            counts.setdefault(f"{name}WithinStep", [0] * 5)[status] += 1
+        others[-2][0], others[-1][0] = rng.random() < 0.3, rng.choice((time, *NUMBERS))
+
+    callback = UPDATE(update)
+    required = (c_uint32 * len(needed))(*needed)
     instances, states = [], []
     for k in (0, 1):
-        extra = (c_bool(False), c_bool(False), None, c_size_t(0)) if k == 0 else ()
-        last = (None,) if k == 0 else ()
+        k = 0 if has_clock else k  # it has no Model Exchange
+        extra = (c_bool(bool(has_clock)), c_bool(True), required, c_size_t(len(needed))) if k == 0 else ()
+        last = (callback,) if k == 0 else ()
         create = library.fmi3InstantiateCoSimulation if k == 0 else library.fmi3InstantiateModelExchange
         made = create(b"x", token.encode(), b"/", c_bool(False), c_bool(True), *extra, None, logger, *last)
         instances.append(c_void_p(made))
@@ -51,7 +69,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
         "Int8": ctypes.c_int8,
     }
     flags, time, size = [c_bool() for _ in range(5)], c_double(), c_size_t()
-    clock = 0.0
+    clock, ticks = 0.0, (c_uint32 * 1)(variables)
     about = c_uint32()
     for _ in range(calls):
         i = rng.randrange(2)
@@ -77,6 +95,13 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
             c_size_t(n_other),
         )
         about.value = rng.randrange(variables + 2)
+        of_clock = (
+            ("GetClock", (ticks, c_size_t(1), (c_bool * 1)())),
+            ("SetClock", (ticks, c_size_t(1), (c_bool * 1)(True))),
+            ("GetIntervalDecimal", (ticks, c_size_t(1), (c_double * 1)(), (c_int * 1)())),
+            ("GetShiftDecimal", (ticks, c_size_t(1), (c_double * 1)())),
+            ("EnterStepMode", ()),
+        )
         name, arguments = rng.choice(
             (
                 (f"Get{kind}", (refs, c_size_t(n), values, c_size_t(count))),
@@ -109,6 +134,7 @@ def main(path: str, token: str, variables: int, seed: int, calls: int) -> None:
                 ("SerializeFMUState", (state, data, length)),
                 ("DeserializeFMUState", (data, length, byref(state))),
                 ("GetClock", (refs, c_size_t(n), (c_bool * n)())),
+                *(of_clock if has_clock else ()),
             )
         )
         status = call(library, f"fmi3{name}", c, *arguments)

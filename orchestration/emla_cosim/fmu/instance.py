@@ -2,7 +2,7 @@
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from ctypes import byref, c_int
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ class FmiInstance(ABC):
 
     name: str
     fmu: Any
+    instantiation: Mapping[str, bool] = {}
+    """What `fmi3InstantiateCoSimulation` gets for `eventModeUsed` and `earlyReturnAllowed`."""
 
     @abstractmethod
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:

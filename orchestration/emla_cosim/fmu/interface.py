@@ -17,6 +17,7 @@ from ..base.errors import CommandError, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import SignalType
 from ..base.units import BASE_UNITS, SiUnit
+from .clocks import explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import is_version_3, split_arrays
 
@@ -275,10 +276,9 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
 
 
 def _split_arrays(description: ModelDescription, path: Path) -> None:
-    """Split the variables of FMI 3.0; CommandError if the FMU needs clocks."""
-    clocks = [v.name for v in description.modelVariables if v.type == "Clock" and v.causality == "input"]
-    if clocks:
-        raise CommandError(f"'{path}' needs clocks, which are not supported: its input '{clocks[0]}' is one.")
+    """Split the variables of FMI 3.0; CommandError if the FMU needs clocks that are not supported."""
+    if (reason := explain_unsupported_clock(description)) is not None:
+        raise CommandError(f"'{path}' {reason}.")
     split_arrays(description)
 
 

@@ -81,6 +81,7 @@ def build(
     overwrite: bool = False,
     disclosure: Disclosure | None = None,
     fmi: int = 2,
+    clock: float | None = None,
 ) -> Path:
     """Build the FMU of a model, unless the same one already exists.
 
@@ -97,6 +98,7 @@ def build(
         disclosure: What the FMU contains and lets its user set. Default: everything. With anything
             else, `folder` is required and is not that of our own FMUs.
         fmi: Version of FMI: 2, or 3 for native FMUs. `folder` is as for `disclosure` if it is 3.
+        clock: Interval of a periodic input clock in s, for FMI 3.0. Default: no clock.
 
     Returns:
         The path of the FMU.
@@ -110,11 +112,11 @@ def build(
     check_choice("flavour", flavour, FLAVOURS)
     for platform in platforms:
         check_choice("platform", platform, PLATFORMS)
-    if disclosure is not None or fmi != 2:
-        check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi)
+    if disclosure is not None or fmi != 2 or clock is not None:
+        check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi, clock)
     name = model if isinstance(model, str) else model.__name__
     try:
-        return _build(_recipe(model, flavour, disclosure, fmi), platforms, folder, advance, overwrite)
+        return _build(_recipe(model, flavour, disclosure, fmi, clock), platforms, folder, advance, overwrite)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
@@ -122,14 +124,19 @@ def build(
 
 
 def check_disclosure(
-    model: str | type[Block], flavour: str, folder: Path | None, disclosure: Disclosure, fmi: int = 2
+    model: str | type[Block],
+    flavour: str,
+    folder: Path | None,
+    disclosure: Disclosure,
+    fmi: int = 2,
+    clock: float | None = None,
 ) -> None:
     """Check that a model can be built with this disclosure and version, in this folder. This builds nothing.
 
     Raises:
         CommandError: If it cannot.
     """
-    _recipe(model, flavour, disclosure, fmi)
+    _recipe(model, flavour, disclosure, fmi, clock)
     is_other = disclosure != Disclosure() or fmi != 2
     if is_other and (folder is None or folder.resolve() == FMU_FOLDER.resolve()):
         kind = "complete FMUs" if fmi == 2 else "FMUs for FMI 2.0"
@@ -235,15 +242,19 @@ _REFERENCES = {
 
 
 def _recipe(
-    model: str | type[Block], flavour: str, disclosure: Disclosure | None = None, fmi: int = 2
+    model: str | type[Block],
+    flavour: str,
+    disclosure: Disclosure | None = None,
+    fmi: int = 2,
+    clock: float | None = None,
 ) -> Recipe:
     """Return the recipe of a model. Raise CommandError if the disclosure or the version does not fit it."""
     try:
         if not isinstance(model, str):
-            return Recipe.of(model, flavour, disclosure=disclosure, fmi=fmi)
+            return Recipe.of(model, flavour, disclosure=disclosure, fmi=fmi, clock=clock)
         complete = disclosure is None or disclosure.has_sources
         documents = _documents(model) if complete else Documents(license=license_text())
-        return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi)
+        return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi, clock)
     except (DisclosureError, VersionError) as error:
         name = model if isinstance(model, str) else model.__name__
         raise CommandError(f"{name}: {error}", model=name) from error

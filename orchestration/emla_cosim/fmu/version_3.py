@@ -66,18 +66,19 @@ class StepEnd:
 class Slave3(FMU3Slave):
     """fmpy's class for co-simulation, with the methods of FMI 2.0 that instances call."""
 
+    instance: Any
     _experiment: dict[str, Any]
 
     def instantiate(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, callbacks: Any = None, loggingOn: bool = False
     ) -> None:
-        """Instantiate the FMU without event mode and early return; its messages go to the log."""
+        """Instantiate the FMU as its instance wants; its messages go to the log."""
         name = self.instanceName.encode()
 
         def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:
             FmuLog.hear(environment, name, status, category, message)
 
-        super().instantiate(loggingOn=loggingOn, logMessage=hear)
+        super().instantiate(loggingOn=loggingOn, logMessage=hear, **self.instance.instantiation)
 
     def setupExperiment(self, **experiment: Any) -> None:
         """Keep tolerance and times for `enterInitializationMode`."""

@@ -55,13 +55,6 @@ static void begin_step(State *now, double time, double step) {
     now->time = clock->origin + clock->count * clock->step;
 }
 
-/* Value reference of a state or output that is not finite, or -1. */
-static int find_not_finite(const State *now) {
-    for (int r = FIRST_STATE; r < FIRST_DERIVATIVE; r++)
-        if (!isfinite(now->values[r])) return r;
-    return -1;
-}
-
 /* Clear what the host set for one step; `begin` is the time before which it will not go back. */
 static Status end_step(Instance *instance, double begin, Boolean will_not_go_back) {
     State *now = &instance->now;
@@ -71,10 +64,12 @@ static Status end_step(Instance *instance, double begin, Boolean will_not_go_bac
     return StatusOK;
 }
 
-static void advance(State *now, const double *u0) {
+/* Do the step of the instance's clock. If it ends early, it is a step of another length. */
+static void advance(Instance *instance, const double *u0) {
+    State *now = &instance->now;
     Clock *clock = &now->clock;
-    const double step = clock->step;
-    integrate(now, u0, now->time, step);
+    const double step = integrate(instance, u0, now->time, clock->step);
+    if (step < clock->step) *clock = (Clock){now->time, step, 0.0};
     if (now->inputs_move) move_inputs(now, u0, step);
     clock->count += 1.0;
     now->time = clock->origin + clock->count * step;
@@ -87,6 +82,9 @@ static Status do_step(Instance *instance, double time, double step, Boolean noSe
     const Clock clock = now->clock;
     double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
     if (require(instance, STEP, "do a step") != StatusOK) return StatusError;
+#ifdef HAS_INTERMEDIATE_UPDATE
+    begin_intermediate_updates(instance);
+#endif
     if (check_step(instance, time, step) != StatusOK) return StatusError;
     if (is_sliver(now, time, step)) return end_step(instance, start, noSetFMUStatePriorToCurrentPoint);
     if (check_end(instance, time, step) != StatusOK) return StatusDiscard;
@@ -94,7 +92,7 @@ static Status do_step(Instance *instance, double time, double step, Boolean noSe
     memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
     begin_step(now, time, step);
     const double begin = now->time;
-    advance(now, u0);
+    advance(instance, u0);
     const int bad = find_not_finite(now);
     if (bad >= 0) {
         const double value = now->values[bad];
@@ -108,6 +106,9 @@ static Status do_step(Instance *instance, double time, double step, Boolean noSe
     }
     hold_inputs(now, now->clock.step);
     report_limits(instance);
+#ifdef HAS_INTERMEDIATE_UPDATE
+    end_intermediate_updates(instance);
+#endif
     return end_step(instance, begin, noSetFMUStatePriorToCurrentPoint);
 }
 

@@ -94,6 +94,10 @@ Status FMI(ExitInitializationMode)(Handle c) {
     evaluate_outputs(now);
     hold_inputs(now, 0.0);
     now->phase = now->type == FOR_MODEL_EXCHANGE ? EVENT : STEP;
+#ifdef CLOCK_INTERVAL
+    now->phase = CO_SIMULATION_EVENT;
+    start_clock(now);
+#endif
     report_limits(instance);
     return report(instance, StatusOK, "initialized at t = %.9g s.", now->time);
 }
@@ -107,6 +111,7 @@ Status FMI(Terminate)(Handle c) {
 
 Status FMI(Reset)(Handle c) {
     Instance *instance = c;
+    if (require(instance, ~INTERMEDIATE_UPDATE, "reset") != StatusOK) return StatusError;
     set_start_values(&instance->now, instance->now.type);
     instance->no_return_before = -HUGE_VAL;
     memset(instance->left, 0, sizeof instance->left);
@@ -140,10 +145,17 @@ static Status prepare_get(Instance *instance, const ValueReference vr[], size_t 
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], type) != StatusOK) return StatusError;
+        if (check_required(instance, vr[i]) != StatusOK) return StatusError;
+#ifdef CLOCK_INTERVAL
+        if (check_clocked(instance, vr[i]) != StatusOK) return StatusError;
+#endif
         derivatives_asked |= vr[i] >= FIRST_DERIVATIVE;
     }
     if (check_count(instance, vr, nvr, n) != StatusOK) return StatusError;
     if (nvr > 0) bring_up_to_date(&instance->now, derivatives_asked);
+#ifdef CLOCK_INTERVAL
+    if (show(instance) != StatusOK) return StatusError;
+#endif
     return StatusOK;
 }
 
@@ -170,11 +182,15 @@ static Status check_settable(const Instance *instance, int reference) {
 /* Check all references of a call, so that a refused call changes nothing. */
 static Status prepare_set(Instance *instance, const ValueReference vr[], size_t nvr, char type, const void *values,
                           size_t n) {
-    if (require(instance, ~TERMINATED, "set values") != StatusOK) return StatusError;
+    if (require(instance, ~(TERMINATED | INTERMEDIATE_UPDATE), "set values") != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
-    for (size_t i = 0; i < nvr; i++)
+    for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], type) != StatusOK || check_settable(instance, (int)vr[i]) != StatusOK)
             return StatusError;
+#ifdef CLOCK_INTERVAL
+        if (check_clocked(instance, vr[i]) != StatusOK) return StatusError;
+#endif
+    }
     return check_count(instance, vr, nvr, n);
 }
 
@@ -186,7 +202,7 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
         if (prepare_get(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
         for (size_t i = 0, k = 0; i < nvr; i++)                                                              \
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
-                values[k++] = from_double(current_value(&instance->now, vr[i] + (ValueReference)j));              \
+                values[k++] = from_double(current_value(SEEN(instance), vr[i] + (ValueReference)j));              \
         return StatusOK;                                                                                     \
     }                                                                                                        \
     Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) { \

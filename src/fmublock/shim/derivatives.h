@@ -51,7 +51,7 @@ Status FMI(GetDirectionalDerivative)(Handle c, const ValueReference unknowns[], 
                                      double sensitivity[] COUNTED(nSensitivity)) {
     Instance *instance = c;
     double direction[ROOM(N_VALUES)] = {0}, tangents[ROOM(N_VALUES)];
-    if (require(instance, ~INSTANTIATED, "get directional derivatives") != StatusOK) return StatusError;
+    if (require(instance, ~(INSTANTIATED | INTERMEDIATE_UPDATE), "get directional derivatives") != StatusOK) return StatusError;
     if (check_arrays(instance, nUnknowns, unknowns, sensitivity) != StatusOK) return StatusError;
     if (check_arrays(instance, nKnowns, knowns, seed) != StatusOK) return StatusError;
     for (size_t i = 0; i < nUnknowns; i++)
@@ -82,12 +82,13 @@ Status FMI(GetOutputDerivatives)(Handle c, const ValueReference vr[], size_t nvr
                                  double value[] COUNTED(n)) {
     Instance *instance = c;
     double direction[ROOM(N_VALUES)] = {0}, tangents[ROOM(N_VALUES)];
-    if (require_co_simulation(instance, STEP | TERMINATED, "get output derivatives") != StatusOK)
-        return StatusError;
+    const int phases = STEP | TERMINATED | INTERMEDIATE_UPDATE, is_between = instance->now.phase == INTERMEDIATE_UPDATE;
+    if (require_co_simulation(instance, phases, "get output derivatives") != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, vr, value) != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, order, value) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_unknown(instance, vr[i]) != StatusOK) return StatusError;
+        if (check_required(instance, vr[i]) != StatusOK) return StatusError;
         if (vr[i] >= FIRST_DERIVATIVE)
             return report(instance, StatusError, "%s is not an output.", variables[vr[i]].name);
         if (order[i] != 1)
@@ -97,8 +98,10 @@ Status FMI(GetOutputDerivatives)(Handle c, const ValueReference vr[], size_t nvr
     if (check_count(instance, vr, nvr, COUNT_OF(n, nvr)) != StatusOK) return StatusError;
     State point = instance->now;
     evaluate_derivatives(&point);
-    memcpy(point.values, point.held, N_INPUTS * sizeof(double));
-    memcpy(direction, point.held_rates, N_INPUTS * sizeof(double));
+    if (!is_between) { /* then the inputs are those of the step already, and do not move in FMI 3.0 */
+        memcpy(point.values, point.held, N_INPUTS * sizeof(double));
+        memcpy(direction, point.held_rates, N_INPUTS * sizeof(double));
+    }
     for (int i = 0; i < N_STATES; i++) direction[FIRST_STATE + i] = point.values[FIRST_DERIVATIVE + i];
     all_tangents(&point, 1.0, direction, tangents);
     for (size_t i = 0, k = 0; i < nvr; i++)

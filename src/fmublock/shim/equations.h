@@ -53,6 +53,31 @@ static void hold_inputs(State *now, double elapsed) {
     }
 }
 
+/* ---- intermediate update --------------------------------------------------------------- */
+
+/* Value reference of a state or output that is not finite, or -1. */
+static int find_not_finite(const State *now) {
+    for (int r = FIRST_STATE; r < FIRST_DERIVATIVE; r++)
+        if (!isfinite(now->values[r])) return r;
+    return -1;
+}
+
+#ifdef HAS_INTERMEDIATE_UPDATE
+#include "fmi3_intermediate_update.h"
+#else
+static Status check_required(const Instance *instance, ValueReference reference) {
+    (void)instance, (void)reference;
+    return StatusOK;
+}
+#endif
+
+#ifdef CLOCK_INTERVAL
+#include "fmi3_clocked.h"
+#define SEEN(instance) (&(instance)->shown)
+#else
+#define SEEN(instance) (&(instance)->now)
+#endif
+
 /* ---- integration ----------------------------------------------------------------------- */
 
 static double substeps(const State *now, double step) {
@@ -79,8 +104,10 @@ static void set_states(double *x, const double *x0, double factor, const double 
     for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + factor * k[i];
 }
 
-/* Classical Runge-Kutta substeps no longer than the internal step. */
-static void integrate(State *now, const double *u0, double time, double step) {
+/* Classical Runge-Kutta substeps no longer than the internal step. Returns the length of the step, which is less if
+   it ended early. */
+static double integrate(Instance *instance, const double *u0, double time, double step) {
+    State *now = &instance->now;
     double x0[N_STATES], k1[N_STATES], k2[N_STATES], k3[N_STATES], k4[N_STATES], stepwise[ROOM(N_STEPWISE)];
     double *x = now->values + FIRST_STATE;
     const double count = substeps(now, step), dt = step / count;
@@ -97,11 +124,17 @@ static void integrate(State *now, const double *u0, double time, double step) {
         slope(now, u0, time, t + dt, stepwise, k4);
         for (int j = 0; j < N_STATES; j++) k1[j] = k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j];
         set_states(x, x0, dt / 6.0, k1);
+#ifdef HAS_INTERMEDIATE_UPDATE
+        const double done = (double)(i + 1) * dt;
+        if (i + 1 < (long)count && ends_early(instance, time + done, time + (double)(i + 2) * dt)) return done;
+#endif
     }
+    return step;
 }
 #else
-static void integrate(State *now, const double *u0, double time, double step) {
-    (void)now, (void)u0, (void)time, (void)step;
+static double integrate(Instance *instance, const double *u0, double time, double step) {
+    (void)instance, (void)u0, (void)time;
+    return step;
 }
 #endif
 

@@ -11,7 +11,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                            instanceEnvironment);
 }
 
-/* A step ends early for no reason, so that it does not matter whether it may. */
+/* A step ends early only if the host asks for it in an intermediate update. */
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
                                          fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
@@ -20,12 +20,22 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3InstanceEnvironment instanceEnvironment,
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate) {
-    (void)visible, (void)earlyReturnAllowed, (void)requiredIntermediateVariables, (void)intermediateUpdate;
+    (void)visible;
     Instance *instance = create_instance(instanceName, instantiationToken, resourcePath, FOR_CO_SIMULATION,
                                          loggingOn, logMessage, instanceEnvironment);
-    if (instance == NULL || (!eventModeUsed && nRequiredIntermediateVariables == 0)) return instance;
-    report(instance, StatusError, "this FMU has no %s.",
-           eventModeUsed ? "event mode in co-simulation" : "intermediate update");
+    if (instance == NULL) return NULL;
+#ifdef CLOCK_INTERVAL
+    if (!eventModeUsed)
+        report(instance, StatusError, "this FMU has a clock, and needs a host with event mode in co-simulation.");
+    else
+#else
+    if (eventModeUsed)
+        report(instance, StatusError, "this FMU has no event mode in co-simulation.");
+    else
+#endif
+    if (use_intermediate_update(instance, intermediateUpdate, earlyReturnAllowed, requiredIntermediateVariables,
+                                     nRequiredIntermediateVariables) == StatusOK)
+        return instance;
     fmi3FreeInstance(instance);
     return NULL;
 }
@@ -143,7 +153,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
                                     size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     Instance *instance = c;
     double tangents[ROOM(N_VALUES)];
-    if (require(instance, ~INSTANTIATED, "get adjoint derivatives") != StatusOK) return fmi3Error;
+    if (require(instance, ~(INSTANTIATED | INTERMEDIATE_UPDATE), "get adjoint derivatives") != StatusOK) return fmi3Error;
     if (check_arrays(instance, nUnknowns, unknowns, seed) != StatusOK) return fmi3Error;
     if (check_arrays(instance, nKnowns, knowns, sensitivity) != StatusOK) return fmi3Error;
     for (size_t i = 0; i < nUnknowns; i++)
@@ -167,6 +177,24 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
 
 /* ---- co-simulation --------------------------------------------------------------------- */
 
+#ifdef CLOCK_INTERVAL
+/* A step between two ticks passes time. */
+static Status pass_time(Instance *instance, double time, double step, Boolean will_not_go_back) {
+    State *now = &instance->now;
+    const double end = time + step, begin = now->time;
+    if (require(instance, STEP, "do a step") != StatusOK) return StatusError;
+    if (check_step(instance, time, step) != StatusOK) return StatusError;
+    if (end > next_tick(now) && !is_tick(now, end))
+        return report(instance, StatusError, "the step to t = %.9g s goes past the tick of the clock at t = %.9g s.",
+                      end, next_tick(now));
+    now->time = is_tick(now, end) ? next_tick(now) : end;
+    return end_step(instance, begin, will_not_go_back);
+}
+#define DO_STEP pass_time
+#else
+#define DO_STEP do_step
+#endif
+
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
                       fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn,
@@ -176,15 +204,24 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi
     if (check_place(c, earlyReturn, "earlyReturn") != StatusOK) return fmi3Error;
     if (check_place(c, lastSuccessfulTime, "lastSuccessfulTime") != StatusOK) return fmi3Error;
     const Status status =
-        do_step(c, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint);
+        DO_STEP(c, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = has_ended(c) ? fmi3True : fmi3False;
-    *earlyReturn = fmi3False;
+    *earlyReturn = status == StatusOK && ((Instance *)c)->returned_early;
     *lastSuccessfulTime = reached_time(c);
     return status;
 }
 
-fmi3Status fmi3EnterStepMode(fmi3Instance c) { return require(c, 0, "enter step mode"); }
+fmi3Status fmi3EnterStepMode(fmi3Instance c) {
+    Instance *instance = c;
+    if (require(instance, CO_SIMULATION_EVENT, "enter step mode") != StatusOK) return fmi3Error;
+#ifdef CLOCK_INTERVAL
+    if (instance->now.ticking)
+        return report(instance, fmi3Error, "the tick of the clock needs fmi3UpdateDiscreteStates first.");
+#endif
+    instance->now.phase = STEP;
+    return fmi3OK;
+}
 
 /* ---- Model Exchange -------------------------------------------------------------------- */
 
@@ -195,12 +232,20 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *discreteStatesN
                                     fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime) {
     fmi3Boolean *const flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
                                   valuesOfContinuousStatesChanged, nextEventTimeDefined};
-    if (require(c, EVENT, "update discrete states") != StatusOK) return fmi3Error;
+    if (require(c, EVENT | CO_SIMULATION_EVENT, "update discrete states") != StatusOK) return fmi3Error;
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
         if (check_place(c, flags[i], "the event information") != StatusOK) return fmi3Error;
     if (check_place(c, nextEventTime, "the event information") != StatusOK) return fmi3Error;
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) *flags[i] = fmi3False;
     *nextEventTime = 0.0;
+#ifdef CLOCK_INTERVAL
+    Instance *instance = c;
+    if (instance->now.ticking) {
+        if (tick(instance) != StatusOK) return fmi3Error;
+        instance->now.ticking = 0;
+        report_limits(instance);
+    }
+#endif
     return fmi3OK;
 }
 
@@ -237,7 +282,11 @@ fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clockRe
 /* A call for no clocks is no error. */
 static fmi3Status refuse_clocks(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr) {
     (void)vr;
+#ifdef CLOCK_INTERVAL
+    return nvr == 0 ? fmi3OK : lacks(c, "intervals and shifts to set, or as fractions");
+#else
     return nvr == 0 ? fmi3OK : lacks(c, "clocks");
+#endif
 }
 
 #define NO_CLOCKS_1(Name, A)                                                                       \
@@ -251,10 +300,14 @@ static fmi3Status refuse_clocks(fmi3Instance c, const fmi3ValueReference vr[], s
         return refuse_clocks(c, vr, nvr);                                                          \
     }
 
+#ifdef CLOCK_INTERVAL
+#include "fmi3_clock_functions.h"
+#else
 NO_CLOCKS_1(GetClock, fmi3Clock)
 NO_CLOCKS_1(SetClock, const fmi3Clock)
 NO_CLOCKS_2(GetIntervalDecimal, fmi3Float64, fmi3IntervalQualifier)
 NO_CLOCKS_1(GetShiftDecimal, fmi3Float64)
+#endif
 NO_CLOCKS_2(GetShiftFraction, fmi3UInt64, fmi3UInt64)
 NO_CLOCKS_1(SetIntervalDecimal, const fmi3Float64)
 NO_CLOCKS_2(SetIntervalFraction, const fmi3UInt64, const fmi3UInt64)

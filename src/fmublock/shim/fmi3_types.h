@@ -2,6 +2,8 @@
 
 #define FMI(name) fmi3##name
 
+#define HAS_INTERMEDIATE_UPDATE /* no calls with a clock, whose ticks are the only steps */
+
 #define EXPORTS_ALL_FUNCTIONS /* also those of the kinds that an FMU has not */
 
 /* The number of values, which differs from that of variables if these are arrays. */

@@ -14,7 +14,7 @@
 
 /* Phases of the FMI state machine are bits, so that a call can name several. */
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
-#define RUNNING (STEP | MODEL_EXCHANGE_RUNNING)
+#define RUNNING (STEP | CO_SIMULATION_EVENT | MODEL_EXCHANGE_RUNNING)
 
 /* Steps of one length since an origin, so that the host's rounding of times does not matter. */
 typedef struct {
@@ -27,6 +27,9 @@ typedef struct {
     int type; /* FOR_CO_SIMULATION or FOR_MODEL_EXCHANGE */
     int phase;
     int inputs_move; /* whether any input derivative is not zero */
+#ifdef CLOCK_INTERVAL
+    int ticking; /* the clock of the FMU is active */
+#endif
     double time, stop_time;
     Clock clock;
     const double *resource; /* the instance's data, or NULL; not part of serialized or saved states */
@@ -46,6 +49,15 @@ typedef struct {
     unsigned char left[ROOM(N_LIMITS)]; /* whether leaving each limit was reported */
     int ended; /* the last step was discarded as it goes past the end of the resource */
     double no_return_before; /* the host said that it will not go back to earlier times */
+#ifdef CLOCK_INTERVAL
+    State before, shown; /* a tick, and what the host sees */
+#endif
+#ifdef HAS_INTERMEDIATE_UPDATE
+    fmi3IntermediateUpdateCallback intermediate_update; /* or NULL */
+    int early_return_allowed, returned_early, requires_any;
+    double return_time; /* the host wants the present step to end there */
+    unsigned char is_required[ROOM(N_VALUES)]; /* which variables the host reads in the callback */
+#endif
 } Instance;
 
 #include "messages.h"

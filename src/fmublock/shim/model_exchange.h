@@ -15,6 +15,11 @@ static Status check_size(const Instance *instance, size_t n, size_t expected, co
 
 Status FMI(EnterEventMode)(Handle c) {
     Instance *instance = c;
+#ifdef CLOCK_INTERVAL
+    if (require(instance, STEP, "enter event mode") != StatusOK) return StatusError;
+    instance->now.phase = CO_SIMULATION_EVENT;
+    return StatusOK;
+#endif
     if (require(instance, MODEL_EXCHANGE_RUNNING, "enter event mode") != StatusOK) return StatusError;
     instance->now.phase = EVENT;
     return StatusOK;

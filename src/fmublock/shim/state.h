@@ -56,6 +56,7 @@ static Status copy_state(const Instance *instance, const State *source, FmuState
 
 Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
     Instance *instance = c;
+    if (require(instance, ~INTERMEDIATE_UPDATE, "get the state") != StatusOK) return StatusError;
     return copy_state(instance, &instance->now, FMUState);
 }
 
@@ -63,6 +64,7 @@ Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
 Status FMI(SetFMUState)(Handle c, FmuState FMUState) {
     Instance *instance = c;
     const double *resource = instance->now.resource;
+    if (require(instance, ~INTERMEDIATE_UPDATE, "set the state") != StatusOK) return StatusError;
     if (check_state(instance, FMUState) != StatusOK) return StatusError;
     memcpy(&instance->now, FMUState, sizeof instance->now);
     instance->now.resource = resource;

@@ -33,6 +33,7 @@ EXAMPLES = (
     "emla build EmlaPlant",
     "emla build mine.py:Drive --output mine",
     "emla build EmlaPlant --fmi 3 --output fmi3",
+    "emla build RsbaController --fmi 3 --clock 1e-3 --output clocked",
     "emla build EmlaPlant --hide 'motor.*' --output handout",
 )
 """Examples in the help."""
@@ -51,6 +52,14 @@ def command(
             "(3: native FMUs only, and in another folder)."
         ),
     ] = 2,
+    clock: Annotated[
+        float | None,
+        typer.Option(
+            help="Interval of a periodic input clock in s, at whose ticks the block steps (FMI 3 only). "
+            "Default: no clock.",
+            metavar="SECONDS",
+        ),
+    ] = None,
     platform: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,7 +119,7 @@ def command(
     if len(blocks) > 1 and (set_ or fix or hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
-        check_disclosure(model, flavour, output, disclosure, fmi)
+        check_disclosure(model, flavour, output, disclosure, fmi, clock)
     overwrite = given.get("overwrite", False)
     places = dict[str, str]()
     for name, model in blocks.items():
@@ -132,6 +141,7 @@ def command(
                     overwrite,
                     disclosure,
                     fmi,
+                    clock,
                 )
             )
             progress.finish()

@@ -49,6 +49,11 @@ CALLS = (
     "serializedFMUStateSize",
     "serializeFMUState",
     "deserializeFMUState",
+    "enterStepMode",
+    "updateDiscreteStates",
+    "setClock",
+    "getIntervalDecimal",
+    "getShiftDecimal",
 )
 """Calls of an instance; the first entry means no call."""
 

@@ -233,11 +233,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             try:
                 call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
             except ValueRangeError as error:
-                raise RunError(f"{self.name} got a value that it cannot take: its input {error}.") from error
+                raise self._out_of_range(error) from error
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
         if status not in FINE:
             raise self.error(call, status)
+
+    def _out_of_range(self, error: ValueRangeError) -> RunError:
+        return RunError(f"{self.name} got a value that it cannot take: its input {error}.")
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Set the slopes of the inputs during the next step, per s."""

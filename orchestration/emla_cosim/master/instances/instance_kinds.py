@@ -6,6 +6,7 @@ from ...fmu.cvode import load_sundials
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.log import FmuLog
+from .event_mode_instance import EventModeInstance, handles_events
 from .fmu_instance import FmuInstance
 from .in_process_instance import InProcessInstance
 from .integrated_instance import IntegratedInstance
@@ -21,7 +22,8 @@ def make_instance(
         CommandError: Also if it runs as Model Exchange, and there is no CVode for this platform.
     """
     if file.kind != MODEL_EXCHANGE:
-        return InProcessInstance(name, file, inputs, outputs, log, number)
+        made = EventModeInstance if handles_events(file) else InProcessInstance
+        return made(name, file, inputs, outputs, log, number)
     load_sundials()
     return ModelExchangeInstance(name, file, inputs, outputs, log, number)
 

@@ -35,7 +35,8 @@ class StartValues:
     """The start values of an instance.
 
     Only inputs, and variables that are `exact`, must keep them. Numbers are set one by one, because after an
-    error no further call can tell which one was rejected. They are read back with one call per type.
+    error no further call can tell which one was rejected. They are read back with one call per type, but for
+    clocked ones, which cannot be read then.
 
     Args:
         functions: The FMI functions by their short names, such as `setReal`.
@@ -63,7 +64,11 @@ class StartValues:
             for i, v in enumerate(variables)
             if v.type != "String"
         ]
-        last = {v.name: i for i, v in enumerate(variables) if v.causality == "input" or v.initial == "exact"}
+        last = {
+            v.name: i
+            for i, v in enumerate(variables)
+            if (v.causality == "input" or v.initial == "exact") and not v.clocks
+        }
         self._kept_texts = [i for i in last.values() if variables[i].type == "String"]
         self._numbers = [i for i in last.values() if variables[i].type != "String"]
         self._getters = TypedValues("get", [variables[i] for i in self._numbers], self._functions)
