@@ -32,6 +32,18 @@ PROTOTYPES = {
 DISCARD, ERROR = 2, 3
 
 
+def judge_step(status: int, needs_event: bool, terminates: bool, is_early: bool) -> int:
+    """Return the status of a step: DISCARD if the FMU wants the end, ERROR if the step is not whole.
+
+    Compiled code uses it, too.
+    """
+    if status > 1 or status < 0:
+        return status
+    if terminates:
+        return DISCARD
+    return ERROR if needs_event or is_early else status
+
+
 class StepEnd:
     """What `fmi3DoStep` says beside its status about the last step."""
 
@@ -46,14 +58,9 @@ class StepEnd:
         return bool(self._flags[1])
 
     def call(self, function: Callable[..., int], component: Any, *step: Any) -> int:
-        """Do a step and return its status: DISCARD if the FMU wants the end, ERROR if it is not whole."""
+        """Do a step and return its status as `judge_step` does."""
         self._flags[:] = False
-        status = function(component, *step, *self.arguments)
-        if status > 1 or status < 0:
-            return status
-        if self.terminates:
-            return DISCARD
-        return ERROR if self.complaint else status
+        return judge_step(function(component, *step, *self.arguments), *self._flags.tolist())
 
     @property
     def complaint(self) -> str:

@@ -49,6 +49,8 @@ CALLS = (
     "serializedFMUStateSize",
     "serializeFMUState",
     "deserializeFMUState",
+    "setting inputs",
+    "getting outputs",
 )
 """Calls of an instance; the first entry means no call."""
 

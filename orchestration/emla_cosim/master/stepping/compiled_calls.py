@@ -10,17 +10,7 @@ _NONE, _SET_REAL, _SET_DERIVATIVES = int(Failure.NONE), int(Failure.SET_REAL), i
 _DO_STEP, _GET_REAL = int(Failure.DO_STEP), int(Failure.GET_REAL)
 _GET_STATE, _SET_STATE = int(Failure.GET_STATE), int(Failure.SET_STATE)
 _OBSERVE = int(Failure.OBSERVE)
-_SETTING, _DERIVING, _STEPPING, _GETTING, SAVING, RESTORING = (
-    CALLS.index(call)
-    for call in (
-        "setReal",
-        "setRealInputDerivatives",
-        "doStep",
-        "getReal",
-        "getFMUstate",
-        "setFMUstate",
-    )
-)
+_DERIVING, _STEPPING = (CALLS.index(call) for call in ("setRealInputDerivatives", "doStep"))
 _OK, _WARNING = 0, 1
 
 
@@ -74,7 +64,7 @@ def set_inputs(instance, present, time, length):
     if count == 0:
         return _NONE, _OK
     _compute_inputs(instance, time, length)
-    present.code = instance.code + _SETTING
+    present.code = instance.code_set
     status = exchange(instance.set_real, (instance.component, references, count, instance.inputs))
     if is_bad(status):
         return _SET_REAL, status
@@ -135,7 +125,7 @@ def get_outputs(instance, present):
     count = instance.output_count
     if count == 0:
         return _NONE, _OK
-    present.code = instance.code + _GETTING
+    present.code = instance.code_get
     status = exchange(
         instance.get_real, (instance.component, instance.output_references, count, instance.outputs)
     )
@@ -167,7 +157,7 @@ def get_observed(observed, present):
 @part
 def save(instance, present):
     """Save the state of an instance."""
-    present.code = instance.code + SAVING
+    present.code = instance.code_save
     status = copy_state(instance.get_state, (instance.component, instance.state))
     return _GET_STATE if is_bad(status) else _NONE, status
 
@@ -175,6 +165,6 @@ def save(instance, present):
 @part
 def restore(instance, present):
     """Restore the saved state of an instance."""
-    present.code = instance.code + RESTORING
+    present.code = instance.code_restore
     status = copy_state(instance.set_state, (instance.component, positions(instance.state)[0]))
     return _SET_STATE if is_bad(status) else _NONE, status

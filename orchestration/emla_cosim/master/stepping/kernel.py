@@ -18,14 +18,15 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
+from ...fmu import version_3
 from ...sandbox import black_box
 from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
 from ..algorithms.tasks import StepTask
-from ..instances import call_codes
+from ..instances import call_codes, typed_values
 from ..instances.fmu_instance import EntryPoints
-from . import machine_code, record_layout
+from . import forwarding, machine_code, record_layout
 from .record_layout import LOOP, NOWHERE, Failure
 from .records import (
     add_undo,
@@ -298,7 +299,10 @@ def compiled_address(name: str, module: str, beside: Sequence[str] = ()) -> int:
     def generate() -> str:
         return import_module(f".{module}", __package__).text(name)
 
-    modules = (record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box)
+    modules = (
+        *(record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box),
+        *(forwarding, typed_values, version_3),
+    )
     names = (*_TEXTS, f"{module}.py", *(f"{other}.py" for other in beside))
     texts = [Path(__file__).with_name(text) for text in names]
     files = [*(Path(str(m.__file__)) for m in modules), *texts]

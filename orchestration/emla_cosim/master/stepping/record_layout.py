@@ -63,6 +63,10 @@ INPUT = _record(
 
 INSTANCE = _record(
     code=_NUMBER,  # its code in `Activity`, without a call
+    code_set=_NUMBER,  # those of its calls that differ between versions of FMI
+    code_get=_NUMBER,
+    code_save=_NUMBER,
+    code_restore=_NUMBER,
     component=_ADDRESS,  # fmi2Component
     set_real=_ADDRESS,  # of this FMI function, as in the next five fields
     set_real_input_derivatives=_ADDRESS,
@@ -244,6 +248,38 @@ CONTROL = _record(
     length="float64",  # output: length of the last trial
 )
 """State of `ErrorControl` for `compiled_trials.py`."""
+
+FORWARDED = _record(
+    component=_ADDRESS,  # fmi3Instance
+    set=_ADDRESS,  # of the FMI function, as in the next fields
+    get=_ADDRESS,
+    do_step=_ADDRESS,
+    get_state=_ADDRESS,
+    set_state=_ADDRESS,
+    set_count=_NUMBER,  # numbers of value references; an array has one
+    get_count=_NUMBER,
+    step_end=(_ADDRESS, 4),  # addresses of what `fmi3DoStep` says: three C bools and a double
+    setters=_ADDRESS,  # of TYPED records
+    setter_count=_NUMBER,
+    getters=_ADDRESS,
+    getter_count=_NUMBER,
+)
+"""What `forwarded_calls.py` gets instead of a component, to call functions of FMI 3.0."""
+
+TYPED = _record(
+    function=_ADDRESS,
+    references=_ADDRESS,  # of value references
+    reference_count=_NUMBER,
+    memory=_ADDRESS,  # of values of this type
+    memory_count=_NUMBER,
+    kind=_NUMBER,  # place of the type in `forwarding.KINDS`
+    low="float64",  # the smallest value, and the one after the largest; of integers only
+    limit="float64",
+    elements=_ADDRESS,  # of the positions in the vector, and then of those in the memory
+    places=_ADDRESS,
+    count=_NUMBER,  # of elements
+)
+"""Values of one type that one FMI call sets or gets."""
 
 TIMED = _record(
     component=_ADDRESS,  # fmi2Component

@@ -14,8 +14,9 @@ from ..algorithms.scale import Scale
 from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
-from ..instances.fmu_instance import EntryPoints
+from ..instances.fmu_instance import CallNames, EntryPoints
 from ..network import Network
+from .forwarding import forward_observed
 from .record_layout import GROUP, INPUT, INSTANCE, LANE, OBSERVED, OPERATION, TASK
 
 KeptArrays = Callable[[Any], Any]
@@ -77,6 +78,8 @@ def instance_records(
     first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
     records = np.zeros(len(points), INSTANCE)
     records["code"] = [code_of(int(i), "") for i in every]
+    for call in CallNames._fields:
+        records[f"code_{call}"] = [code_of(i, getattr(p.names, call)) for i, p in enumerate(points)]
     names = ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real")
     for name in (*names, "get_state", "set_state"):
         records[name] = [getattr(p, name) for p in points]
@@ -101,8 +104,8 @@ def observed_records(network: Network, kept: KeptArrays) -> Any:
     observer, records = network.observer, []
     for instance, part in observer.readers:
         i = network.instances.index(instance)
-        for group in instance.observed_groups():
-            kept((group.references, group.values))
+        for group in map(forward_observed, instance.observed_groups()):
+            kept(group)
             record = np.zeros((), OBSERVED)
             record["code"], record["instance"] = code_of(i, group.call), i
             record["get"], record["component"] = group.function, group.component

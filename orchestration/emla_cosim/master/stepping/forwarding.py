@@ -1,0 +1,101 @@
+"""Let compiled loops call FMI 3.0: functions with the arguments of FMI 2.0 forward to those of FMI 3.0.
+
+So the loops are the same for both versions, and for all types: they exchange vectors of doubles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
+from .record_layout import FORWARDED, TYPED
+
+KINDS = (
+    *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    "bool",
+)
+"""The types of values in memory."""
+
+
+def forward(points: EntryPoints) -> EntryPoints:
+    """Return entry points with the arguments of FMI 2.0.
+
+    Raises:
+        ImportError: They must be compiled, and numba is missing.
+        OSError: LLVM cannot be loaded.
+    """
+    if points.version_3 is None:
+        return points
+    end, setters, getters = points.version_3
+    kept = list[Any]()
+    record = np.zeros(1, FORWARDED)
+    record["component"], record["do_step"] = points.component, points.do_step
+    record["set"], record["get"] = points.set_real, points.get_real
+    record["get_state"], record["set_state"] = points.get_state, points.set_state
+    record["set_count"], record["get_count"] = len(points.input_references), len(points.output_references)
+    record["step_end"] = end
+    for name, calls in (("setter", setters), ("getter", getters)):
+        records = _typed_records(calls or (), kept)
+        record[f"{name}s"], record[f"{name}_count"] = records.ctypes.data, len(records)
+    typed = "" if setters is None else "typed_"
+    return replace(
+        points,
+        component=record.ctypes.data,
+        set_real=_compiled(f"set_{typed}values"),
+        get_real=_compiled(f"get_{typed}values"),
+        do_step=_compiled("step"),
+        get_state=_compiled("get_state"),
+        set_state=_compiled("set_state"),
+        version_3=None,
+        kept=(points, record, kept),
+    )
+
+
+def forward_observed(group: ObservedGroup) -> ObservedGroup:
+    """Return observed variables as doubles that a function with the arguments of FMI 2.0 gets."""
+    if group.group is None:
+        return group
+    kept, record = list[Any](), np.zeros(1, FORWARDED)
+    typed, count = group.group.group, len(group.targets)
+    own = GroupCall(group.function, replace(typed, elements=np.arange(count)))
+    records = _typed_records([own], kept)
+    record["component"], record["getters"], record["getter_count"] = group.component, records.ctypes.data, 1
+    return replace(
+        group,
+        component=record.ctypes.data,
+        function=_compiled("get_typed_values"),
+        references=np.zeros(count, dtype=np.uint32),
+        values=np.zeros(count),
+        boolean=False,
+        group=None,
+        kept=(group, record, kept),
+    )
+
+
+def _typed_records(calls: Sequence[GroupCall], kept: list[Any]) -> Any:
+    """Return the TYPED records of these calls, and keep what they point to."""
+    records = np.zeros(len(calls), TYPED)
+    for record, (function, group) in zip(records, calls, strict=True):
+        memory = group.values
+        places = np.arange(len(memory)) if isinstance(group.places, slice) else group.places
+        elements, places = (np.ascontiguousarray(x, dtype=np.intp) for x in (group.elements, places))
+        kept += [group, elements, places]
+        record["function"], record["kind"] = function, KINDS.index(memory.dtype.name)
+        record["references"], record["reference_count"] = group.references.ctypes.data, len(group.references)
+        record["memory"], record["memory_count"] = memory.ctypes.data, len(memory)
+        record["elements"], record["places"] = elements.ctypes.data, places.ctypes.data
+        record["count"] = len(elements)
+        if group.integers:
+            record["low"], record["limit"] = group.limits
+    kept.append(records)
+    return records
+
+
+@cache
+def _compiled(name: str) -> int:
+    from .kernel import compiled_address  # it loads LLVM
+
+    return compiled_address(name, "forwarded_calls")
