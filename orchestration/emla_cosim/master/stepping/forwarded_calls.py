@@ -21,6 +21,7 @@ from .by_address import (
     typed_at,
 )
 from .forwarding import KINDS
+from .machine_code import inline
 
 _DOUBLE, _SINGLE, _BOOLEAN = (KINDS.index(kind) for kind in ("float64", "float32", "bool"))
 _INT8, _UINT8, _INT16, _UINT16, _INT32, _UINT32, _INT64 = (
@@ -183,4 +184,4 @@ _FUNCTIONS = {
 def text(name: str) -> str:
     """Return LLVM's text of a function, with this name."""
     function = _FUNCTIONS[name]
-    return function.inspect_llvm().replace(function.native_name, name)
+    return inline(function.inspect_llvm().replace(function.native_name, name))
