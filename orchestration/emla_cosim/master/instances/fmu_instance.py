@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
+from ...fmu.version_3 import StepEnd
 from .typed_values import TypeGroup
 
 
@@ -79,12 +80,12 @@ class Version3(NamedTuple):
     """What functions of FMI 3.0 need beside the arguments of those of FMI 2.0.
 
     Attributes:
-        step_end: addresses of the memory for the last four arguments of `fmi3DoStep`.
+        step_end: takes what a step says.
         setters: calls that set `inputs`; None if one call for Float64 does.
         getters: calls that get `outputs`, likewise.
     """
 
-    step_end: tuple[int, ...]
+    step_end: StepEnd
     setters: Sequence[GroupCall] | None
     getters: Sequence[GroupCall] | None
 

@@ -412,7 +412,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             output_references=self._output_references,
             derivative_orders=self._derivative_orders,
             names=CallNames(*names, "getFMUState", "setFMUState"),
-            version_3=Version3(self._step_end.arguments, setters, getters),
+            version_3=Version3(self._step_end, setters, getters),
         )
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:

@@ -145,6 +145,7 @@ timed_at, control_at, block_at = (_records(r) for r in (TIMED, CONTROL, BLOCK))
 forwarded_at, typed_at = (_records(r) for r in (FORWARDED, TYPED))
 numbers = {kind: _numbers(kind) for kind in (types.float64, types.float32, *types.integer_domain)}
 doubles, positions, integers = numbers[types.float64], numbers[types.intp], numbers[types.int32]
+flags = numbers[types.uint8]
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 exchange_3 = _caller(types.intp, types.intp, types.uintp, types.intp, types.uintp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)

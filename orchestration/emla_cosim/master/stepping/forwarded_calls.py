@@ -6,12 +6,10 @@ Their component is the address of a FORWARDED record. The module is imported onl
 import numpy as np
 from numba import cfunc, types
 
-from ...fmu.version_3 import judge_step
 from ..instances.typed_values import OUT_OF_RANGE
 from .by_address import (
     OPTIONS,
     copy_state,
-    do_step_3,
     doubles,
     exchange_3,
     forwarded_at,
@@ -20,6 +18,7 @@ from .by_address import (
     positions,
     typed_at,
 )
+from .compiled_calls import whole_step
 from .forwarding import KINDS
 from .machine_code import inline
 
@@ -32,8 +31,6 @@ _singles, _int8s, _uint8s, _int16s, _uint16s, _int32s, _uint32s, _int64s, _uint6
 )
 _EXCHANGE = types.int32(types.intp, types.intp, types.uintp, types.intp)
 _COPY = types.int32(types.intp, types.intp)
-
-_judge_step = part(judge_step)
 
 
 @part
@@ -148,14 +145,9 @@ def _get_values(address, references, count, values):
 
 @cfunc(types.int32(types.intp, types.float64, types.float64, types.int32), **OPTIONS)
 def _step(address, begin, length, no_way_back):
-    """See `StepEnd.call`."""
     forwarded = forwarded_at(address, 0)
-    end = forwarded.step_end
-    event, terminates, early = _uint8s(end[0]), _uint8s(end[1]), _uint8s(end[2])
-    event[0], terminates[0], early[0] = 0, 0, 0
-    arguments = begin, length, no_way_back, end[0], end[1], end[2], end[3]
-    status = do_step_3(forwarded.do_step, (forwarded.component, *arguments))
-    return _judge_step(status, event[0] != 0, terminates[0] != 0, early[0] != 0)
+    function, component, end = forwarded.do_step, forwarded.component, forwarded.step_end
+    return whole_step(function, component, begin, length, no_way_back, end)
 
 
 @cfunc(_COPY, **OPTIONS)

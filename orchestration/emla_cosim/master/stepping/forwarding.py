@@ -1,6 +1,7 @@
-"""Let compiled loops call FMI 3.0: functions with the arguments of FMI 2.0 forward to those of FMI 3.0.
+"""Functions with the arguments of FMI 2.0 that forward to those of FMI 3.0, for compiled loops.
 
-So the loops are the same for both versions, and for all types: they exchange vectors of doubles.
+The loops call functions of FMI 3.0 themselves if these exchange doubles. For other types, and for the
+profiler, they call functions that convert values and forward the call.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,11 @@ KINDS = (
 )
 """The types of values in memory."""
 
+def forward_typed(points: EntryPoints) -> EntryPoints:
+    """Return entry points that exchange doubles only; see `forward`."""
+    version_3 = points.version_3
+    return points if version_3 is None or version_3.setters is None else forward(points)
+
 
 def forward(points: EntryPoints) -> EntryPoints:
     """Return entry points with the arguments of FMI 2.0.
@@ -36,7 +42,7 @@ def forward(points: EntryPoints) -> EntryPoints:
     record["set"], record["get"] = points.set_real, points.get_real
     record["get_state"], record["set_state"] = points.get_state, points.set_state
     record["set_count"], record["get_count"] = len(points.input_references), len(points.output_references)
-    record["step_end"] = end
+    record["step_end"] = end.address
     for name, calls in (("setter", setters), ("getter", getters)):
         records = _typed_records(calls or (), kept)
         record[f"{name}s"], record[f"{name}_count"] = records.ctypes.data, len(records)

@@ -85,6 +85,8 @@ def instance_records(
         records[name] = [getattr(p, name) for p in points]
     for name in ("input_references", "derivative_orders", "output_references"):
         records[name] = [getattr(p, name).ctypes.data for p in points]
+    records["input_reference_count"] = [len(p.input_references) for p in points]
+    records["output_reference_count"] = [len(p.output_references) for p in points]
     records["input_count"] = [len(s.inputs) for s in network.instances]
     records["output_count"] = [len(s.outputs) for s in network.instances]
     records["sources"] = addresses(sources, first_inputs)
@@ -96,6 +98,10 @@ def instance_records(
     records["multiple"], records["mode"] = algorithm.multiples, exchange.modes
     records["rare"], records["state"] = exchange.rare, addresses(states, every)
     records["no_way_back"] = [i not in saved for i in every]
+    for record, p in zip(records, points, strict=True):
+        if p.version_3 is not None:  # a step has no time for memory elsewhere
+            record["is_version_3"] = True
+            record["step_end"] = p.version_3.step_end.use(record["step_end_memory"])
     return records
 
 
