@@ -94,7 +94,11 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:
         "",
         types,
         " * access: S settable, F fixed, H hidden;",
-        *([" * elements: number of values of the variable that begins here; 0 inside of an array;"] if counts else []),
+        *(
+            [" * elements: number of values of the variable that begins here; 0 inside of an array;"]
+            if counts
+            else []
+        ),
         " * start_reference: the parameter that a state starts from, -1, or -2 for the start time */",
         "typedef struct {",
         "    const char *name;",
@@ -113,7 +117,7 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int) -> str:
             start_reference = layout.start_reference(reference)
         nominal = 1.0 if variable.nominal is None else variable.nominal
         values = ", ".join(c_number(x) for x in (scalar.start, *variable.range, nominal))
-        letter = letters[variable.fmi_type]
+        letter = letters[variable.fmi_type] if not counts or counts[reference] else " "  # inside of an array
         access = f"'{scalar.access.value}'" + (f", {counts[reference]}" if counts else "")
         name = "" if scalar.access is Access.HIDDEN else scalar.name
         lines.append(f"    {{\"{name}\", '{letter}', {access}, {values}, {start_reference}}},")

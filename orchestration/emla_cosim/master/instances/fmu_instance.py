@@ -99,6 +99,9 @@ class CallNames(NamedTuple):
     restore: str = "setFMUstate"
 
 
+_NAMES = CallNames()
+
+
 @dataclass(frozen=True)
 class EntryPoints:
     """Addresses that compiled code needs to call an instance through FMI functions.
@@ -120,7 +123,7 @@ class EntryPoints:
     input_references: NDArray[np.uint32]
     output_references: NDArray[np.uint32]
     derivative_orders: NDArray[np.int32]
-    names: CallNames = CallNames()
+    names: CallNames = _NAMES
     version_3: Version3 | None = None
     kept: Any = None
 

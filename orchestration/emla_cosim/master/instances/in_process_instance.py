@@ -180,7 +180,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if status not in FINE:
             raise self._rejection(variable, value, status)
 
-    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> InstanceError:
+    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> RunError:
         return self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
@@ -321,7 +321,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._component,
             *(unknown.ctypes.data, len(unknown)),
             *(known.ctypes.data, len(known)),
-            *(direction.ctypes.data, found.ctypes.data),
+            *(direction.ctypes.data, *self._count(direction)),
+            *(found.ctypes.data, *self._count(found)),
         )
         if status == FATAL:
             raise self.error(DERIVATIVE, status)
@@ -477,8 +478,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def _arguments(self, references: NDArray[np.uint32], values: Vector) -> tuple[Any, ...]:
         addresses = (x.ctypes.data_as(_POINTER) for x in (references, values))
         reference, value = addresses
-        counts = (len(values),) if self._library.is_version_3 else ()
-        return (self._component, reference, len(references), value, *counts)
+        return (self._component, reference, len(references), value, *self._count(values))
+
+    def _count(self, values: Vector) -> tuple[int, ...]:
+        """Return the number of values, which functions of FMI 3.0 want as well."""
+        return (len(values),) if self._library.is_version_3 else ()
 
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)

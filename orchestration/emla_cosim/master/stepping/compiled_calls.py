@@ -104,7 +104,7 @@ def set_inputs(instance, present, time, length):
 def whole_step(function, component, time, length, no_way_back, end):
     """Do a step of FMI 3.0; see `StepEnd.call`."""
     said = flags(end)
-    said[0], said[1], said[2] = 0, 0, 0
+    integers(end)[0] = 0
     arguments = time, length, no_way_back, end, end + 1, end + 2, end + _TIME
     status = do_step_3(function, (component, *arguments))
     return _judge_step(status, said[0] != 0, said[1] != 0, said[2] != 0)

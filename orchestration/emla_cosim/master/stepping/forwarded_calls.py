@@ -130,17 +130,13 @@ def get_typed_values(address, references, count, values):
 @cfunc(_EXCHANGE, **OPTIONS)
 def _set_values(address, references, count, values):
     forwarded = forwarded_at(address, 0)
-    return exchange_3(
-        forwarded.set, (forwarded.component, references, forwarded.set_count, values, count)
-    )
+    return exchange_3(forwarded.set, (forwarded.component, references, forwarded.set_count, values, count))
 
 
 @cfunc(_EXCHANGE, **OPTIONS)
 def _get_values(address, references, count, values):
     forwarded = forwarded_at(address, 0)
-    return exchange_3(
-        forwarded.get, (forwarded.component, references, forwarded.get_count, values, count)
-    )
+    return exchange_3(forwarded.get, (forwarded.component, references, forwarded.get_count, values, count))
 
 
 @cfunc(types.int32(types.intp, types.float64, types.float64, types.int32), **OPTIONS)

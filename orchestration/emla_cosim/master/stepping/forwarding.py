@@ -20,6 +20,7 @@ KINDS = (
 )
 """The types of values in memory."""
 
+
 def forward_typed(points: EntryPoints) -> EntryPoints:
     """Return entry points that exchange doubles only; see `forward`."""
     version_3 = points.version_3
