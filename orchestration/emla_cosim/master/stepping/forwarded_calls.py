@@ -19,8 +19,8 @@ from .by_address import (
     typed_at,
 )
 from .compiled_calls import whole_step
-from .forwarding import KINDS
 from .machine_code import inline
+from .record_layout import KINDS
 
 _DOUBLE, _SINGLE, _BOOLEAN = (KINDS.index(kind) for kind in ("float64", "float32", "bool"))
 _INT8, _UINT8, _INT16, _UINT16, _INT32, _UINT32, _INT64 = (

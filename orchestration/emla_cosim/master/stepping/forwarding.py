@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
-from .record_layout import FORWARDED, TYPED
-
-KINDS = (
-    *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
-    "bool",
-)
-"""The types of values in memory."""
+from .record_layout import FORWARDED, KINDS, TYPED
 
 
 def forward_typed(points: EntryPoints) -> EntryPoints:
@@ -103,6 +97,6 @@ def _typed_records(calls: Sequence[GroupCall], kept: list[Any]) -> Any:
 
 @cache
 def _compiled(name: str) -> int:
-    from .kernel import compiled_address  # it loads LLVM
+    from .compiled_functions import compiled_address  # it loads LLVM
 
     return compiled_address(name, "forwarded_calls")

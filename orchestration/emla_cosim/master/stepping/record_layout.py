@@ -271,13 +271,19 @@ FORWARDED = _record(
 )
 """What `forwarded_calls.py` gets instead of a component, to call functions of FMI 3.0."""
 
+KINDS = (
+    *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    "bool",
+)
+"""The types of values in memory."""
+
 TYPED = _record(
     function=_ADDRESS,
     references=_ADDRESS,  # of value references
     reference_count=_NUMBER,
     memory=_ADDRESS,  # of values of this type
     memory_count=_NUMBER,
-    kind=_NUMBER,  # place of the type in `forwarding.KINDS`
+    kind=_NUMBER,  # place of the type in `KINDS`
     low="float64",  # the smallest value, and the one after the largest; of integers only
     limit="float64",
     elements=_ADDRESS,  # of the positions in the vector, and then of those in the memory
