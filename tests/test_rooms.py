@@ -36,6 +36,7 @@ LATE = {
         {"cli.app", "cli.completion", "cli.commands.crash_rescue", "sandbox.black_box", "sandbox.guard"},
     ),
     "identification.folder": (ON_DEMAND, {"identification.page"}),
+    "master.stepping.forwarding": (ON_DEMAND, {"master.stepping.compiled_functions"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel", "master.stepping.trial_kernel"}),
     "run.scenarios.scenario": (ON_DEMAND, {"c_code.writer", "container.writer"}),
     "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),

@@ -81,6 +81,7 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
         f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
     ]
     lines += constants()
+    counts: list[int] = element_counts(block) if fmi == 3 else []
     types = "/* type: R Real, I Integer or enumeration, B Boolean;"
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
     if fmi == 3:
@@ -96,10 +97,16 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
         "",
         types,
         " * access: S settable, F fixed, H hidden;",
+        *(
+            [" * elements: number of values of the variable that begins here; 0 inside of an array;"]
+            if counts
+            else []
+        ),
         " * start_reference: the parameter that a state starts from, -1, or -2 for the start time */",
         "typedef struct {",
         "    const char *name;",
         "    char type, access;",
+        *(["    int elements;"] if counts else []),
         "    double start, minimum, maximum, nominal;",
         "    int start_reference;",
         "} Variable;",
@@ -113,26 +120,24 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
             start_reference = layout.start_reference(reference)
         nominal = 1.0 if variable.nominal is None else variable.nominal
         values = ", ".join(c_number(x) for x in (scalar.start, *variable.range, nominal))
-        letter = letters[variable.fmi_type]
-        access = scalar.access
-        name = "" if access is Access.HIDDEN else scalar.name
-        lines.append(f"    {{\"{name}\", '{letter}', '{access.value}', {values}, {start_reference}}},")
+        letter = letters[variable.fmi_type] if not counts or counts[reference] else " "  # inside of an array
+        access = f"'{scalar.access.value}'" + (f", {counts[reference]}" if counts else "")
+        name = "" if scalar.access is Access.HIDDEN else scalar.name
+        lines.append(f"    {{\"{name}\", '{letter}', {access}, {values}, {start_reference}}},")
     more = _limits(block) + _conditions(symbolic.demands)
     if fmi == 3:
-        lines.append(f"    {{\"{time_variable(block).name}\", 'R', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
-        more += _arrays_and_dependencies(block, symbolic)
+        time = time_variable(block).name
+        lines.append(f"    {{\"{time}\", 'R', 'S', 1, 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
+        more += _dependencies(block, symbolic)
     return "\n".join([*lines, "};", *more, ""])
 
 
-def _arrays_and_dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
-    """Return which values are the elements of arrays, and on which others values depend, as C."""
+def _dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
+    """Return on which others values depend, as C."""
     structure = find_structure(block, symbolic, has_derivatives=True)
     unknowns = sorted({**structure.outputs, **structure.derivatives}.items())
     rows = [f"    {{{unknown}, {known}}}," for unknown, knowns in unknowns for known in sorted(knowns)]
     return [
-        "",
-        "/* number of values of the variable that begins at each value reference; 0 inside of an array */",
-        f"static const int elements[] = {{{', '.join(map(str, element_counts(block)))}}};",
         "",
         f"#define N_DEPENDENCIES {len(rows)}",
         "static const struct {",

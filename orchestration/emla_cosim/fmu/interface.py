@@ -151,7 +151,7 @@ def read_description(path: Path, validate: bool = True) -> Interface:
             if not validate:
                 raise
             raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
-        _mark_differences(description, path)
+        _add_what_fmpy_lacks(description, path)
         if is_version_3(description) and validate:
             _split_arrays(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
@@ -263,8 +263,11 @@ def _check_size(path: Path) -> None:
         raise CommandError(f"the {_DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
 
 
-def _mark_differences(description: ModelDescription, path: Path) -> None:
-    """Mark variables that are differences; fmpy (0.3.32) reads that attribute for types only."""
+def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
+    """Mark variables that are differences, and FMI 3.0 FMUs that have directional derivatives.
+
+    fmpy (0.3.32) reads the attribute for differences for types only, and the flag of FMI 2.0 only.
+    """
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
 
     with zipfile.ZipFile(path) as archive:
@@ -273,6 +276,10 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]
         variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
+    element = root.find(CO_SIMULATION)
+    if is_version_3(description) and element is not None and description.coSimulation is not None:
+        flag = element.get("providesDirectionalDerivatives")
+        description.coSimulation.providesDirectionalDerivative = flag in ("true", "1")
 
 
 def _split_arrays(description: ModelDescription, path: Path) -> None:

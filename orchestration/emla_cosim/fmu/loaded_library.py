@@ -68,8 +68,9 @@ class LoadedLibrary:
         types = version_3.PROTOTYPES if self.is_version_3 else _PROTOTYPES | _OF_KIND[file.kind]
         if file.has_capability("providesDirectionalDerivative") and hasattr(
             self._bound.dll, self._c_name(DERIVATIVE)
-        ):  # fmpy (0.3.32) does not read the flag of FMI 3.0
-            types = {**types, DERIVATIVE: _DERIVATIVE_TYPES}
+        ):
+            own = version_3.DERIVATIVE_TYPES if self.is_version_3 else _DERIVATIVE_TYPES
+            types = {**types, DERIVATIVE: own}
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
         self._inside = 0

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
+from ..base.arrays import Vector
 from .log import FmuLog
 
 _POINTER, _SIZE, _BOOL, _DOUBLE = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_bool, ctypes.c_double
@@ -29,16 +30,39 @@ PROTOTYPES = {
     "setFMUState": (_POINTER, _POINTER),
     "doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER),
 }
+DERIVATIVE_TYPES = (_POINTER, *4 * (_POINTER, _SIZE))
 DISCARD, ERROR = 2, 3
 
 
+def judge_step(status: int, needs_event: bool, terminates: bool, is_early: bool) -> int:
+    """Return the status of a step: DISCARD if the FMU wants the end, ERROR if the step is not whole.
+
+    Compiled code uses it, too.
+    """
+    if status > 1 or status < 0:
+        return status
+    if terminates:
+        return DISCARD
+    return ERROR if needs_event or is_early else status
+
+
 class StepEnd:
-    """What `fmi3DoStep` says beside its status about the last step."""
+    """What `fmi3DoStep` says beside its status about the last step: three flags and a time.
+
+    `address` is that of the flags; the time is `TIME` bytes later.
+    """
+
+    TIME = 8
 
     def __init__(self) -> None:
-        self._flags, self._time = np.zeros(3, dtype=np.bool_), np.zeros(1)
-        at = self._flags.ctypes.data
-        self.arguments = (at, at + 1, at + 2, self._time.ctypes.data)
+        self.use(np.zeros(2))
+
+    def use(self, memory: Vector) -> int:
+        """Use this memory of two doubles, and return its address."""
+        self._flags, self._time = memory.view(np.bool_)[:3], memory[1:]
+        self.address = at = memory.ctypes.data
+        self._arguments = (at, at + 1, at + 2, at + self.TIME)
+        return at
 
     @property
     def terminates(self) -> bool:
@@ -46,14 +70,9 @@ class StepEnd:
         return bool(self._flags[1])
 
     def call(self, function: Callable[..., int], component: Any, *step: Any) -> int:
-        """Do a step and return its status: DISCARD if the FMU wants the end, ERROR if it is not whole."""
+        """Do a step and return its status as `judge_step` does."""
         self._flags[:] = False
-        status = function(component, *step, *self.arguments)
-        if status > 1 or status < 0:
-            return status
-        if self.terminates:
-            return DISCARD
-        return ERROR if self.complaint else status
+        return judge_step(function(component, *step, *self._arguments), *self._flags.tolist())
 
     @property
     def complaint(self) -> str:

@@ -129,18 +129,23 @@ static void bring_up_to_date(State *now, int derivatives_asked) {
 }
 
 /* Check that the host has as many values as the variables, which may be arrays. */
-static Status check_count(const Instance *instance, const ValueReference vr[], size_t nvr, size_t n) {
-    size_t expected = 0;
-    for (size_t i = 0; i < nvr; i++) expected += (size_t)ELEMENTS(vr[i]);
+static Status check_total(const Instance *instance, size_t expected, size_t n) {
     if (n == expected) return StatusOK;
     return report(instance, StatusError, "%u values were announced for variables of %u values.", (unsigned)n,
                   (unsigned)expected);
+}
+
+static Status check_count(const Instance *instance, const ValueReference vr[], size_t nvr, size_t n) {
+    size_t expected = 0;
+    for (size_t i = 0; i < nvr; i++) expected += (size_t)ELEMENTS(vr[i]);
+    return check_total(instance, expected, n);
 }
 
 /* Check all references of a call before reading any value. */
 static Status prepare_get(Instance *instance, const ValueReference vr[], size_t nvr, char type, const void *values,
                           size_t n) {
     int derivatives_asked = 0;
+    size_t expected = 0;
     if (require(instance, ~INSTANTIATED, "get values") != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
@@ -150,8 +155,9 @@ static Status prepare_get(Instance *instance, const ValueReference vr[], size_t 
         if (check_clocked(instance, vr[i]) != StatusOK) return StatusError;
 #endif
         derivatives_asked |= vr[i] >= FIRST_DERIVATIVE;
+        expected += (size_t)ELEMENTS(vr[i]);
     }
-    if (check_count(instance, vr, nvr, n) != StatusOK) return StatusError;
+    if (check_total(instance, expected, n) != StatusOK) return StatusError;
     if (nvr > 0) bring_up_to_date(&instance->now, derivatives_asked);
 #ifdef CLOCK_INTERVAL
     if (show(instance) != StatusOK) return StatusError;
@@ -184,14 +190,16 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
                           size_t n) {
     if (require(instance, ~(TERMINATED | INTERMEDIATE_UPDATE), "set values") != StatusOK) return StatusError;
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
+    size_t expected = 0;
     for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], type) != StatusOK || check_settable(instance, (int)vr[i]) != StatusOK)
             return StatusError;
 #ifdef CLOCK_INTERVAL
         if (check_clocked(instance, vr[i]) != StatusOK) return StatusError;
 #endif
+        expected += (size_t)ELEMENTS(vr[i]);
     }
-    return check_count(instance, vr, nvr, n);
+    return check_total(instance, expected, n);
 }
 
 /* ---- the types ------------------------------------------------------------------------- */
@@ -200,6 +208,10 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
     Status FMI(Get##Name)(Handle c, const ValueReference vr[], size_t nvr, Type values[] COUNTED(n)) {       \
         Instance *instance = c;                                                                              \
         if (prepare_get(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
+        if (COUNT_OF(n, nvr) == nvr) { /* no arrays */                                                       \
+            for (size_t i = 0; i < nvr; i++) values[i] = from_double(current_value(SEEN(instance), vr[i]));  \
+            return StatusOK;                                                                                 \
+        }                                                                                                    \
         for (size_t i = 0, k = 0; i < nvr; i++)                                                              \
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
                 values[k++] = from_double(current_value(SEEN(instance), vr[i] + (ValueReference)j));              \
@@ -208,6 +220,10 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
     Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) { \
         Instance *instance = c;                                                                              \
         if (prepare_set(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
+        if (COUNT_OF(n, nvr) == nvr) {                                                                       \
+            for (size_t i = 0; i < nvr; i++) instance->now.values[vr[i]] = to_double(values[i]);             \
+            return StatusOK;                                                                                 \
+        }                                                                                                    \
         for (size_t i = 0, k = 0; i < nvr; i++)                                                              \
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
                 instance->now.values[(int)vr[i] + j] = to_double(values[k++]);                               \

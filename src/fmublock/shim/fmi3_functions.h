@@ -97,7 +97,7 @@ fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t n
 
 /* Value reference of the variable that has this value: an array's is that of its first element. */
 static int variable_of(int value) {
-    while (elements[value] == 0) value--;
+    while (ELEMENTS(value) == 0) value--;
     return value;
 }
 

@@ -135,8 +135,9 @@ static Status check_exists(const Instance *instance, ValueReference reference) {
 }
 
 static Status check_type(const Instance *instance, ValueReference reference, char type) {
+    if (reference < SHOWN(instance) && variables[reference].type == type && variables[reference].access != 'H')
+        return StatusOK; /* no value inside of an array has a type */
     if (check_exists(instance, reference) != StatusOK) return StatusError;
     const Variable *variable = &variables[reference];
-    if (variable->type == type) return StatusOK;
     return report(instance, StatusError, "%s is of type %s.", variable->name, TYPE_NAME(variable->type));
 }

@@ -1,7 +1,7 @@
 /* An FMI 3.0 FMU with all numeric types, arrays, states, and steps that end the run, are discarded or return early.
 
    References: 0 time, 1 u[2,2], 2 y[2,2] = gain * u, 3 gain[2,2], 4 x (integral of u[1,1]), 5 end, 6 fault,
-   7 n (structural), 10 + 2 t the input of type t, 11 + 2 t the output: the same value. */
+   7 n (structural), 8 what a step adds to the Int64, 10 + 2 t the input of type t, 11 + 2 t the output: the same value. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -22,7 +22,7 @@ typedef struct {
     fmi3UInt16 uint16;
     fmi3Int32 int32;
     fmi3UInt32 uint32;
-    fmi3Int64 int64, choice;
+    fmi3Int64 int64, choice, stride;
     fmi3UInt64 uint64;
     fmi3Boolean boolean;
     char text[64];
@@ -136,7 +136,7 @@ TYPE(Boolean, boolean, 28)
 
 static fmi3Int32 *int32_of(Model *m, fmi3ValueReference r) { return r == 6 ? &m->fault : r / 2 == 10 ? &m->int32 : NULL; }
 ACCESS(Int32, int32)
-static fmi3Int64 *int64_of(Model *m, fmi3ValueReference r) { return r / 2 == 12 ? &m->int64 : r / 2 == 15 ? &m->choice : NULL; }
+static fmi3Int64 *int64_of(Model *m, fmi3ValueReference r) { return r / 2 == 12 ? &m->int64 : r / 2 == 15 ? &m->choice : r == 8 ? &m->stride : NULL; }
 ACCESS(Int64, int64)
 
 EXPORT fmi3Status fmi3GetString(fmi3Instance i, const fmi3ValueReference r[], size_t nr, fmi3String v[], size_t nv)
@@ -165,6 +165,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 t, fmi3Float64 h, fmi3B
     *last = *early ? t : t + h;
     m->x += (*last - t) * m->u[0];
     m->time = *last;
+    m->int64 += m->stride;
     return fmi3OK;
 }
 

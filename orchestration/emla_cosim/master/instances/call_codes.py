@@ -54,6 +54,8 @@ CALLS = (
     "setClock",
     "getIntervalDecimal",
     "getShiftDecimal",
+    "setting inputs",
+    "getting outputs",
 )
 """Calls of an instance; the first entry means no call."""
 

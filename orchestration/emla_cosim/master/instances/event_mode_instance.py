@@ -343,7 +343,7 @@ class EventModeInstance(InProcessInstance):
         try:
             status = typed.set(self._component, self.inputs[places])
         except ValueRangeError as error:
-            raise self._out_of_range(error) from error
+            raise self._range_error(error) from error
         if status not in FINE:
             raise self.error("setting inputs", status)
 

@@ -3,13 +3,15 @@
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
+from ...fmu.version_3 import StepEnd
+from .typed_values import TypeGroup
 
 
 class InstanceError(RunError):
@@ -52,6 +54,8 @@ class ObservedGroup:
         values: memory for the values, doubles or C ints.
         boolean: whether these are Booleans, of which any other value than 0 is true.
         targets: positions in the vector of the instance's observed values.
+        group: the call, if it is one of FMI 3.0.
+        kept: owner of memory.
     """
 
     call: str
@@ -61,6 +65,41 @@ class ObservedGroup:
     values: NDArray[Any]
     boolean: bool
     targets: NDArray[np.intp]
+    group: "GroupCall | None" = None
+    kept: Any = None
+
+
+class GroupCall(NamedTuple):
+    """A FMI 3.0 function for values of one type, by address, and its arguments."""
+
+    function: int
+    group: TypeGroup
+
+
+class Version3(NamedTuple):
+    """What functions of FMI 3.0 need beside the arguments of those of FMI 2.0.
+
+    Attributes:
+        step_end: takes what a step says.
+        setters: calls that set `inputs`; None if one call for Float64 does.
+        getters: calls that get `outputs`, likewise.
+    """
+
+    step_end: StepEnd
+    setters: Sequence[GroupCall] | None
+    getters: Sequence[GroupCall] | None
+
+
+class CallNames(NamedTuple):
+    """Names of the calls of an instance, as in `call_codes.CALLS`."""
+
+    set: str = "setReal"
+    get: str = "getReal"
+    save: str = "getFMUstate"
+    restore: str = "setFMUstate"
+
+
+_NAMES = CallNames()
 
 
 @dataclass(frozen=True)
@@ -69,6 +108,9 @@ class EntryPoints:
 
     `component` is the instance (`fmi2Component`); the functions are in its library. There is one value
     reference per element of `inputs` and `outputs`.
+
+    With `version_3` they are functions of FMI 3.0, and an array has one value reference;
+    `stepping.forwarding` makes functions with the arguments of FMI 2.0 of them. `kept` owns memory.
     """
 
     component: int
@@ -81,6 +123,9 @@ class EntryPoints:
     input_references: NDArray[np.uint32]
     output_references: NDArray[np.uint32]
     derivative_orders: NDArray[np.int32]
+    names: CallNames = _NAMES
+    version_3: Version3 | None = None
+    kept: Any = None
 
 
 class FmuInstance(ABC):
@@ -235,6 +280,6 @@ class FmuInstance(ABC):
         """Return addresses for compiled code; None if there are none."""
         return None
 
-    def error(self, call: str, status: int) -> InstanceError:
+    def error(self, call: str, status: int) -> RunError:
         """Return the error of an FMI call that compiled code made."""
         return InstanceError(self.name, call, f"status {status}", [])

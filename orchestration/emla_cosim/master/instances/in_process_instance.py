@@ -23,9 +23,18 @@ from ...fmu.version_3 import StepEnd, short_functions
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
-from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError, ObservedGroup
+from .fmu_instance import (
+    CallNames,
+    DiscardedStepError,
+    EndRequestedError,
+    EntryPoints,
+    GroupCall,
+    InstanceError,
+    ObservedGroup,
+    Version3,
+)
 from .start_values import StartValues
-from .typed_values import TypedValues, ValueRangeError, start_memory
+from .typed_values import OUT_OF_RANGE, TypedValues, ValueRangeError, start_memory
 
 _POINTER = ctypes.c_void_p
 _ONE, _REAL, _INTEGER, _TEXT = (
@@ -40,6 +49,9 @@ _INTERPRETED = "slavemodule.txt"
 
 _RESETS = "fmublock"
 """End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
+
+_TYPED_CALLS = {"setReal": "setting inputs", "getReal": "getting outputs"}
+"""Names of the calls of compiled code that consist of one for each type."""
 
 LARGEST_STATE = 2**32
 """Largest accepted size of a serialized state, in bytes."""
@@ -168,7 +180,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if status not in FINE:
             raise self._rejection(variable, value, status)
 
-    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> InstanceError:
+    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> RunError:
         return self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
@@ -233,13 +245,13 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             try:
                 call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
             except ValueRangeError as error:
-                raise self._out_of_range(error) from error
+                raise self._range_error(error) from error
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
         if status not in FINE:
             raise self.error(call, status)
 
-    def _out_of_range(self, error: ValueRangeError) -> RunError:
+    def _range_error(self, error: ValueRangeError) -> RunError:
         return RunError(f"{self.name} got a value that it cannot take: its input {error}.")
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
@@ -275,8 +287,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def observed_groups(self) -> list[ObservedGroup]:
         """Return what compiled code needs to read the observed variables."""
-        if self._library.is_version_3:
-            return []
+        is_version_3 = self._library.is_version_3
         return [
             ObservedGroup(
                 call=group.call,
@@ -286,6 +297,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 values=group.values,
                 boolean=group.boolean,
                 targets=group.elements,
+                group=GroupCall(self._library.addresses[group.call], group) if is_version_3 else None,
             )
             for group in self._observed[0].groups
         ]
@@ -309,7 +321,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._component,
             *(unknown.ctypes.data, len(unknown)),
             *(known.ctypes.data, len(known)),
-            *(direction.ctypes.data, found.ctypes.data),
+            *(direction.ctypes.data, *self._count(direction)),
+            *(found.ctypes.data, *self._count(found)),
         )
         if status == FATAL:
             raise self.error(DERIVATIVE, status)
@@ -364,8 +377,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
-        """Return the addresses of the FMU's functions; None with other types than Real, or FMI 3.0."""
-        if self._typed is not None or self._library.is_version_3:
+        """Return the addresses of the FMU's functions; None for other types than Real in FMI 2.0."""
+        if self._library.is_version_3:
+            return self._entry_points_3()
+        if self._typed is not None:
             return None
         address = self._library.addresses
         return EntryPoints(
@@ -381,6 +396,26 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             derivative_orders=self._derivative_orders,
         )
 
+    def _entry_points_3(self) -> EntryPoints:
+        address, setters, getters = self._library.addresses, None, None
+        if self._typed is not None:
+            setters, getters = ([GroupCall(address[g.call], g) for g in t.groups] for t in self._typed)
+        names = ("setFloat64", "getFloat64") if self._typed is None else ("setting inputs", "getting outputs")
+        return EntryPoints(
+            component=ctypes.cast(self._component, _POINTER).value or 0,
+            set_real=address["setFloat64"],
+            get_real=address["getFloat64"],
+            do_step=address["doStep"],
+            set_real_input_derivatives=0,
+            get_state=address["getFMUState"],
+            set_state=address["setFMUState"],
+            input_references=self._input_references,
+            output_references=self._output_references,
+            derivative_orders=self._derivative_orders,
+            names=CallNames(*names, "getFMUState", "setFMUState"),
+            version_3=Version3(self._step_end, setters, getters),
+        )
+
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
         """Record the next call in the black box."""
         self._present.code = self._codes[plain_name(function)]
@@ -389,8 +424,15 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Record in the black box that no call is running."""
         self._present.code = 0
 
-    def error(self, call: str, status: int) -> InstanceError:
+    def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""
+        if self._typed is not None and (name := _TYPED_CALLS.get(call)) is not None:
+            call = name
+            if status == OUT_OF_RANGE:
+                try:
+                    self._typed[0].check(self.inputs)
+                except ValueRangeError as error:
+                    return self._range_error(error)
         kind = InstanceError
         if status == DISCARD and call.startswith("doStep"):
             ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
@@ -401,7 +443,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
         said = self._log.last(self.name)
         if self._library.is_version_3:
-            answer, call = answer.replace("fmi2", "fmi3"), call.replace("Real", "Float64")
+            answer = answer.replace("fmi2", "fmi3")
+            call = call.replace("Real", "Float64").replace("FMUstate", "FMUState")
             said += (
                 [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
             )
@@ -435,8 +478,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def _arguments(self, references: NDArray[np.uint32], values: Vector) -> tuple[Any, ...]:
         addresses = (x.ctypes.data_as(_POINTER) for x in (references, values))
         reference, value = addresses
-        counts = (len(values),) if self._library.is_version_3 else ()
-        return (self._component, reference, len(references), value, *counts)
+        return (self._component, reference, len(references), value, *self._count(values))
+
+    def _count(self, values: Vector) -> tuple[int, ...]:
+        """Return the number of values, which functions of FMI 3.0 want as well."""
+        return (len(values),) if self._library.is_version_3 else ()
 
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)

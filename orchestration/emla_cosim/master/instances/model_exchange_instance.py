@@ -12,6 +12,7 @@ from fmpy.fmi2 import fmi2EventInfo
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
+from ...base.errors import RunError
 from ...fmu.instance import DISCARD, STATUS
 from ...fmu.loaded_library import plain_name
 from .fmu_instance import EndRequestedError, InstanceError
@@ -139,7 +140,7 @@ class ModelExchangeInstance(InProcessInstance):
         """Read Real variables to an address."""
         self._call("getReal", references, count, values)
 
-    def error(self, call: str, status: int) -> InstanceError:
+    def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""
         at = call if math.isnan(self._time) else f"{call} at t = {self._time:.9g} s"
         if status == DISCARD:

@@ -13,6 +13,9 @@ from ...base.arrays import Vector
 from ...fmu.elements import ElementVariable, number_range, value_type
 from ...fmu.instance import by_type
 
+OUT_OF_RANGE = -(2**31)
+"""What a call of compiled code returns instead of a status if a value does not fit into its type."""
+
 
 class ValueRangeError(ValueError):
     """A value does not fit into the type of its variable; the message says which."""
@@ -37,11 +40,17 @@ class TypeGroup:
     integers: Sequence[ElementVariable] = ()
     """The variables, if they are integers of FMI 3.0, of which some types are small."""
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Return the smallest value that fits into the type, and the one after the largest."""
+        low, high = number_range(self.integers[0])
+        return float(low), float(high) + 1.0
+
     def check(self, values: Vector) -> None:
         """Raise ValueRangeError if a rounded value does not fit into its type."""
         if self.integers:
-            low, high = number_range(self.integers[0])
-            wrong = ~((values >= low) & (values < float(high) + 1.0))
+            low, limit = self.limits
+            wrong = ~((values >= low) & (values < limit))
             if wrong.any():
                 i = int(np.argmax(wrong))
                 name, kind = self.integers[i].name, self.integers[i].data_type
@@ -105,6 +114,11 @@ class TypedValues:
             group.values[group.places] = values != 0.0 if group.boolean else values
             worst = max(worst, group.function(component, *group.arguments), key=abs)
         return worst
+
+    def check(self, vector: Vector) -> None:
+        """Raise ValueRangeError if a value does not fit into its type."""
+        for group in self.groups:
+            group.check(np.rint(vector[group.elements]))
 
     def get(self, component: Any, vector: Vector) -> int:
         """Get all variables and return the worst status."""

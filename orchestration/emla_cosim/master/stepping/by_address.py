@@ -11,6 +11,7 @@ from numba.extending import intrinsic
 from .record_layout import (
     BLOCK,
     CONTROL,
+    FORWARDED,
     GROUP,
     INPUT,
     INSTANCE,
@@ -21,6 +22,7 @@ from .record_layout import (
     PRESENT,
     TASK,
     TIMED,
+    TYPED,
 )
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
@@ -140,10 +142,15 @@ loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, tas
     _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK, OBSERVED)
 )
 timed_at, control_at, block_at = (_records(r) for r in (TIMED, CONTROL, BLOCK))
-doubles, positions, integers = _numbers(types.float64), _numbers(types.intp), _numbers(types.int32)
+forwarded_at, typed_at = (_records(r) for r in (FORWARDED, TYPED))
+numbers = {kind: _numbers(kind) for kind in (types.float64, types.float32, *types.integer_domain)}
+doubles, positions, integers = numbers[types.float64], numbers[types.intp], numbers[types.int32]
+flags = numbers[types.uint8]
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
+exchange_3 = _caller(types.intp, types.intp, types.uintp, types.intp, types.uintp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
 do_step = _caller(types.intp, types.float64, types.float64, types.int32)
+do_step_3 = _caller(types.intp, types.float64, types.float64, types.int32, *[types.intp] * 4)
 copy_state = _caller(types.intp, types.intp)
 give_way = _caller()
 read_clock = _caller(types.int32, types.intp)

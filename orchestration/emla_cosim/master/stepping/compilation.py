@@ -7,6 +7,7 @@ from ..algorithms.algorithm import Algorithm
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
 from ..instances.fmu_instance import EntryPoints
+from .forwarding import forward_typed
 
 if TYPE_CHECKING:
     from .kernel import Kernel
@@ -53,6 +54,6 @@ def _compile(algorithm: Algorithm, make: Callable[[Sequence[EntryPoints]], _K]) 
     if len(known) < len(points):
         return None
     try:
-        return make(known)
+        return make([forward_typed(p) for p in known])
     except (ImportError, OSError):  # OSError: LLVM cannot be loaded
         return None

@@ -1,8 +1,22 @@
 """FMI calls in compiled code. Each returns a `Failure` and the FMI status."""
 
+from ...fmu.version_3 import StepEnd, judge_step
 from ..algorithms.extrapolation import Mode
 from ..instances.call_codes import CALLS
-from .by_address import copy_state, derive, do_step, doubles, exchange, input_at, integers, part, positions
+from .by_address import (
+    copy_state,
+    derive,
+    do_step,
+    do_step_3,
+    doubles,
+    exchange,
+    exchange_3,
+    flags,
+    input_at,
+    integers,
+    part,
+    positions,
+)
 from .record_layout import Failure
 
 _HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
@@ -10,18 +24,11 @@ _NONE, _SET_REAL, _SET_DERIVATIVES = int(Failure.NONE), int(Failure.SET_REAL), i
 _DO_STEP, _GET_REAL = int(Failure.DO_STEP), int(Failure.GET_REAL)
 _GET_STATE, _SET_STATE = int(Failure.GET_STATE), int(Failure.SET_STATE)
 _OBSERVE = int(Failure.OBSERVE)
-_SETTING, _DERIVING, _STEPPING, _GETTING, SAVING, RESTORING = (
-    CALLS.index(call)
-    for call in (
-        "setReal",
-        "setRealInputDerivatives",
-        "doStep",
-        "getReal",
-        "getFMUstate",
-        "setFMUstate",
-    )
-)
+_DERIVING, _STEPPING = (CALLS.index(call) for call in ("setRealInputDerivatives", "doStep"))
 _OK, _WARNING = 0, 1
+_TIME = StepEnd.TIME
+
+_judge_step = part(judge_step)
 
 
 @part
@@ -74,8 +81,12 @@ def set_inputs(instance, present, time, length):
     if count == 0:
         return _NONE, _OK
     _compute_inputs(instance, time, length)
-    present.code = instance.code + _SETTING
-    status = exchange(instance.set_real, (instance.component, references, count, instance.inputs))
+    present.code = instance.code_set
+    if instance.is_version_3:
+        own = references, instance.input_reference_count, instance.inputs, count
+        status = exchange_3(instance.set_real, (instance.component, *own))
+    else:
+        status = exchange(instance.set_real, (instance.component, references, count, instance.inputs))
     if is_bad(status):
         return _SET_REAL, status
     if instance.mode == _LINE:
@@ -90,10 +101,25 @@ def set_inputs(instance, present, time, length):
 
 
 @part
+def whole_step(function, component, time, length, no_way_back, end):
+    """Do a step of FMI 3.0; see `StepEnd.call`."""
+    said = flags(end)
+    integers(end)[0] = 0
+    arguments = time, length, no_way_back, end, end + 1, end + 2, end + _TIME
+    status = do_step_3(function, (component, *arguments))
+    return _judge_step(status, said[0] != 0, said[1] != 0, said[2] != 0)
+
+
+@part
 def step(instance, present, time, length):
     """Do the step of an instance."""
     present.code, present.time = instance.code + _STEPPING, time
-    status = do_step(instance.do_step, (instance.component, time, length, instance.no_way_back))
+    if instance.is_version_3:
+        status = whole_step(
+            instance.do_step, instance.component, time, length, instance.no_way_back, instance.step_end
+        )
+    else:
+        status = do_step(instance.do_step, (instance.component, time, length, instance.no_way_back))
     return _DO_STEP if is_bad(status) else _NONE, status
 
 
@@ -135,10 +161,13 @@ def get_outputs(instance, present):
     count = instance.output_count
     if count == 0:
         return _NONE, _OK
-    present.code = instance.code + _GETTING
-    status = exchange(
-        instance.get_real, (instance.component, instance.output_references, count, instance.outputs)
-    )
+    present.code = instance.code_get
+    references = instance.output_references
+    if instance.is_version_3:
+        own = references, instance.output_reference_count, instance.outputs, count
+        status = exchange_3(instance.get_real, (instance.component, *own))
+    else:
+        status = exchange(instance.get_real, (instance.component, references, count, instance.outputs))
     return _GET_REAL if is_bad(status) else _NONE, status
 
 
@@ -167,7 +196,7 @@ def get_observed(observed, present):
 @part
 def save(instance, present):
     """Save the state of an instance."""
-    present.code = instance.code + SAVING
+    present.code = instance.code_save
     status = copy_state(instance.get_state, (instance.component, instance.state))
     return _GET_STATE if is_bad(status) else _NONE, status
 
@@ -175,6 +204,6 @@ def save(instance, present):
 @part
 def restore(instance, present):
     """Restore the saved state of an instance."""
-    present.code = instance.code + RESTORING
+    present.code = instance.code_restore
     status = copy_state(instance.set_state, (instance.component, positions(instance.state)[0]))
     return _SET_STATE if is_bad(status) else _NONE, status

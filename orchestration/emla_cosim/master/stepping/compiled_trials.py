@@ -22,7 +22,7 @@ from .by_address import (
     power,
     present_at,
 )
-from .compiled_calls import RESTORING, SAVING, is_bad
+from .compiled_calls import is_bad
 from .compiled_groups import advance_group, see
 from .compiled_steps import all_finite, operate, present_second, record
 from .error_control import BENT, CRAWLING_STEPS, EARLY, ROUNDING_ERROR
@@ -42,7 +42,7 @@ def _take(loop, lane, control):
     present = present_at(lane.present, 0)
     for i in range(control.instance_count):
         instance = instance_at(loop.instances, i)
-        present.code = instance.code + SAVING
+        present.code = instance.code_save
         status = copy_state(instance.get_state, (instance.component, control.states + 8 * i))
         if is_bad(status):
             lane.instance, lane.status = i, status
@@ -61,7 +61,7 @@ def _restore(loop, lane, control):
     present = present_at(lane.present, 0)
     for i in range(control.instance_count):
         instance = instance_at(loop.instances, i)
-        present.code = instance.code + RESTORING
+        present.code = instance.code_restore
         status = copy_state(instance.set_state, (instance.component, positions(control.states)[i]))
         if is_bad(status):
             lane.instance, lane.status = i, status

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class FixedSteps(Stepping):
     """Steps from one communication point to the next, in Python or in compiled code.
 
-    Compiled code needs numba, and FMUs in this process that exchange only Reals.
+    Compiled code needs numba, and FMUs in this process; those of FMI 2.0 must exchange only Reals.
     """
 
     def __init__(

@@ -10,22 +10,18 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...sandbox import black_box
-from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
 from ..algorithms.tasks import StepTask
-from ..instances import call_codes
 from ..instances.fmu_instance import EntryPoints
-from . import machine_code, record_layout
+from . import machine_code
+from .compiled_functions import compiled_address
 from .record_layout import LOOP, NOWHERE, Failure
 from .records import (
     add_undo,
@@ -47,8 +43,6 @@ _CALL_NAMES = {
     Failure.SET_STATE: "setFMUstate",
     Failure.OBSERVE: "getting recorded variables",
 }
-_TEXTS = ("by_address.py", "compiled_calls.py", "compiled_groups.py", "compiled_steps.py")
-"""Modules that are compiled into every loop, and imported only to be compiled."""
 
 
 class Kernel:
@@ -281,28 +275,6 @@ def _advance_lane() -> Callable[..., int]:
     """Return the loop for several threads as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
     return prototype(compiled_address("advance_lane", "parallel_loop"))
-
-
-def compiled_address(name: str, module: str, beside: Sequence[str] = ()) -> int:
-    """Return the address of a compiled function. Its module is imported only to be compiled.
-
-    Args:
-        name: Name of the function.
-        module: Name of its module in this package.
-        beside: Names of further modules in this package that it is compiled from.
-
-    Raises:
-        ImportError: It must be compiled, and numba is missing.
-    """
-
-    def generate() -> str:
-        return import_module(f".{module}", __package__).text(name)
-
-    modules = (record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box)
-    names = (*_TEXTS, f"{module}.py", *(f"{other}.py" for other in beside))
-    texts = [Path(__file__).with_name(text) for text in names]
-    files = [*(Path(str(m.__file__)) for m in modules), *texts]
-    return machine_code.load(name, b"".join(f.read_bytes() for f in files), generate)
 
 
 @cache

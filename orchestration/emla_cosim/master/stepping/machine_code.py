@@ -78,6 +78,14 @@ def _machine() -> llvm.TargetMachine:
     return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=_features(), opt=3, jit=True)
 
 
+def inline(text: str) -> str:
+    """Return LLVM's text with all calls inlined, also that of numba's function within the C function."""
+    module = llvm.parse_assembly(text.replace("noinline", "alwaysinline"))
+    passes = llvm.create_pass_builder(_machine(), llvm.create_pipeline_tuning_options(speed_level=3))
+    passes.getModulePassManager().run(module, passes)
+    return str(module)
+
+
 def _compile_text(text: str) -> bytes:
     """Compile LLVM's text to an object file."""
     module = llvm.parse_assembly(text)

@@ -23,6 +23,7 @@ from ..instances.measured_calls import (
     OwnCost,
     measure_own_cost,
 )
+from .forwarding import forward, forward_observed
 from .record_layout import TIMED, TimedCall
 
 _NAMES = {
@@ -169,7 +170,7 @@ class Profiler:
         if own is None:
             return None
         try:
-            timed = _timed_addresses()
+            own, timed = forward(own), _timed_addresses()
         except (ImportError, OSError):  # the loop cannot be compiled either, or is done in Python then
             return None
         of = {
@@ -199,7 +200,7 @@ class Profiler:
     def _timed_groups(self, i: int, own: list[ObservedGroup]) -> list[ObservedGroup]:
         """Return groups that measure."""
         found = []
-        for n, group in enumerate(own):
+        for n, group in enumerate(map(forward_observed, own)):
             record, functions, calls = np.zeros(1, TIMED), *np.zeros((2, _WIDTH), dtype=np.int64)
             functions[TimedCall.OBSERVED], record["component"] = group.function, group.component
             self._fill(record, i, functions)

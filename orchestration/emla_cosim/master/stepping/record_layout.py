@@ -63,7 +63,12 @@ INPUT = _record(
 
 INSTANCE = _record(
     code=_NUMBER,  # its code in `Activity`, without a call
-    component=_ADDRESS,  # fmi2Component
+    code_set=_NUMBER,  # those of its calls that differ between versions of FMI
+    code_get=_NUMBER,
+    code_save=_NUMBER,
+    code_restore=_NUMBER,
+    is_version_3="bool",  # whether the functions are those of FMI 3.0, with more arguments
+    component=_ADDRESS,  # fmi2Component, or fmi3Instance
     set_real=_ADDRESS,  # of this FMI function, as in the next five fields
     set_real_input_derivatives=_ADDRESS,
     do_step=_ADDRESS,
@@ -73,6 +78,8 @@ INSTANCE = _record(
     input_references=_ADDRESS,  # of value references
     derivative_orders=_ADDRESS,  # of C ints
     output_references=_ADDRESS,
+    input_reference_count=_NUMBER,  # an array of FMI 3.0 has one
+    output_reference_count=_NUMBER,
     input_count=_NUMBER,
     output_count=_NUMBER,
     sources=_ADDRESS,  # of the first of its INPUT records
@@ -86,6 +93,8 @@ INSTANCE = _record(
     mode=_NUMBER,  # a `Mode`
     rare="bool",  # whether it reads inputs more rarely than each step
     no_way_back="int32",  # noSetFMUStatePriorToCurrentPoint
+    step_end=_ADDRESS,  # of the next field
+    step_end_memory=("float64", 2),  # what `fmi3DoStep` says; see `StepEnd`
     state=_ADDRESS,  # of the address of its saved state
     undo=_ADDRESS,  # room for the values before `previous` and `before`
 )
@@ -244,6 +253,44 @@ CONTROL = _record(
     length="float64",  # output: length of the last trial
 )
 """State of `ErrorControl` for `compiled_trials.py`."""
+
+FORWARDED = _record(
+    component=_ADDRESS,  # fmi3Instance
+    set=_ADDRESS,  # of the FMI function, as in the next fields
+    set_count=_NUMBER,  # numbers of value references; an array has one
+    get=_ADDRESS,
+    get_count=_NUMBER,
+    do_step=_ADDRESS,
+    step_end=_ADDRESS,  # of the memory of a `StepEnd`
+    get_state=_ADDRESS,
+    set_state=_ADDRESS,
+    setters=_ADDRESS,  # of TYPED records
+    setter_count=_NUMBER,
+    getters=_ADDRESS,
+    getter_count=_NUMBER,
+)
+"""What `forwarded_calls.py` gets instead of a component, to call functions of FMI 3.0."""
+
+KINDS = (
+    *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    "bool",
+)
+"""The types of values in memory."""
+
+TYPED = _record(
+    function=_ADDRESS,
+    references=_ADDRESS,  # of value references
+    reference_count=_NUMBER,
+    memory=_ADDRESS,  # of values of this type
+    memory_count=_NUMBER,
+    kind=_NUMBER,  # place of the type in `KINDS`
+    low="float64",  # the smallest value, and the one after the largest; of integers only
+    limit="float64",
+    elements=_ADDRESS,  # of the positions in the vector, and then of those in the memory
+    places=_ADDRESS,
+    count=_NUMBER,  # of elements
+)
+"""Values of one type that one FMI call sets or gets."""
 
 TIMED = _record(
     component=_ADDRESS,  # fmi2Component

@@ -14,8 +14,9 @@ from ..algorithms.scale import Scale
 from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
-from ..instances.fmu_instance import EntryPoints
+from ..instances.fmu_instance import CallNames, EntryPoints
 from ..network import Network
+from .forwarding import forward_observed
 from .record_layout import GROUP, INPUT, INSTANCE, LANE, OBSERVED, OPERATION, TASK
 
 KeptArrays = Callable[[Any], Any]
@@ -77,11 +78,15 @@ def instance_records(
     first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
     records = np.zeros(len(points), INSTANCE)
     records["code"] = [code_of(int(i), "") for i in every]
+    for call in CallNames._fields:
+        records[f"code_{call}"] = [code_of(i, getattr(p.names, call)) for i, p in enumerate(points)]
     names = ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real")
     for name in (*names, "get_state", "set_state"):
         records[name] = [getattr(p, name) for p in points]
     for name in ("input_references", "derivative_orders", "output_references"):
         records[name] = [getattr(p, name).ctypes.data for p in points]
+    records["input_reference_count"] = [len(p.input_references) for p in points]
+    records["output_reference_count"] = [len(p.output_references) for p in points]
     records["input_count"] = [len(s.inputs) for s in network.instances]
     records["output_count"] = [len(s.outputs) for s in network.instances]
     records["sources"] = addresses(sources, first_inputs)
@@ -93,6 +98,10 @@ def instance_records(
     records["multiple"], records["mode"] = algorithm.multiples, exchange.modes
     records["rare"], records["state"] = exchange.rare, addresses(states, every)
     records["no_way_back"] = [i not in saved for i in every]
+    for record, p in zip(records, points, strict=True):
+        if p.version_3 is not None:  # a step has no time for memory elsewhere
+            record["is_version_3"] = True
+            record["step_end"] = p.version_3.step_end.use(record["step_end_memory"])
     return records
 
 
@@ -101,8 +110,8 @@ def observed_records(network: Network, kept: KeptArrays) -> Any:
     observer, records = network.observer, []
     for instance, part in observer.readers:
         i = network.instances.index(instance)
-        for group in instance.observed_groups():
-            kept((group.references, group.values))
+        for group in map(forward_observed, instance.observed_groups()):
+            kept(group)
             record = np.zeros((), OBSERVED)
             record["code"], record["instance"] = code_of(i, group.call), i
             record["get"], record["component"] = group.function, group.component
