@@ -1,11 +1,11 @@
 """modelDescription.xml of a block (FMI 2.0.4, section 2.2)."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from .block import Block
+from .block import Block, Layout
 from .errors import BuildError
 from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
@@ -314,29 +314,51 @@ class Structure:
     initial: Mapping[int, set[int]]
 
 
-def find_structure(block: Block, symbolic: SymbolicBlock, has_derivatives: bool) -> Structure:
+def find_structure(
+    block: Block, symbolic: SymbolicBlock, has_derivatives: bool, time: int | None = None
+) -> Structure:
     """Return the dependencies of outputs, derivatives and initial unknowns.
 
     Nothing depends on a parameter that is fixed or hidden: it is a constant.
 
-    In an FMU without derivatives the states are not knowns: its outputs depend on inputs only.
+    In an FMU without derivatives the states are not knowns: its outputs depend on inputs only. FMI 2.0 FMUs
+    have no variable for the time, so that dependencies cannot name it.
+
+    Args:
+        block: A block.
+        symbolic: Its equations.
+        has_derivatives: Whether the FMU has derivatives.
+        time: Value reference of the time; None without a variable for it.
     """
     layout = block.layout()
-    dependencies = find_dependencies(block, symbolic)
+    dependencies = find_dependencies(block, symbolic, time)
     states = layout.references(layout.states)
-    knowns = {*layout.references(layout.inputs), *(states if has_derivatives else ())}
+    knowns = {*layout.references(layout.inputs), *(states if has_derivatives else ()), time}
     outputs = [r for r, s in enumerate(layout.scalars) if isinstance(s.variable, (State, Output))]
     derivatives = [r for r in dependencies if r >= len(layout.scalars)] if has_derivatives else []
     from_parameters = [r for r in states if layout.scalars[r].variable.start_parameter is not None]
-    initial = {r: {layout.start_reference(r)} for r in from_parameters}
+    initial: dict[int, set[int | None]] = {r: {layout.start_reference(r)} for r in from_parameters}
     for r in (*layout.references(layout.outputs), *derivatives):
-        initial[r] = {layout.start_reference(d) for d in dependencies[r]}
-    settable = {r for r, s in enumerate(layout.scalars) if s.access is Access.SETTABLE}
+        initial[r] = {_start(layout, d, time) for d in dependencies[r]}
+    settable = {*(r for r, s in enumerate(layout.scalars) if s.access is Access.SETTABLE), time}
     return Structure(
-        {r: knowns & set(dependencies.get(r, [r])) for r in outputs},
-        {r: knowns & set(dependencies.get(r, [r])) for r in derivatives},
-        {r: settable & found for r, found in initial.items()},
+        {r: _named(knowns, dependencies.get(r, [r])) for r in outputs},
+        {r: _named(knowns, dependencies.get(r, [r])) for r in derivatives},
+        {r: _named(settable, found) for r, found in initial.items()},
     )
+
+
+def _named(knowns: Collection[int | None], found: Iterable[int | None]) -> set[int]:
+    """Return the value references in `found` that are knowns."""
+    return {r for r in found if r is not None and r in knowns}
+
+
+def _start(layout: Layout, reference: int, time: int | None) -> int | None:
+    """Return the value reference of what a variable starts from; None if that is a time without variable."""
+    if reference == time:
+        return time
+    start = layout.start_reference(reference)
+    return time if layout.scalars[start].variable.has_computed_start else start
 
 
 def _add_unknowns(

@@ -108,6 +108,12 @@ def time_variable(block: Block) -> ScalarVariable:
     return ScalarVariable(Variable(name=name, unit="s", description="Time"), (), name, 0.0)
 
 
+def time_reference(block: Block) -> int:
+    """Return the value reference of the time: that after the derivatives."""
+    layout = block.layout()
+    return len(layout.scalars) + len(layout.derivatives)
+
+
 def _count(scalar: ScalarVariable) -> int:
     return 0 if any(scalar.index) else math.prod(scalar.variable.shape)
 
@@ -147,7 +153,7 @@ def _add_variables(
 def _add_structure(structure: Element, block: Block, symbolic: SymbolicBlock, lengths: Sequence[int]) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
     first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
-    found = find_structure(block, symbolic, has_derivatives=True)
+    found = find_structure(block, symbolic, True, time_reference(block))
     for kind, unknowns in (
         ("Output", found.outputs),
         ("ContinuousStateDerivative", found.derivatives),

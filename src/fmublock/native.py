@@ -9,7 +9,7 @@ from .c_equations import c_equations
 from .compiling import c_number, compile_libraries, constants, rename_folders, sources
 from .description import FmuFeatures, find_structure, offers_model_exchange
 from .export import Draft, draft
-from .fmi3_description import build_description, element_counts, time_variable
+from .fmi3_description import build_description, element_counts, time_reference, time_variable
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock, evaluate_symbolically
 from .variables import Access, StartTime
@@ -134,7 +134,7 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
 
 def _dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
     """Return on which others values depend, as C."""
-    structure = find_structure(block, symbolic, has_derivatives=True)
+    structure = find_structure(block, symbolic, True, time_reference(block))
     unknowns = sorted({**structure.outputs, **structure.derivatives}.items())
     rows = [f"    {{{unknown}, {known}}}," for unknown, knowns in unknowns for known in sorted(knowns)]
     return [

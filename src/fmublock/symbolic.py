@@ -104,10 +104,11 @@ def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
     return function, results.attributes
 
 
-def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:
+def find_dependencies(block: Block, symbolic: SymbolicBlock, time: int | None = None) -> dict[int, list[int]]:
     """Return the value references that each `Output` and each state's derivative depends on directly.
 
-    The keys are the value references of outputs and states.
+    The keys are the value references of outputs and states. `time` is that of the time; without one, a
+    dependency on time is left out.
     """
     layout = block.layout()
     first_derivative = len(layout.scalars)
@@ -121,4 +122,7 @@ def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[i
         rows, columns = function.jac_sparsity(0, 1).get_triplet()
         for row, column in zip(rows, columns, strict=True):
             found[references[row]].append(column)
+        if time is not None:
+            for row in function.jac_sparsity(0, 0).get_triplet()[0]:
+                found[references[row]].append(time)
     return {r: sorted(d) for r, d in found.items()}

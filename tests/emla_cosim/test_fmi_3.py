@@ -6,6 +6,7 @@ from typing import Any
 
 import fmpy
 import numpy as np
+import polars
 import pytest
 
 import emla_cosim as ec
@@ -106,6 +107,19 @@ def test_a_signal_that_does_not_fit_into_an_integer_ends_the_run(
         RunError, match=f"b got a value that .*: its input Int8_in is Int8 and cannot be {value}"
     ):
         run(system, isolate=isolate)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp_path: Path) -> None:
+    largest = {"UInt32": 2**32 - 1, "Int64": -(2**53), "UInt64": 2**64 - 2**11, "Int32": -(2**31)}
+    system = System.of({"a": path}, [], {f"a.{kind}_in": value for kind, value in largest.items()})
+    file = tmp_path / f"rows.{suffix}"
+    table = ec.CsvFile(file) if suffix == "csv" else ec.ParquetFile(file)
+    with ec.load(system, step_size=STEP, stop_time=STOP).prepare() as simulation:
+        simulation.run(recorders=[table])
+    frame = polars.read_csv(file) if suffix == "csv" else polars.read_parquet(file)
+    for kind, value in largest.items():
+        assert set(frame[f"a.{kind}_out"][1:]) == {value}
 
 
 @pytest.mark.parametrize(

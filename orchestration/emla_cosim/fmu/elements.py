@@ -10,6 +10,9 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable, Unknown
 
 _INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+WIDE = ("UInt32", "Int64", "UInt64")
+"""Types with values that a 32-bit integer cannot have."""
+
 _GENERAL = {
     "Float64": "Real",
     "Float32": "Real",

@@ -15,11 +15,11 @@ from fmpy.validation import validate_model_description
 
 from ..base.errors import CommandError, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
-from ..base.signal_types import SignalType
+from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from .clocks import explain_unsupported_clock
 from .dependencies import Dependencies
-from .elements import is_version_3, split_arrays
+from .elements import WIDE, ElementVariable, is_version_3, split_arrays
 
 _DESCRIPTION = "modelDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
@@ -89,6 +89,12 @@ class Interface:
         declared = variable.declaredType
         items = declared.items if variable.type == "Enumeration" and declared is not None else None
         return SignalType(str(variable.type), {int(str(i.value)): str(i.name) for i in items or ()})
+
+    def column_type(self, name: str) -> SignalType:
+        """Return the type of a variable in tables: Real for integers of more than 32 bits."""
+        variable = self.variables[name]
+        is_wide = isinstance(variable, ElementVariable) and variable.data_type in WIDE
+        return REAL if is_wide else self.signal_type(name)
 
     def unit(self, name: str) -> SiUnit | None:
         """Return the unit of a variable, None if it has none.

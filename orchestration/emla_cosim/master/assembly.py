@@ -174,9 +174,9 @@ class Assembly:
         )
 
     def signal_type(self, name: str) -> SignalType:
-        """Return the type of a variable by its full name."""
+        """Return the type of a variable in tables, by its full name."""
         component, variable = self.system.split(name)
-        return self.files[component.name].interface.signal_type(component.alias(variable).variable)
+        return self.files[component.name].interface.column_type(component.alias(variable).variable)
 
     def observe(self, names: Iterable[str], every: int = 1) -> None:
         """Choose what to record besides the signals, for runs that begin after this.
