@@ -25,7 +25,7 @@ def _lines() -> Iterator[str]:
 def _row(option: Option) -> str:
     about = option.about
     flag = f"{option.flag}, --no-{option.flag.removeprefix('--')}" if option.type is bool else option.flag
-    choices = f" One of {', '.join(about.choices())}." if about.choices is not None else ""
+    choices = f" One of {', '.join(map(str, about.choices()))}." if about.choices is not None else ""
     unit = f" In {about.unit}, or with a unit." if about.unit else ""
     place = "" if about.in_file else " Not in scenario files."
     if RUN not in about.commands:

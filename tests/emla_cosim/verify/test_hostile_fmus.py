@@ -124,7 +124,7 @@ class _Subject:
     """An FMU without binaries of other platforms."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        self.folder, self.known_version = folder, 2
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Number the calls of instances, so that `black_box` can record the present one."""
 
-from ...fmu.version_3 import NUMBER_TYPES
+from ...fmu.fmi_3_calls import NUMBER_TYPES
 from ...sandbox.black_box import Activity
 
 CALLS = (

@@ -3,15 +3,17 @@
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.version_3 import StepEnd
-from .typed_values import TypeGroup
+from ...fmu.fmi_3_calls import StepEnd
+
+if TYPE_CHECKING:
+    from .typed_values import TypeGroup
 
 
 class InstanceError(RunError):
@@ -73,7 +75,7 @@ class GroupCall(NamedTuple):
     """A FMI 3.0 function for values of one type, by address, and its arguments."""
 
     function: int
-    group: TypeGroup
+    group: "TypeGroup"
 
 
 class Version3(NamedTuple):

@@ -15,11 +15,12 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.elements import ElementVariable, place_in_array
 from ...fmu.file import FmuFile
+from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...fmu.variables import TypedValue
-from ...fmu.version_3 import StepEnd, short_functions
+from ...fmu.version_3 import short_functions
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance

@@ -1,6 +1,6 @@
 """FMI calls in compiled code. Each returns a `Failure` and the FMI status."""
 
-from ...fmu.version_3 import StepEnd, judge_step
+from ...fmu.fmi_3_calls import StepEnd, judge_step
 from ..algorithms.extrapolation import Mode
 from ..instances.call_codes import CALLS
 from .by_address import (

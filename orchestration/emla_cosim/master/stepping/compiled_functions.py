@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from ...fmu import version_3
+from ...fmu import fmi_3_calls
 from ...sandbox import black_box
 from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..instances import call_codes, typed_values
@@ -31,7 +31,7 @@ def compiled_address(name: str, module: str, beside: Sequence[str] = ()) -> int:
 
     modules = (
         *(record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box),
-        *(typed_values, version_3),
+        *(typed_values, fmi_3_calls),
     )
     names = (*_TEXTS, f"{module}.py", *(f"{other}.py" for other in beside))
     texts = [Path(__file__).with_name(text) for text in names]
