@@ -166,7 +166,7 @@ def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:
 
 THIRD = """
 <Float64 name="time" valueReference="0" causality="independent"/>
-<Clock name="tick" valueReference="1" causality="input" intervalVariability="constant" intervalDecimal="0.1"/>
+<Clock name="tick" valueReference="1" causality="input" intervalVariability="triggered"/>
 <Int8 name="count" valueReference="2" causality="output" clocks="1"/>
 <Float32 name="u" valueReference="3" causality="input" start="1 2 3"><Dimension start="3"/></Float32>
 """
@@ -186,7 +186,8 @@ def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, t
     write_archive(tmp_path / "x.fmu", files)
     shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
     assert "capabilities CoSimulation: hasEventMode terminals outer, outer.inner" in shown
-    assert "M.tick constant Clock input" in shown
+    assert "clocks that are triggered from outside, which are not supported" in shown
+    assert "M.tick triggered Clock input" in shown
     assert "M.count Int8 output at tick" in shown
     assert "M.u Float32 [3] input 1 2 3" in shown
     told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
@@ -194,4 +195,4 @@ def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, t
     assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
     rows = {v["fmu_name"]: v for v in told["variables"]}
     assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
-    assert (rows["u"]["dimensions"], rows["tick"]["interval_variability"]) == ([3], "constant")
+    assert (rows["u"]["dimensions"], rows["tick"]["interval_variability"]) == ([3], "triggered")
