@@ -69,7 +69,7 @@ def open_fmu(path: Path, folder: Path, kind: str | None = None) -> FmuFile:
     if kind not in interface.kinds:
         raise CommandError(f"the FMU '{path}' has no {kind}, only {next(iter(interface.kinds))}.")
     if (reason := explain_unsupported_kind(interface, kind)) is not None:
-        raise CommandError(f"the FMU '{path}' {reason}.")
+        raise CommandError(f"'{path}' {reason}.")
     try:
         unpack(path, folder)
     except UnsafeArchiveError as error:
