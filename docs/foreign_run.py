@@ -9,7 +9,7 @@ import numpy as np
 
 
 def run_fmpy(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the signals of `simulate_fmu` by name."""
+    """Return the signals of `simulate_fmu` by name; arrays by element, such as `y[2,3]`."""
     from fmpy import simulate_fmu
 
     result = simulate_fmu(
@@ -25,7 +25,13 @@ def run_fmpy(asked: Mapping[str, Any]) -> dict[str, Any]:
         relative_tolerance=asked.get("tolerance"),
         output=asked["signals"],
     )
-    return {n: result[n] for n in result.dtype.names or () if result[n].dtype.kind in "fiub"}
+    found = {}
+    for name in result.dtype.names or ():
+        values = result[name]
+        for index in np.ndindex(values.shape[1:]) if values.dtype.kind in "fiub" else ():
+            place = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+            found[f"{name}{place}"] = values[(slice(None), *index)]
+    return found
 
 
 def run_emla(asked: Mapping[str, Any]) -> dict[str, Any]:

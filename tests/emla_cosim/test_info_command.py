@@ -132,8 +132,8 @@ def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -
     ("content", "reason"),
     [
         (
-            description('<Float64 name="a" valueReference="1"/>', version="3.0", kind="ModelExchange"),
-            "it is an FMI 3.0 FMU without co-simulation",
+            description('<Float64 name="a" valueReference="1"/>', version="3.0", kind="ScheduledExecution"),
+            "it is neither for co-simulation nor for Model Exchange",
         ),
         (description(real("a") + real("a")), "it is not valid"),
         (description(real("a", more='nonsense="1"')), "it is not valid"),

@@ -8,14 +8,14 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from ..base.errors import CommandError
 from ..base.files import hash_file
 from ..base.wording import format_count
-from .interface import CO_SIMULATION, Interface, read_interface
+from .interface import CO_SIMULATION, Interface, explain_unsupported_kind, read_interface
 from .shared_library import explain_missing_library, find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
 @dataclass(frozen=True)
 class FmuFile:
-    """An unpacked FMI 2.0 FMU.
+    """An unpacked FMU.
 
     Attributes:
         path: The FMU file.
@@ -68,6 +68,8 @@ def open_fmu(path: Path, folder: Path, kind: str | None = None) -> FmuFile:
     kind = kind or next(iter(interface.kinds))
     if kind not in interface.kinds:
         raise CommandError(f"the FMU '{path}' has no {kind}, only {next(iter(interface.kinds))}.")
+    if (reason := explain_unsupported_kind(interface, kind)) is not None:
+        raise CommandError(f"'{path}' {reason}.")
     try:
         unpack(path, folder)
     except UnsafeArchiveError as error:

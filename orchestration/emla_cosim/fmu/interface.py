@@ -34,16 +34,23 @@ _LARGEST = 2**28
 
 @dataclass(frozen=True)
 class Interface:
-    """The model description of an FMU, by names; see `elements` for FMI 3.0."""
+    """The model description of an FMU, by names; see `elements` for FMI 3.0.
+
+    Attributes:
+        description: The model description.
+        clocks: Names of its Clock variables, which `description` leaves out.
+    """
 
     description: ModelDescription
+    clocks: tuple[str, ...] = ()
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
         """Return fmpy's element for each kind that the FMU has; co-simulation is first."""
-        found: dict[str, Any] = {CO_SIMULATION: self.description.coSimulation}
-        if not is_version_3(self.description):
-            found[MODEL_EXCHANGE] = self.description.modelExchange
+        found = {
+            CO_SIMULATION: self.description.coSimulation,
+            MODEL_EXCHANGE: self.description.modelExchange,
+        }
         return {kind: element for kind, element in found.items() if element is not None}
 
     @property
@@ -158,6 +165,7 @@ def read_description(path: Path, validate: bool = True) -> Interface:
                 raise
             raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
         _add_what_fmpy_lacks(description, path)
+        clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
         if is_version_3(description) and validate:
             _split_arrays(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
@@ -165,7 +173,7 @@ def read_description(path: Path, validate: bool = True) -> Interface:
     except Exception as error:  # zip and XML readers raise many types
         raise_machine_fault(error, f"'{path}'")
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return Interface(description)
+    return Interface(description, clocks)
 
 
 _HARMLESS = re.compile(
@@ -239,10 +247,15 @@ def explain_unsupported(interface: Interface) -> str | None:
     description = interface.description
     if description.fmiVersion != "2.0" and not is_version_3(description):
         return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0 and 3.0"
-    if is_version_3(description) and description.coSimulation is None:
-        return "is an FMI 3.0 FMU without co-simulation; FMI 3.0 FMUs run only for co-simulation"
     if not interface.kinds:
         return "is neither for co-simulation nor for Model Exchange"
+    return explain_unsupported_kind(interface, next(iter(interface.kinds)))
+
+
+def explain_unsupported_kind(interface: Interface, kind: str) -> str | None:
+    """Return why an FMU cannot run as one of its kinds, as the end of a message; None if it can."""
+    if kind == MODEL_EXCHANGE and interface.clocks:
+        return f"has the clock '{interface.clocks[0]}', and clocks are supported for co-simulation only"
     return None
 
 
@@ -282,10 +295,9 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]
         variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
-    element = root.find(CO_SIMULATION)
-    if is_version_3(description) and element is not None and description.coSimulation is not None:
-        flag = element.get("providesDirectionalDerivatives")
-        description.coSimulation.providesDirectionalDerivative = flag in ("true", "1")
+    for kind, known in Interface(description).kinds.items() if is_version_3(description) else ():
+        flag = root.find(kind).get("providesDirectionalDerivatives")
+        known.providesDirectionalDerivative = flag in ("true", "1")
 
 
 def _split_arrays(description: ModelDescription, path: Path) -> None:

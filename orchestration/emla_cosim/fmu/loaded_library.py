@@ -32,14 +32,18 @@ _OF_KIND = {
         "doStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
     },
     MODEL_EXCHANGE: {
-        "enterEventMode": (_POINTER,),
-        "newDiscreteStates": (_POINTER, _POINTER),
-        "enterContinuousTimeMode": (_POINTER,),
         "completedIntegratorStep": (_POINTER, ctypes.c_int, _POINTER, _POINTER),
+        "getDerivatives": _CONTINUOUS,
+    },
+}
+_OF_BOTH_VERSIONS = {
+    CO_SIMULATION: {},
+    MODEL_EXCHANGE: {
+        "enterEventMode": (_POINTER,),
+        "enterContinuousTimeMode": (_POINTER,),
         "setTime": (_POINTER, ctypes.c_double),
         "setContinuousStates": _CONTINUOUS,
         "getContinuousStates": _CONTINUOUS,
-        "getDerivatives": _CONTINUOUS,
         "getEventIndicators": _CONTINUOUS,
         "getNominalsOfContinuousStates": _CONTINUOUS,
     },
@@ -65,7 +69,10 @@ class LoadedLibrary:
         self._bound = load(file.kind, file.library, file.folder, file.model_identifier, guid, version)
         self.is_version_3 = is_version_3(file.description)
         self._prefix = "fmi3" if self.is_version_3 else "fmi2"
-        types = version_3.PROTOTYPES if self.is_version_3 else _PROTOTYPES | _OF_KIND[file.kind]
+        types = {**_PROTOTYPES, **_OF_KIND[file.kind]}
+        if self.is_version_3:
+            types = {**version_3.PROTOTYPES, **version_3.OF_KIND[file.kind]}
+        types |= _OF_BOTH_VERSIONS[file.kind]
         if file.has_capability("providesDirectionalDerivative") and hasattr(
             self._bound.dll, self._c_name(DERIVATIVE)
         ):

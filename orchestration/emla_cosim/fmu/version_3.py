@@ -6,6 +6,7 @@ from typing import Any
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 from .fmi_3_calls import NUMBER_TYPES, StepEnd
+from .interface import CO_SIMULATION, MODEL_EXCHANGE
 from .log import FmuLog
 
 _POINTER, _SIZE, _BOOL, _DOUBLE = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_bool, ctypes.c_double
@@ -14,9 +15,30 @@ PROTOTYPES = {
     **{f"{access}{kind}": _VALUES for kind in (*NUMBER_TYPES, "Boolean") for access in ("get", "set")},
     "getFMUState": (_POINTER, _POINTER),
     "setFMUState": (_POINTER, _POINTER),
-    "doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER),
+}
+OF_KIND = {
+    CO_SIMULATION: {"doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER)},
+    MODEL_EXCHANGE: {
+        "completedIntegratorStep": (_POINTER, _BOOL, _POINTER, _POINTER),
+        "getContinuousStateDerivatives": (_POINTER, _POINTER, _SIZE),
+    },
 }
 DERIVATIVE_TYPES = (_POINTER, *4 * (_POINTER, _SIZE))
+
+_NAMES = {
+    "setReal": "setFloat64",
+    "getReal": "getFloat64",
+    "getFMUstate": "getFMUState",
+    "setFMUstate": "setFMUState",
+    "getDerivatives": "getContinuousStateDerivatives",
+}
+"""Functions that have another name than in FMI 2.0, but the same arguments or a count more."""
+
+
+def rename(call: str) -> str:
+    """Return a call, which begins with a function of FMI 2.0, with the name of FMI 3.0."""
+    function, space, rest = call.partition(" ")
+    return f"{_NAMES.get(function, function)}{space}{rest}"
 
 
 class Slave3(FMU3Slave):
@@ -75,6 +97,10 @@ class Slave3(FMU3Slave):
         """Set Strings."""
         return self.fmi3SetString(component, references, count, texts, count)
 
+    def newDiscreteStates(self) -> Any:
+        """Update the discrete states."""
+        return self.updateDiscreteStates()
+
 
 class Model3(Slave3, FMU3Model):  # pyright: ignore[reportIncompatibleMethodOverride]
     """fmpy's class for Model Exchange, with the methods of FMI 2.0 that an integration calls."""
@@ -95,10 +121,6 @@ class Model3(Slave3, FMU3Model):  # pyright: ignore[reportIncompatibleMethodOver
         """Write the derivatives of the continuous states."""
         return self.getContinuousStateDerivatives(derivatives, count)
 
-    def newDiscreteStates(self) -> Any:
-        """Update the discrete states."""
-        return self.updateDiscreteStates()
-
 
 def short_functions(functions: dict[str, Any], end: StepEnd) -> dict[str, Any]:
     """Return the functions of a step by the names that they have in FMI 2.0, with its arguments.
@@ -111,11 +133,5 @@ def short_functions(functions: dict[str, Any], end: StepEnd) -> dict[str, Any]:
     def do_step(component: Any, *step: Any) -> int:
         return end.call(functions["doStep"], component, *step)
 
-    return {
-        **functions,
-        "setReal": functions["setFloat64"],
-        "getReal": functions["getFloat64"],
-        "getFMUstate": functions["getFMUState"],
-        "setFMUstate": functions["setFMUState"],
-        "doStep": do_step,
-    }
+    renamed = {short: functions[name] for short, name in _NAMES.items() if name in functions}
+    return {**functions, **renamed, "doStep": do_step}

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from fmpy.model_description import ModelVariable
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
@@ -15,11 +16,11 @@ from ..run.simulation import Simulation
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable: part of the system, position of the FMU in this part, and value reference."""
+    """A variable, with the part of the system and the position of its FMU in this part."""
 
     part: int
     member: int
-    reference: int
+    own: ModelVariable
 
 
 class ContinuousSystem:
@@ -87,7 +88,7 @@ class ContinuousSystem:
         for variable, by in zip(self._inputs, shifts - self._shifts, strict=True):
             if by != 0.0:
                 member = self._parts[variable.part]
-                member.shift_input(variable.member, variable.reference, float(by))
+                member.shift_input(variable.member, variable.own, float(by))
         self._shifts = np.array(shifts, dtype=float)
         parts = zip(self._parts, np.split(states, self._bounds), strict=True)
         rates = np.concatenate([part.derivatives(np.ascontiguousarray(own)) for part, own in parts])
@@ -111,10 +112,7 @@ class ContinuousSystem:
         ]
 
     def _read(self, variable: _Variable) -> float:
-        references, values = np.array([variable.reference], dtype=np.uint32), np.empty(1)
-        member = self._parts[variable.part].members[variable.member]
-        member.get_reals(references.ctypes.data, 1, values.ctypes.data)
-        return float(values[0])
+        return float(self._parts[variable.part].members[variable.member].value(variable.own))
 
     def _find(self, name: str, is_input: bool = False) -> _Variable:
         component, variable = self._system.split(name)
@@ -125,7 +123,7 @@ class ContinuousSystem:
             raise CommandError(f"{name} is {found.type}; state matrices need a Real.", name=name)
         if is_input and (found.causality != "input" or found.variability != "continuous"):
             raise CommandError(f"{name} is no continuous input.", name=name)
-        return _Variable(i, k, int(found.valueReference))
+        return _Variable(i, k, found)
 
     def _check(self, has_others: bool) -> None:
         """Raise CommandError if a component has states that cannot be reached, or is integrated apart."""

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from fmpy.model_description import ModelVariable
 
 from ..base.arrays import Indices, Vector
 from ..base.errors import join_names
+from ..fmu.elements import place_in_array
 from .algorithms.initialization import settle_initial_values
 from .algorithms.newton import Newton, NoSolutionError
 from .algorithms.scale import Scale
@@ -43,7 +45,8 @@ class _Transfer:
 
     Args:
         member: The instance.
-        references: Value references of its variables.
+        variables: Its variables, all inputs or all outputs.
+        writes: Whether they are inputs.
         signals: Positions of the signals.
         factors: Factors of its inputs.
         offsets: Offsets of its inputs.
@@ -52,26 +55,29 @@ class _Transfer:
     def __init__(
         self,
         member: ModelExchangeInstance,
-        references: Sequence[int],
+        variables: Sequence[ModelVariable],
+        writes: bool,
         signals: Sequence[int],
         factors: Sequence[float] = (),
         offsets: Sequence[float] = (),
     ) -> None:
-        self._references = np.array(references, dtype=np.uint32)
-        self._values = np.zeros(len(references))
+        self._member, self._variables = member, variables
+        self._values = np.zeros(len(variables))
+        self._call = (member.writer if writes else member.reader)(variables, self._values)
         self._signals: Indices = np.array(signals, dtype=np.intp)
         self._factors, self._offsets = np.array(factors), np.array(offsets)
-        self._arguments = (self._references.ctypes.data, len(references), self._values.ctypes.data)
-        self._member = member
 
     def read(self, signals: Vector) -> None:
         """Read outputs of the FMU into the signals."""
-        self._member.get_reals(*self._arguments)
+        self._call()
         signals[self._signals] = self._values
 
-    def shift(self, member: ModelExchangeInstance, reference: int, by: float) -> bool:
+    def shift(self, member: ModelExchangeInstance, variable: ModelVariable, by: float) -> bool:
         """Add a constant to one of its inputs; return whether it has this input."""
-        places = self._references == reference if member is self._member else np.zeros(0, dtype=bool)
+        if member is not self._member:
+            return False
+        wanted = _place(variable)
+        places = np.array([_place(v) == wanted for v in self._variables], dtype=bool)
         self._offsets[places] += by
         return bool(places.any())
 
@@ -80,7 +86,12 @@ class _Transfer:
         signals.take(self._signals, out=self._values, mode="clip")
         self._values *= self._factors
         self._values += self._offsets
-        self._member.set_reals(*self._arguments)
+        self._call()
+
+
+def _place(variable: ModelVariable) -> tuple[int, int]:
+    """Return the value reference of a variable, and its position in its array."""
+    return int(variable.valueReference), place_in_array(variable)
 
 
 @dataclass
@@ -189,11 +200,11 @@ class IntegratedGroup(IntegratedInstance):
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return None: the derivative through several FMUs is not known."""
 
-    def shift_input(self, member: int, reference: int, by: float) -> None:
+    def shift_input(self, member: int, variable: ModelVariable, by: float) -> None:
         """Add a constant to a continuous input; see `IntegratedInstance`."""
         inside = [x for stage in self._stages for x in stage.writes]
-        if not any(x.shift(self.members[member], reference, by) for x in inside):
-            super().shift_input(member, reference, by)
+        if not any(x.shift(self.members[member], variable, by) for x in inside):
+            super().shift_input(member, variable, by)
 
     def _set_all_inputs(self) -> None:
         self._network.signals[: len(self.inputs)] = self.inputs
@@ -311,8 +322,8 @@ class IntegratedGroup(IntegratedInstance):
         for member, part in zip(self.members, network.parts[1:], strict=True):
             own = [s for s in signals if part.start <= s < part.stop]
             if own:
-                references = [member.written[s - part.start].valueReference for s in own]
-                reads.append(_Transfer(member, references, own))
+                variables = [member.written[s - part.start] for s in own]
+                reads.append(_Transfer(member, variables, False, own))
         writes = self._writes([x for x in self._continuous_links if network.signal(x) in signals])
         return _Stage(reads, writes, np.array(signals if is_loop else [], dtype=np.intp))
 
@@ -321,8 +332,8 @@ class IntegratedGroup(IntegratedInstance):
         for i, member in enumerate(self.members, 1):
             own = [x for x in links if x.target == i]
             if own:
-                references = [member.read[x.input].valueReference for x in own]
+                variables = [member.read[x.input] for x in own]
                 signals = [self._network.signal(x) for x in own]
                 factors, offsets = [x.factor for x in own], [x.offset or -0.0 for x in own]
-                found.append(_Transfer(member, references, signals, factors, offsets))
+                found.append(_Transfer(member, variables, True, signals, factors, offsets))
         return found

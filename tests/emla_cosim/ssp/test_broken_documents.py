@@ -384,6 +384,7 @@ def test_what_is_no_fmu(content: object, words: list, refused: Refused, tmp_path
 FMI_3 = """<fmiModelDescription fmiVersion="3.0" modelName="a" instantiationToken="a">
 <ModelExchange modelIdentifier="a"/><ModelVariables>
 <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
+<Clock name="tick" valueReference="1" causality="input" intervalVariability="constant" intervalDecimal="1"/>
 </ModelVariables><ModelStructure/></fmiModelDescription>"""
 FMI_1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a" guid="a"
 numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/><Implementation>
@@ -400,7 +401,7 @@ def test_a_kind_that_the_fmu_does_not_have(refused: Refused, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (FMI_3, ["FMI 3.0", "without co-simulation"]),
+        (FMI_3, ["the clock 'tick'", "for co-simulation only"]),
         (FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
         (description("a", "u:input:x", units={"x": 'm="1" factor="0"'}), ["unit 'x'", "factor 0"]),
     ],

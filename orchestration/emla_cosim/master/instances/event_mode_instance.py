@@ -18,6 +18,7 @@ from ...fmu.interface import CO_SIMULATION
 from ...fmu.log import FmuLog
 from .clock_schedule import SIZE, ClockSchedule
 from .clocked_variables import ClockedVariables, belongs, is_clocked
+from .discrete_states import update_discrete_states
 from .fmu_instance import EndRequestedError, EntryPoints, InstanceError, ObservedGroup
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues, ValueRangeError
@@ -250,9 +251,9 @@ class EventModeInstance(InProcessInstance):
         refused = "it returned early" if is_early and not self.instantiation["earlyReturnAllowed"] else ""
         refused = "it asked for event mode" if needs_event and not self._uses_event_mode else refused
         if refused:
-            raise InstanceError(self.name, call, f"{refused}, which is not allowed here", self._said())
+            raise InstanceError(self.name, call, f"{refused}, which is not allowed here", self.messages())
         if is_early and not time - math.ulp(time) <= reached <= time + step + math.ulp(time + step):
-            raise InstanceError(self.name, call, f"lastSuccessfulTime = {reached:.9g}", self._said())
+            raise InstanceError(self.name, call, f"lastSuccessfulTime = {reached:.9g}", self.messages())
         return (reached if is_early else time + step), needs_event
 
     def _handle_event(self, near: float) -> None:
@@ -278,16 +279,13 @@ class EventModeInstance(InProcessInstance):
             due = [*self._schedule.due(self._time + near)]
             if due:
                 self._tick([self._schedule.clocks[i].reference for i in due])
-            with self.calling(f"updateDiscreteStates at t = {self._time:.9g} s"):
-                needs_more, ends, _, _, has_next, following = self.fmu.updateDiscreteStates()
-            self._memory[_NEXT] = following if has_next else math.inf
-            if math.isnan(self._memory[_NEXT]):  # it would compare as never
-                raise InstanceError(self.name, "updateDiscreteStates", "nextEventTime = NaN", self._said())
-            if ends:
+            update = update_discrete_states(self, self._time)
+            self._memory[_NEXT] = update.next_event
+            if update.ends:
                 self._memory[_END] = self._time
             with self._checked_intervals():
                 self._schedule.advance(self.fmu, due, self._time)
-            if not needs_more and not len(self._schedule.due(self._time + near)):
+            if not update.needs_more and not len(self._schedule.due(self._time + near)):
                 return
         raise self._stuck("updateDiscreteStates needed another update", MOST_UPDATES)
 
@@ -320,7 +318,7 @@ class EventModeInstance(InProcessInstance):
             with self.calling():
                 yield
         except ValueError as error:
-            raise InstanceError(self.name, "getIntervalDecimal", str(error), self._said()) from error
+            raise InstanceError(self.name, "getIntervalDecimal", str(error), self.messages()) from error
 
     def _getter(self, variables: Sequence[ModelVariable], places: Any) -> TypedValues:
         """Return what reads those of the variables that are not clocked."""
@@ -349,11 +347,8 @@ class EventModeInstance(InProcessInstance):
 
     def _end(self, call: str, time: float) -> InstanceError:
         at = f"{call} at t = {time:.9g} s"
-        return EndRequestedError(self.name, at, "terminateSimulation", self._said())
+        return EndRequestedError(self.name, at, "terminateSimulation", self.messages())
 
     def _stuck(self, what: str, times: int) -> InstanceError:
         at = f"{what.split()[0]} at t = {self._time:.9g} s"
-        return InstanceError(self.name, at, f"a request for more, {times} times in a row", self._said())
-
-    def _said(self) -> list[str]:
-        return self._log.last(self.name)
+        return InstanceError(self.name, at, f"a request for more, {times} times in a row", self.messages())

@@ -20,7 +20,7 @@ from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...fmu.variables import TypedValue
-from ...fmu.version_3 import short_functions
+from ...fmu.version_3 import rename, short_functions
 from ...sandbox import black_box
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
@@ -434,22 +434,30 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                     self._typed[0].check(self.inputs)
                 except ValueRangeError as error:
                     return self._range_error(error)
-        kind = InstanceError
-        if status == DISCARD and call.startswith("doStep"):
-            ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
-            kind = EndRequestedError if ends else DiscardedStepError
+        kind = self._discard_error(call) if status == DISCARD else InstanceError
         self._stepping = self._stepping and status == DISCARD
         if status == FATAL:
             _DEAD_LIBRARIES.add(self.file.library)
         answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
-        said = self._log.last(self.name)
+        said = self.messages()
         if self._library.is_version_3:
             answer = answer.replace("fmi2", "fmi3")
-            call = call.replace("Real", "Float64").replace("FMUstate", "FMUState")
+            call = rename(call)
             said += (
                 [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
             )
         return kind(self.name, plain_name(call), answer, said)
+
+    def _discard_error(self, call: str) -> type[InstanceError]:
+        """Return the type of the error for a call that the FMU discarded."""
+        if not call.startswith("doStep"):
+            return InstanceError
+        ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
+        return EndRequestedError if ends else DiscardedStepError
+
+    def messages(self) -> list[str]:
+        """Return the last warnings and errors of the FMU."""
+        return self._log.last(self.name)
 
     def _is_dead(self) -> bool:
         """Whether an instance of this FMU returned fmi2Fatal. Then none of its functions may be called."""

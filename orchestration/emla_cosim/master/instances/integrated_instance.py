@@ -9,6 +9,7 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
+from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ...fmu.cvode import RECOVERABLE, CVode, SolverError
@@ -65,10 +66,9 @@ class IntegratedInstance(FmuInstance):
         self.runs_beside_others = all(m.runs_beside_others for m in members)
         self._states, self._count = _offsets([m.state_count for m in members])
         self._marks, self._indicators = _offsets([m.indicator_count for m in members])
-        self._settable = np.array(
-            [v.valueReference for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves],
-            dtype=np.uint32,
-        )
+        moving = [v for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves]
+        self._moved = np.zeros(len(moving))
+        self._write_moved = first.writer(moving, self._moved)
         self._solver: CVode | None = None
         self._restarts_always = False
         self._begin(math.nan)
@@ -218,19 +218,16 @@ class IntegratedInstance(FmuInstance):
             member.derive(found.ctypes.data + offset)
         return found
 
-    def shift_input(self, member: int, reference: int, by: float) -> None:
+    def shift_input(self, member: int, variable: ModelVariable, by: float) -> None:
         """Add a constant to a continuous input; a connection to it adds the constant from now on.
 
         Args:
             member: Position of the FMU in `members`.
-            reference: Value reference of the input.
+            variable: The input.
             by: The constant, in the unit of the input.
         """
-        references, values = np.array([reference], dtype=np.uint32), np.empty(1)
-        arguments = references.ctypes.data, 1, values.ctypes.data
-        self.members[member].get_reals(*arguments)
-        values += by
-        self.members[member].set_reals(*arguments)
+        instance = self.members[member]
+        instance.writer([variable], np.array([float(instance.value(variable)) + by]))()
 
     def handle_event(self) -> None:
         """Do an event, in which the FMUs find their discrete states and relations for the present states."""
@@ -247,8 +244,8 @@ class IntegratedInstance(FmuInstance):
 
     def _set_moving_inputs(self, values: Vector) -> None:
         """Set the continuous inputs to these values."""
-        references = self._settable
-        self.members[0].set_reals(references.ctypes.data, len(references), values.ctypes.data)
+        self._moved[:] = values
+        self._write_moved()
 
     def _connect(self) -> None:
         """Pass continuous values between the FMUs until they agree."""

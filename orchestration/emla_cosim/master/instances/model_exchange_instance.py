@@ -3,21 +3,22 @@
 import contextlib
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from fmpy.fmi2 import fmi2EventInfo
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.instance import DISCARD, STATUS
-from ...fmu.loaded_library import plain_name
+from ...fmu.elements import is_plain, is_version_3, place_in_array
+from ...fmu.instance import FINE
+from .discrete_states import name_update, update_discrete_states
 from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .integrator_settings import IntegratorSettings
+from .typed_values import TypedValues
 
 
 class DiscardedCallError(InstanceError):
@@ -52,7 +53,7 @@ class ModelExchangeInstance(InProcessInstance):
 
     @cached_property
     def _reports_steps(self) -> bool:
-        return not self.file.has_capability("completedIntegratorStepNotNeeded")
+        return self.file.has_capability("needsCompletedIntegratorStep")
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
         """Integrate with these settings from the next initialization on."""
@@ -68,6 +69,21 @@ class ModelExchangeInstance(InProcessInstance):
         self._time, self.next_event, self.has_new_nominals = start_time, math.inf, True
         super().enter_initialization(start_time, stop_time)
 
+    def exit_initialization(self) -> None:
+        """Leave initialization mode; the FMU is in event mode then."""
+        super().exit_initialization()
+        if is_version_3(self.file.description):
+            self._check_count("getNumberOfContinuousStates", self.state_count)
+            self._check_count("getNumberOfEventIndicators", self.indicator_count)
+
+    def _check_count(self, call: str, declared: int) -> None:
+        """Raise InstanceError if the FMU has another number of values than it declares."""
+        with self.calling():
+            found = getattr(self.fmu, call)()
+        if found != declared:
+            answer = f"{found}, and its model description has {declared}"
+            raise InstanceError(self.name, call, answer, self.messages())
+
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
         with self.surround():
@@ -79,15 +95,11 @@ class ModelExchangeInstance(InProcessInstance):
 
     def find_discrete_states(self) -> bool:
         """Compute new discrete states; return whether the FMU needs another iteration."""
-        info = fmi2EventInfo()
-        self._call("newDiscreteStates", ctypes.byref(info))
-        self._check_end("newDiscreteStates", bool(info.terminateSimulation))
-        self.has_new_nominals |= bool(info.nominalsOfContinuousStatesChanged)
-        self.next_event = info.nextEventTime if info.nextEventTimeDefined else math.inf
-        if math.isnan(self.next_event):  # it would compare as never
-            at = f"newDiscreteStates at t = {self._time:.9g} s"
-            raise InstanceError(self.name, at, "nextEventTime = NaN", self.messages())
-        return bool(info.newDiscreteStatesNeeded)
+        update = update_discrete_states(self, self._time)
+        self._check_end(name_update(self), update.ends)
+        self.has_new_nominals |= update.has_new_nominals
+        self.next_event = update.next_event
+        return update.needs_more
 
     def enter_continuous_time_mode(self) -> None:
         """Enter continuous-time mode."""
@@ -97,7 +109,8 @@ class ModelExchangeInstance(InProcessInstance):
         """Tell the FMU that a step of the integrator is complete; return whether an event follows."""
         if not self._reports_steps:
             return False
-        enters, ends = ctypes.c_int(), ctypes.c_int()
+        boolean = ctypes.c_bool if is_version_3(self.file.description) else ctypes.c_int
+        enters, ends = boolean(), boolean()
         self._call("completedIntegratorStep", self._no_way_back, ctypes.byref(enters), ctypes.byref(ends))
         self._check_end("completedIntegratorStep", bool(ends.value))
         return bool(enters.value)
@@ -132,24 +145,53 @@ class ModelExchangeInstance(InProcessInstance):
         if self.indicator_count:
             self._call("getEventIndicators", result, self.indicator_count)
 
-    def set_reals(self, references: int, count: int, values: int) -> None:
-        """Set Real variables from addresses of value references and values."""
-        self._call("setReal", references, count, values)
+    def reader(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
+        """Return a function that reads Real variables into `values`, in their order."""
+        if is_plain(variables):
+            return self._plain_call("getReal", variables, values)
+        typed = TypedValues("get", variables, self._functions)
 
-    def get_reals(self, references: int, count: int, values: int) -> None:
-        """Read Real variables to an address."""
-        self._call("getReal", references, count, values)
+        def read() -> None:
+            self._check("getReal", typed.get(self._component, values))
+
+        return read
+
+    def writer(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
+        """Return a function that sets Real variables to `values`, in their order.
+
+        The other elements of their arrays keep the values of the FMU.
+        """
+        if is_plain(variables):
+            return self._plain_call("setReal", variables, values)
+        typed = TypedValues("set", variables, self._functions)
+        getters = [self._functions[f"get{group.call.removeprefix('set')}"] for group in typed.groups]
+
+        def write() -> None:
+            for group, get in zip(typed.groups, getters, strict=True):
+                self._check("getReal", get(self._component, *group.arguments))
+            self._check("setReal", typed.set(self._component, values))
+
+        return write
+
+    def _plain_call(
+        self, name: str, variables: Sequence[ModelVariable], values: Vector
+    ) -> Callable[[], None]:
+        """Return a function that gets or sets variables whose values are the memory of one FMI call."""
+        references = [v.valueReference for v in variables if not place_in_array(v)]
+        arguments = self._arguments(np.array(references, dtype=np.uint32), values)[1:]
+        return lambda: self._call(name, *arguments)
+
+    def _check(self, call: str, status: int) -> None:
+        if status not in FINE:
+            raise self.error(call, status)
 
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""
-        at = call if math.isnan(self._time) else f"{call} at t = {self._time:.9g} s"
-        if status == DISCARD:
-            return DiscardedCallError(self.name, plain_name(at), STATUS[status], self.messages())
-        return super().error(at, status)
+        is_placed = math.isnan(self._time) or " at t = " in call
+        return super().error(call if is_placed else f"{call} at t = {self._time:.9g} s", status)
 
-    def messages(self) -> list[str]:
-        """Return the last warnings and errors of the FMU."""
-        return self._log.last(self.name)
+    def _discard_error(self, call: str) -> type[InstanceError]:
+        return DiscardedCallError
 
     def _check_end(self, call: str, ends: bool) -> None:
         if ends:
