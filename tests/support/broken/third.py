@@ -78,6 +78,16 @@ def with_function(name: str, declaration: str, body: str) -> Callable[[Path], Pa
     return _files(edit)
 
 
+def _remove_time(root: etree._Element) -> None:
+    """Remove the time, also as a dependency."""
+    variables = root.find("ModelVariables")
+    (time,) = (v for v in variables if v.get("causality") == "independent")
+    variables.remove(time)
+    for unknown in root.find("ModelStructure"):
+        known = [r for r in unknown.get("dependencies").split() if r != time.get("valueReference")]
+        unknown.set("dependencies", " ".join(known))
+
+
 _DO_STEP = (
     "fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean no, fmi3Boolean *event, "
     "fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *reached)"
@@ -112,7 +122,7 @@ THIRD: list[Broken] = [
         "third-early",
         "FMI 3.0: early return after intermediate updates, which are not provided",
         "description.capabilities",
-        _setting("CoSimulation", canReturnEarlyAfterIntermediateUpdate="true"),
+        _setting("CoSimulation", providesIntermediateUpdate=None),
     ),
     Broken(
         "third-same-reference",
@@ -124,7 +134,7 @@ THIRD: list[Broken] = [
         "third-no-time",
         "FMI 3.0: no independent variable",
         "variables.attributes",
-        _without(_variable("time")),
+        _tree(_remove_time),
     ),
     Broken(
         "third-no-start",
