@@ -174,8 +174,8 @@ THIRD = """
 
 
 def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, tmp_path: Path) -> None:
-    content = description(THIRD, version="3.0")
-    content = content.replace(b'modelIdentifier="M"/>', b'modelIdentifier="M" hasEventMode="true"/>')
+    content = description(THIRD, version="3.0", kind="ModelExchange")
+    content = content.replace(b'modelIdentifier="M"/>', b'modelIdentifier="M" canGetAndSetFMUState="true"/>')
     content = content.replace(
         b"<ModelStructure/>", b'<ModelStructure><Output valueReference="2"/></ModelStructure>'
     )
@@ -185,13 +185,13 @@ def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, t
     files = {"modelDescription.xml": content, "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
     write_archive(tmp_path / "x.fmu", files)
     shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
-    assert "it needs clocks, which are not supported" in shown
-    assert "capabilities CoSimulation: hasEventMode terminals outer, outer.inner" in shown
+    assert "it has the clock 'tick', and clocks are supported for co-simulation only" in shown
+    assert "capabilities ModelExchange: canGetAndSetFMUState terminals outer, outer.inner" in shown
     assert "M.tick constant Clock input" in shown
     assert "M.count Int8 output at tick" in shown
     assert "M.u Float32 [3] input 1 2 3" in shown
     told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
-    assert told["fmus"][0]["capabilities"] == {"CoSimulation": ["hasEventMode"]}
+    assert told["fmus"][0]["capabilities"] == {"ModelExchange": ["canGetAndSetFMUState"]}
     assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
     rows = {v["fmu_name"]: v for v in told["variables"]}
     assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
