@@ -177,7 +177,10 @@ def _read(path: Path) -> tuple[Interface, str]:
         if not is_version_3(interface.description):
             raise
         wrong = str(error).removeprefix(f"'{path}' ").rstrip(".")
-    return interface, explain_unsupported(interface) or wrong
+    reason = explain_unsupported(interface)
+    if reason is not None and is_version_3(interface.description):
+        interface = read_description(path, validate=False)  # with whole arrays and Clocks
+    return interface, reason or wrong
 
 
 def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, rows: list[Any]) -> Info:
