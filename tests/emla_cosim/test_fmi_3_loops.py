@@ -15,8 +15,8 @@ import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import RunError
 from emla_cosim.fmu.file import open_fmu
-from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.fmi_3_calls import DISCARD, ERROR, StepEnd
+from emla_cosim.fmu.log import FmuLog
 from emla_cosim.master.instances.call_codes import code_of, decode_call
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.sandbox import black_box
