@@ -27,7 +27,7 @@ from .variables import ContainerVariable, list_variables
 
 _SHARED = (
     *("messages.h", "logging.h", "conversions.h"),
-    *("fmi2_types.h", "fmi2_status.h", "fmi3_types.h"),
+    *("fmi2_types.h", "fmi2_status.h", "fmi3_types.h", "fmi3_values.h", "fmi3_lacking.h"),
 )
 """C files of fmublock's FMUs that this one has, too, as far as they are for its version of FMI."""
 

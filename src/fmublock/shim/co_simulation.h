@@ -30,10 +30,7 @@ static Status check_step(const Instance *instance, double time, double step) {
         return report(instance, StatusError, "the step to t = %.*g s goes past the stop time %.*g s.", digits,
                       end, digits, now->stop_time);
     }
-    if (!(substeps(now, step) <= MAXIMUM_SUBSTEPS))
-        return report(instance, StatusError, "the step of %g s needs more than %g internal steps.", step,
-                      MAXIMUM_SUBSTEPS);
-    return StatusOK;
+    return check_substeps(instance, step);
 }
 
 /* A step past the end of the resource is discarded: the FMU asks the host to end the run there. */

@@ -82,6 +82,12 @@ static Status check_conditions(const Instance *instance) {
     return StatusOK;
 }
 
+static Status check_substeps(const Instance *instance, double step) {
+    if (substeps(&instance->now, step) <= MAXIMUM_SUBSTEPS) return StatusOK;
+    return report(instance, StatusError, "the step of %g s needs more than %g internal steps.", step,
+                  MAXIMUM_SUBSTEPS);
+}
+
 Status FMI(ExitInitializationMode)(Handle c) {
     Instance *instance = c;
     State *now = &instance->now;
@@ -91,6 +97,9 @@ Status FMI(ExitInitializationMode)(Handle c) {
         if (check_range(instance, r) != StatusOK) return StatusError;
     fix_values(now);
     if (check_conditions(instance) != StatusOK) return StatusError;
+#ifdef CLOCK_INTERVAL
+    if (check_substeps(instance, CLOCK_INTERVAL) != StatusOK) return StatusError;
+#endif
     evaluate_outputs(now);
     hold_inputs(now, 0.0);
     now->phase = now->type == FOR_MODEL_EXCHANGE ? EVENT : STEP;
@@ -228,15 +237,6 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
                 instance->now.values[(int)vr[i] + j] = to_double(values[k++]);                               \
         return StatusOK;                                                                                     \
-    }
-
-/* A type that a block does not have: every reference is refused. */
-#define NEITHER_GET_NOR_SET(Name, Type)                                                                      \
-    Status FMI(Get##Name)(Handle c, const ValueReference vr[], size_t nvr, Type values[] COUNTED(n)) {       \
-        return prepare_get(c, vr, nvr, '-', values, COUNT_OF(n, nvr));                                       \
-    }                                                                                                        \
-    Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) { \
-        return prepare_set(c, vr, nvr, '-', values, COUNT_OF(n, nvr));                                       \
     }
 
 #include "conversions.h"

@@ -9,10 +9,11 @@ static int is_intermediate(int reference) {
 #ifdef CLOCK_INTERVAL
     (void)reference;
     return 0;
-#endif
+#else
     const int is_state = reference >= FIRST_STATE && reference < FIRST_DISCRETE_STATE;
     const int is_output = reference >= FIRST_OUTPUT && reference < FIRST_DERIVATIVE;
     return (is_state || is_output) && variables[reference].type == 'R';
+#endif
 }
 
 /* Remember the callback, and which variables the host will read in it. */

@@ -16,12 +16,12 @@ static Status check_size(const Instance *instance, size_t n, size_t expected, co
 Status FMI(EnterEventMode)(Handle c) {
     Instance *instance = c;
 #ifdef CLOCK_INTERVAL
-    if (require(instance, STEP, "enter event mode") != StatusOK) return StatusError;
-    instance->now.phase = CO_SIMULATION_EVENT;
-    return StatusOK;
+    const int before = STEP, after = CO_SIMULATION_EVENT;
+#else
+    const int before = MODEL_EXCHANGE_RUNNING, after = EVENT;
 #endif
-    if (require(instance, MODEL_EXCHANGE_RUNNING, "enter event mode") != StatusOK) return StatusError;
-    instance->now.phase = EVENT;
+    if (require(instance, before, "enter event mode") != StatusOK) return StatusError;
+    instance->now.phase = after;
     return StatusOK;
 }
 

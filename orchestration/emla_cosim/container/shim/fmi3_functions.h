@@ -97,40 +97,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefi
 
 /* ---- the types ------------------------------------------------------------------------- */
 
-/* A type that no variable has: every reference is refused. */
-#define NEITHER_GET_NOR_SET(Name, Type)                                                                     \
-    fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, Type values[],      \
-                             size_t n) {                                                                    \
-        return prepare_get(c, vr, nvr, '-', values, n);                                                     \
-    }                                                                                                       \
-    fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const Type values[], \
-                             size_t n) {                                                                    \
-        return prepare_set(c, vr, nvr, '-', values, n);                                                     \
-    }
-
-GET_AND_SET(Float64, fmi3Float64, 'R', AS_IT_IS, AS_IT_IS)
-GET_AND_SET(Int32, fmi3Int32, 'I', AS_INTEGER, AS_DOUBLE)
-GET_AND_SET(Int64, fmi3Int64, 'E', AS_INTEGER, AS_DOUBLE)
-GET_AND_SET(Boolean, fmi3Boolean, 'B', AS_BOOLEAN, AS_TRUTH)
-NEITHER_GET_NOR_SET(Float32, fmi3Float32)
-NEITHER_GET_NOR_SET(Int8, fmi3Int8)
-NEITHER_GET_NOR_SET(UInt8, fmi3UInt8)
-NEITHER_GET_NOR_SET(Int16, fmi3Int16)
-NEITHER_GET_NOR_SET(UInt16, fmi3UInt16)
-NEITHER_GET_NOR_SET(UInt32, fmi3UInt32)
-NEITHER_GET_NOR_SET(UInt64, fmi3UInt64)
-
-fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, size_t sizes[],
-                         fmi3Binary values[], size_t n) {
-    (void)sizes;
-    return prepare_get(c, vr, nvr, '-', values, n);
-}
-
-fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const size_t sizes[],
-                         const fmi3Binary values[], size_t n) {
-    (void)sizes;
-    return prepare_set(c, vr, nvr, '-', values, n);
-}
+#include "fmi3_values.h"
 
 /* ---- co-simulation --------------------------------------------------------------------- */
 
@@ -153,9 +120,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi
 
 /* ---- what this FMU has not -------------------------------------------------------------- */
 
-static fmi3Status lacks(fmi3Instance c, const char *what) {
-    return report(c, StatusError, "this FMU has no %s.", what);
-}
+#include "fmi3_lacking.h"
 
 #define DERIVATIVES                                                                                      \
     fmi3Instance c, const fmi3ValueReference unknowns[], size_t nUnknowns,                               \
@@ -192,10 +157,6 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference depend
     return lacks(c, "dependencies of single elements");
 }
 
-fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) { return lacks(c, "structural parameters"); }
-
-fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) { return lacks(c, "structural parameters"); }
-
 fmi3Status fmi3EnterEventMode(fmi3Instance c) { return lacks(c, "event mode"); }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance c) { return lacks(c, "event mode"); }
@@ -208,11 +169,6 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needsUpdate, fm
     (void)needsUpdate, (void)terminates, (void)nominalsChanged, (void)valuesChanged;
     (void)nextEventTimeDefined, (void)nextEventTime;
     return lacks(c, "event mode");
-}
-
-fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time) {
-    (void)clock, (void)time;
-    return lacks(c, "scheduled execution");
 }
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { return lacks(c, "Model Exchange"); }
@@ -246,30 +202,3 @@ NO_MODEL_EXCHANGE(GetEventIndicators)
 
 NONE_OF(ContinuousStates)
 NONE_OF(EventIndicators)
-
-/* A call for no clocks is no error. */
-static fmi3Status refuse_clocks(fmi3Instance c, size_t nvr) { return nvr == 0 ? StatusOK : lacks(c, "clocks"); }
-
-#define NO_CLOCKS_1(Name, A)                                                                  \
-    fmi3Status fmi3##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, A a[]) { \
-        return (void)vr, (void)a, refuse_clocks(c, nvr);                                      \
-    }
-#define NO_CLOCKS_2(Name, A, B)                                                                      \
-    fmi3Status fmi3##Name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, A a[], B b[]) { \
-        return (void)vr, (void)a, (void)b, refuse_clocks(c, nvr);                                    \
-    }
-
-NO_CLOCKS_1(GetClock, fmi3Clock)
-NO_CLOCKS_1(SetClock, const fmi3Clock)
-NO_CLOCKS_2(GetIntervalDecimal, fmi3Float64, fmi3IntervalQualifier)
-NO_CLOCKS_1(GetShiftDecimal, fmi3Float64)
-NO_CLOCKS_2(GetShiftFraction, fmi3UInt64, fmi3UInt64)
-NO_CLOCKS_1(SetIntervalDecimal, const fmi3Float64)
-NO_CLOCKS_2(SetIntervalFraction, const fmi3UInt64, const fmi3UInt64)
-NO_CLOCKS_1(SetShiftDecimal, const fmi3Float64)
-NO_CLOCKS_2(SetShiftFraction, const fmi3UInt64, const fmi3UInt64)
-
-fmi3Status fmi3GetIntervalFraction(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3UInt64 counters[],
-                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
-    return (void)vr, (void)counters, (void)resolutions, (void)qualifiers, refuse_clocks(c, nvr);
-}
