@@ -124,6 +124,8 @@ def test_what_is_not_supported_is_refused(
         ('shiftDecimal="0.25"', 'clocks="23"/><Clock name="other" valueReference="23" causality="output" '
          'intervalVariability="triggered"', CommandError, "depend on other clocks"),
         ('intervalDecimal="0.1"', 'intervalDecimal="0"', RunError, "clock tick has the interval 0 s"),
+        ('intervalDecimal="0.1"', 'intervalDecimal="x"', CommandError, "of its clock 'tick' is 'x'"),
+        ('shiftDecimal="0.25"', 'shiftDecimal="-1"', RunError, "clock tick has the shift -1 s"),
     ],
 )  # fmt: skip
 def test_other_descriptions_are_refused(

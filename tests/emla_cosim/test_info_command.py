@@ -2,6 +2,8 @@
 
 import json
 import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -157,6 +159,31 @@ def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Pa
     path.write_bytes(content)
     assert str(path) in sentence(emla("info", str(path)), 2)
     assert str(path) in sentence(emla("info", str(fmu(path, content))), 2)
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda content: content.replace(b"QQ", b"QR"), "Bad CRC-32"),
+        (lambda content: content.replace(b"</a>", b"</b>"), "cannot be read"),
+        (None, "is larger than 16 MiB"),
+    ],
+)
+def test_terminals_that_cannot_be_read_are_told(
+    damage: Callable[[bytes], bytes] | None, words: str, emla: Emla, tmp_path: Path
+) -> None:
+    path, terminals = tmp_path / "x.fmu", "terminalsAndIcons/terminalsAndIcons.xml"
+    text = b"<a>QQ</a>" if damage is not None else b"<a>" + b" " * 2**24 + b"</a>"
+    with zipfile.ZipFile(path, "w") as archive:  # not compressed
+        archive.writestr("modelDescription.xml", description(real("x")))
+        archive.writestr(terminals, text)
+    if damage is not None:
+        path.write_bytes(damage(path.read_bytes()))
+    done = emla("info", str(path), "--json")
+    assert done.exit_code == 0
+    told = json.loads(done.stdout)
+    assert told["fmus"][0]["terminals"] == [] and any(words in note for note in told["notes"])
+    assert words in " ".join(emla("info", str(path)).stdout.split())
 
 
 def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:

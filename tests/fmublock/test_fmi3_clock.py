@@ -215,6 +215,16 @@ def test_a_tick_to_infinity_is_refused(hosts: list[Host]) -> None:
     assert tick(other, 3.0) == seen
 
 
+def test_a_tick_of_too_many_internal_steps_is_refused(tmp_path: Path) -> None:
+    host = Host(build(Toy, tmp_path / "slow.fmu", fmi=3, clock=10.0), tmp_path / "slow")
+    slave = host.new(eventModeUsed=True)
+    slave.enterInitializationMode()
+    slave.setFloat64([REFERENCE("solver.internal_step")], [1e-9])
+    words = "the step of 10 s needs more than 1e+09 internal steps"
+    assert words in host.refused(slave.exitInitializationMode)
+    slave.freeInstance()
+
+
 def test_a_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
     with pytest.raises(Exception, match="instantiate"):
         hosts[0].new()
@@ -269,3 +279,16 @@ def test_clocked_controllers_give_the_bytes_of_others(fmu_folder: Path, tmp_path
         loaded.prepare().run().save(tmp_path / folder, plots=False)
     plain, other = ((tmp_path / folder / "results.csv").read_bytes() for folder in ("plain", "clocked"))
     assert plain == other and len(plain) > 10_000
+
+
+@pytest.mark.parametrize("algorithm", mostly_long(["jacobi", "gauss-seidel", "strong"], ["strong"]))
+def test_a_clock_of_ten_steps_is_a_step_multiple(algorithm: str, fmu_folder: Path, tmp_path: Path) -> None:
+    clocked = fmublock.build(MODELS["RsbaController"], tmp_path / "Clocked.fmu", fmi=3, clock=1e-3)
+    options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02}
+    sampled = {"step_multiples": {"lift.controller": 1}} if algorithm == "strong" else {}
+    replaced = {"replace": {"lift.controller": clocked}, **sampled}
+    plain, other = (
+        ec.load("lift", fmus=fmu_folder, output_interval=1e-4, **options, **given).prepare().run().to_polars()
+        for given in ({"step_multiples": {"lift.controller": 10}}, replaced)
+    )
+    assert other.select(plain.columns).equals(plain)

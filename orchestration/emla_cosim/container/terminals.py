@@ -7,6 +7,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from fmublock.description import format_xml
 
+from ..base.untrusted_xml import parse_xml
 from .plan import ContainerPlan, Library
 from .variables import ContainerVariable
 
@@ -50,13 +51,14 @@ def _read_members(library: Library) -> Iterator[tuple[str, tuple[str, str]]]:
     if content is None:
         return
     try:
-        root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
+        root = parse_xml(content)
     except etree.XMLSyntaxError:
         return
     for terminal in root.iterfind("Terminals/Terminal"):
-        if terminal.get("matchingRule") != "bus":
+        group = terminal.get("name")
+        if terminal.get("matchingRule") != "bus" or not group:
             continue
         for member in terminal.iterfind("TerminalMemberVariable"):
             variable, name = member.get("variableName"), member.get("memberName")
             if variable and name and member.get("variableKind") == "signal":
-                yield variable, (str(terminal.get("name")), name)
+                yield variable, (group, name)

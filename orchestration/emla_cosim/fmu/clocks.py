@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fmpy.model_description import ModelDescription
+
+from ..base.errors import CommandError
+from ..base.untrusted_xml import parse_xml
 
 PERIODIC, COUNTDOWN = ("constant", "fixed", "tunable"), "countdown"
 """Kinds of clocks: periodic ones, and the one whose next tick an event can set at any time."""
@@ -44,25 +48,36 @@ def explain_unsupported_clock(description: ModelDescription) -> str | None:
     return None
 
 
-def read_input_clocks(folder: Path) -> list[InputClock]:
-    """Return the input clocks of an unpacked FMU; fmpy (0.3.32) does not read their intervals.
+def read_input_clocks(folder: Path, path: Path) -> list[InputClock]:
+    """Return the input clocks of an FMU; fmpy (0.3.32) does not read their intervals.
+
+    Args:
+        folder: The folder with the unpacked FMU.
+        path: The FMU, for messages.
 
     Raises:
-        ValueError: If a number cannot be read.
+        CommandError: A number cannot be read.
     """
-    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
-
-    root = etree.parse(str(folder / "modelDescription.xml"), etree.XMLParser(resolve_entities=False))
-    found = []
-    for clock in root.iterfind("ModelVariables/Clock[@causality='input']"):
-        interval = clock.get("intervalDecimal")
-        found.append(
-            InputClock(
-                name=str(clock.get("name")),
-                reference=int(clock.get("valueReference")),
-                kind=str(clock.get("intervalVariability")),
-                interval=None if interval is None else float(interval),
-                shift=float(clock.get("shiftDecimal", "0")),
-            )
+    root = parse_xml((folder / "modelDescription.xml").read_bytes())
+    return [
+        InputClock(
+            name=str(clock.get("name")),
+            reference=int(clock.get("valueReference")),
+            kind=str(clock.get("intervalVariability")),
+            interval=_read_seconds(path, clock, "intervalDecimal"),
+            shift=_read_seconds(path, clock, "shiftDecimal") or 0.0,
         )
-    return found
+        for clock in root.iterfind("ModelVariables/Clock[@causality='input']")
+    ]
+
+
+def _read_seconds(path: Path, clock: Any, attribute: str) -> float | None:
+    """Return a number of a clock's element; None if it is missing."""
+    text = clock.get(attribute)
+    try:
+        return None if text is None else float(text)
+    except ValueError as error:
+        raise CommandError(
+            f"'{path}' is not a valid FMU: {attribute} of its clock '{clock.get('name')}' is '{text}', "
+            "which is no number."
+        ) from error

@@ -17,6 +17,7 @@ from ..base.errors import CommandError, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
+from ..base.untrusted_xml import parse_xml
 from .clocks import explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import WIDE, ElementVariable, is_version_3, split_arrays
@@ -287,10 +288,8 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
 
     fmpy (0.3.32) reads the attribute for differences for types only, and the flag of FMI 2.0 only.
     """
-    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
-
     with zipfile.ZipFile(path) as archive:
-        root = etree.fromstring(archive.read(_DESCRIPTION), etree.XMLParser(resolve_entities=False))
+        root = parse_xml(archive.read(_DESCRIPTION))
     variables = {v.name: v for v in description.modelVariables}
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]

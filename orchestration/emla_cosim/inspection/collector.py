@@ -1,6 +1,6 @@
 """Collect information on an FMU, a package or a scenario."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -106,7 +106,11 @@ def _collect_system(
     )
     used = {file: interfaces[name] for name, file in files.items()}
     places = {file: place for place, file in enumerate(used)}
-    fmus = tuple(read_fmu_info(file, _display_name(file, scenario.unpacked), of) for file, of in used.items())
+    unread = list[str]()
+    fmus = tuple(
+        read_fmu_info(file, _display_name(file, scenario.unpacked), of, unread.append)
+        for file, of in used.items()
+    )
     said = [read_fmu_variables(of) for of in used.values()]
     rows = (
         v
@@ -126,6 +130,7 @@ def _collect_system(
         notes=(
             *scenario.notes,
             *_describe_kinds(wired, interfaces, scenario.options.integrate_together),
+            *unread,
         ),
         fmus=fmus,
         components=tuple(components),
@@ -150,7 +155,8 @@ def _collect_unsupported_fmu(path: Path) -> Info:
     """Return what an FMU that this master cannot run says about itself."""
     interface, reason = _read(path)
     try:
-        fmu = read_fmu_info(path, str(path), interface)
+        unread = list[str]()
+        fmu = read_fmu_info(path, str(path), interface, unread.append)
         name = make_component_name(fmu.model)
         alone, wires = Component(name, fmu=path), ConnectionIndex({}, {}, {})
         rows = VariableRows(alone, interface, read_fmu_variables(interface), wires, runnable=False).all()
@@ -158,7 +164,7 @@ def _collect_unsupported_fmu(path: Path) -> Info:
         raise
     except Exception as error:  # fmpy fails on invalid numbers
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return _collect_single_fmu(name, fmu, reason, rows)
+    return _collect_single_fmu(name, fmu, reason, unread, rows)
 
 
 def _read(path: Path) -> tuple[Interface, str]:
@@ -183,14 +189,14 @@ def _read(path: Path) -> tuple[Interface, str]:
     return interface, reason or wrong
 
 
-def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, rows: list[Any]) -> Info:
+def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, unread: Sequence[str], rows: list[Any]) -> Info:
     return Info(
         name=name,
         description=fmu.description,
         start_time=fmu.start_time,
         stop_time=fmu.stop_time,
         step_size=fmu.step_size,
-        notes=(f"the FMU cannot be run here: it {reason}",),
+        notes=(f"the FMU cannot be run here: it {reason}", *unread),
         fmus=(fmu,),
         components=(ComponentInfo(name, fmu.model, 0),),
         connections=(),

@@ -2,15 +2,19 @@
 
 import math
 import zipfile
-from collections.abc import Iterator
-from contextlib import suppress
+import zlib
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..base.errors import CommandError
 from ..base.files import hash_file
+from ..base.untrusted_xml import parse_xml
 from ..fmu.interface import Interface
 from .info_parts import FmuInfo
+
+_TERMINALS, _LARGEST = "terminalsAndIcons/terminalsAndIcons.xml", 2**24
+"""The file with the terminals, and the largest size in bytes at which it is read."""
 
 _KINDS = {
     "CoSimulation": "coSimulation",
@@ -20,8 +24,18 @@ _KINDS = {
 """The standard's name of an interface type, and fmpy's."""
 
 
-def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
-    """Return the header of an FMU; `shown` names its file. Raise CommandError if it cannot be read."""
+def read_fmu_info(path: Path, shown: str, interface: Interface, remark: Callable[[str], None]) -> FmuInfo:
+    """Return the header of an FMU.
+
+    Args:
+        path: The FMU.
+        shown: What to call its file.
+        interface: Its model description.
+        remark: Takes notes on what cannot be read.
+
+    Raises:
+        CommandError: The FMU cannot be read.
+    """
     said = interface.description
     try:
         content, size, platforms = hash_file(path), path.stat().st_size, _platforms(path)
@@ -46,14 +60,15 @@ def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
         sha256=content,
         size=size,
         capabilities=_capabilities(path),
-        terminals=tuple(_terminals(path)),
+        terminals=_read_terminals(path, remark),
     )
 
 
 def _capabilities(path: Path) -> dict[str, tuple[str, ...]]:
     """Return the flags that are set in the element of each kind."""
-    root = _read_xml(path, "modelDescription.xml")
-    found = {kind: root.find(kind) for kind in _KINDS} if root is not None else {}
+    with zipfile.ZipFile(path) as archive:
+        root = parse_xml(archive.read("modelDescription.xml"))
+    found = {kind: root.find(kind) for kind in _KINDS}
     return {
         kind: tuple(name for name, text in element.attrib.items() if text.strip() in ("true", "1"))
         for kind, element in found.items()
@@ -61,21 +76,26 @@ def _capabilities(path: Path) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _terminals(path: Path) -> Iterator[str]:
-    """Yield the names of all terminals of FMI 3.0."""
-    root = _read_xml(path, "terminalsAndIcons/terminalsAndIcons.xml")
-    for terminal in root.iterfind(".//Terminal") if root is not None else ():
-        parts = [terminal, *terminal.iterancestors("Terminal")]
-        yield ".".join(str(one.get("name", "")) for one in reversed(parts))
+def _read_terminals(path: Path, remark: Callable[[str], None]) -> tuple[str, ...]:
+    """Return the names of all terminals of FMI 3.0; none if the file is missing, or cannot be read."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if _TERMINALS not in archive.namelist():
+                return ()
+            if archive.getinfo(_TERMINALS).file_size > _LARGEST:
+                remark(f"{_TERMINALS} of '{path}' is larger than {_LARGEST // 2**20} MiB and was not read")
+                return ()
+            root = parse_xml(archive.read(_TERMINALS))
+    except (OSError, RuntimeError, EOFError, zlib.error, zipfile.BadZipFile, SyntaxError) as error:
+        remark(f"{_TERMINALS} of '{path}' cannot be read: {error}")
+        return ()
+    return tuple(map(_full_name, root.iterfind(".//Terminal")))
 
 
-def _read_xml(path: Path, name: str) -> Any:
-    """Return the root element of a file in the archive; None if it is missing or no XML."""
-    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
-
-    with zipfile.ZipFile(path) as archive, suppress(KeyError, etree.XMLSyntaxError):
-        return etree.fromstring(archive.read(name), etree.XMLParser(resolve_entities=False, no_network=True))
-    return None
+def _full_name(terminal: Any) -> str:
+    """Return the name of a terminal, after those that contain it."""
+    parts = [terminal, *terminal.iterancestors("Terminal")]
+    return ".".join(str(one.get("name", "")) for one in reversed(parts))
 
 
 def _platforms(path: Path) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..base.untrusted_xml import parse_xml
 from .subject import Subject
 
 BUILD_DESCRIPTION = "sources/buildDescription.xml"
@@ -18,7 +19,7 @@ def read_build_description(subject: Subject) -> Any:
     path = subject.folder / BUILD_DESCRIPTION
     if not path.is_file():
         return None
-    return etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True))
+    return parse_xml(path.read_bytes())
 
 
 def list_source_files(subject: Subject) -> list[str]:

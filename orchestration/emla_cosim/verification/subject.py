@@ -10,8 +10,8 @@ from typing import Any
 
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..base.untrusted_xml import parse_xml
 from ..fmu.elements import split_arrays
 from ..fmu.interface import Interface
 from ..fmu.shared_library import find_library
@@ -57,9 +57,8 @@ class Subject:
     @cached_property
     def tree(self) -> Any:
         """The root element of the model description."""
-        parser = etree.XMLParser(resolve_entities=False, no_network=True)
         with zipfile.ZipFile(self.path) as archive:
-            return etree.fromstring(archive.read(DESCRIPTION), parser)
+            return parse_xml(archive.read(DESCRIPTION))
 
     @property
     def version(self) -> int:

@@ -47,7 +47,7 @@ class ClockSchedule:
                 if interval is None:
                     interval, shift = self._ask(fmu, i)[0], self._ask_shift(fmu, i)
                 self._check(clock, interval, interval > 0.0)
-                self._check(clock, shift, shift >= 0.0)
+                self._check(clock, shift, shift >= 0.0, "shift")
                 self._known[i] = start_time + shift, start_time + shift, 0.0, interval
             else:
                 self._known[i] = math.inf
@@ -97,6 +97,6 @@ class ClockSchedule:
     def _reference(self, i: int) -> Any:
         return (ctypes.c_uint32 * 1)(self.clocks[i].reference)
 
-    def _check(self, clock: InputClock, value: float, fits: bool) -> None:
+    def _check(self, clock: InputClock, value: float, fits: bool, what: str = "interval") -> None:
         if not (fits and math.isfinite(value)):
-            raise ValueError(f"its clock {clock.name} has the interval {value:g} s")
+            raise ValueError(f"its clock {clock.name} has the {what} {value:g} s")

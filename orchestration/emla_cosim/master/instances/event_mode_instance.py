@@ -81,7 +81,7 @@ class EventModeInstance(InProcessInstance):
             "earlyReturnAllowed": _returns_early(file),
         }
         super().__init__(name, file, inputs, outputs, log, number)
-        clocks = read_input_clocks(file.folder) if self._uses_event_mode else []
+        clocks = read_input_clocks(file.folder, file.path) if self._uses_event_mode else []
         belongs_to_clock = np.array([is_clocked(v) for v in self.read], dtype=bool)
         is_discrete = ~self.continuous_inputs & self._uses_event_mode & ~belongs_to_clock
         self._continuous = np.flatnonzero(~is_discrete & ~belongs_to_clock)

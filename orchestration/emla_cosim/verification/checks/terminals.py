@@ -5,6 +5,7 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ...base.untrusted_xml import parse_xml
 from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
@@ -50,7 +51,7 @@ def terminals(subject: Subject) -> CheckOutcome:
     if not path.is_file():
         return skipped("It has no description of terminals and icons.")
     try:
-        root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True))
+        root = parse_xml(path.read_bytes())
     except etree.XMLSyntaxError as error:
         return failed(shorten_sentence(f"{_FILE} cannot be read: {str(error).rstrip('.')}."))
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):

@@ -10,6 +10,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from fmublock.recipe import RELATED, RELATED_LIST
 
 from ...base.errors import CommandError
+from ...base.untrusted_xml import parse_xml
 
 
 def find_related_result(unpacked: Path) -> Path | None:
@@ -26,9 +27,8 @@ def find_related_result(unpacked: Path) -> Path | None:
     listed = unpacked / RELATED_LIST
     if not listed.is_file():
         return None
-    parser = etree.XMLParser(resolve_entities=False, no_network=True)
     try:
-        root = etree.parse(str(listed), parser).getroot()
+        root = parse_xml(listed.read_bytes())
     except (etree.XMLSyntaxError, OSError) as error:
         raise CommandError(f"'{RELATED_LIST}' is not valid XML: {error}.") from error
     inside = unpacked.resolve()

@@ -13,6 +13,7 @@ from typing import Any
 import fmpy
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ...base.untrusted_xml import parse_xml
 from ..compiler import find_inside, run_compiler
 from ..subject import Subject
 
@@ -82,7 +83,7 @@ def _read_configuration(subject: Subject, kind: str, path: Path) -> Any:
     """Return the element of the build description for the model identifier of a kind."""
     wanted = subject.tree.find(kind).get("modelIdentifier")
     with suppress(etree.XMLSyntaxError, OSError):
-        root = etree.parse(str(path), etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+        root = parse_xml(path.read_bytes())
         found = root.findall("BuildConfiguration")
         mine = [e for e in found if e.get("modelIdentifier") == wanted]
         platforms = (fmpy.platform_tuple, fmpy.platform, None)
