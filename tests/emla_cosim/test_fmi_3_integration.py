@@ -9,13 +9,12 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from fmpy import simulate_fmu
 
 import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError, RunError
 from fmublock import Block, Input, Output, State
-from tests.emla_cosim.test_integration import SOURCE, bouncing
+from tests.emla_cosim.test_integration import SOURCE, assert_is_that_of_fmpy, bouncing
 from tests.support.handwritten_fmu import build_handwritten_fmu
 
 SOURCE_3 = SOURCE.parents[1] / "integrated3" / "integrated3.c"
@@ -84,16 +83,7 @@ def test_time_state_and_step_events_have_the_same_bits(integrator: str, fmus: Fm
 def test_agrees_with_fmpy(fmus: Fmus) -> None:
     step, stop = 0.017, 50 * 0.017
     found = run(fmus[3], step_size=step, output_interval=step, stop_time=stop, fmi_tolerance=1e-7)
-    theirs = simulate_fmu(
-        str(fmus[3]),
-        fmi_type="ModelExchange",
-        stop_time=stop,
-        output_interval=step,
-        relative_tolerance=1e-10,
-        record_events=False,
-    )
-    for name in ("x", "h"):
-        assert found[f"Integrated.{name}"] == pytest.approx(theirs[name], abs=1e-6)
+    assert_is_that_of_fmpy(found, fmus[3], step, stop)
 
 
 @pytest.mark.parametrize(
