@@ -48,6 +48,7 @@ def test_an_fmu_with_clocks_is_not_called(tmp_path: Path) -> None:
     (one,) = ec.verify(build(tmp_path), only=["instance.created", "run"]).examined
     assert one["run.completes"].verdict == Verdict.SKIPPED
     assert any("It has Clocks" in text for text in one.not_examined)
+    assert not one.passed and any("It has Clocks" in text for text in one.objections)
 
 
 def test_sources_of_fmi_3_are_not_built_with_sanitizers_and_that_is_said(tmp_path: Path) -> None:

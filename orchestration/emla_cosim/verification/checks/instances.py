@@ -14,7 +14,7 @@ from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_insta
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, Verdict, blocked, failed, fmi3, noted, passed, skipped, warned
 from ._sameness import compare_runs
 
 _SEVERAL = Clause(
@@ -53,7 +53,7 @@ _FREED = Clause(
 def created(subject: Subject) -> CheckOutcome:
     """Check that fmi2Instantiate returns an instance and fmi2FreeInstance frees it."""
     if subject.version == 3 and (reason := _explain_not_run(subject)):
-        return skipped(reason, gaps=(reason,))
+        return blocked(reason)
     HostedInstance(subject).free()
     return passed("An instance was created and freed.")
 
