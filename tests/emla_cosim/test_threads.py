@@ -330,6 +330,19 @@ def test_the_faster_way_is_taken_and_asked_again(monkeypatch: pytest.MonkeyPatch
     assert driven(1e-6, 1e-5, [6e-6, 6e-6]) == [1, 1]  # too short to be looked at
 
 
+def test_short_runs_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    kernel = FakeKernel(1e-6)
+    algorithm = begun(chains(2, [], slow(1e-4)), Jacobi(), TIMES)
+    found = Sharing(kernel, algorithm, None)  # type: ignore[arg-type]
+    for _ in range(9):  # 90 ms
+        found.did(1, 1e-2)
+        assert not found.observing
+    for _ in range(3):
+        found.did(1, 1e-2)
+    assert found.observing
+
+
 def test_costs_are_measured_again_when_steps_take_another_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "count_cores", lambda: 2)
     kernel = FakeKernel(1e-6)

@@ -25,6 +25,9 @@ WORTH = 1e-5
 BETTER = 0.97
 """An additional lane, or a switch between one thread and several, must shorten a step by this factor."""
 
+_FIRST = 0.1
+"""Time in s that a run takes before threads are considered: to find out costs as much as a short run."""
+
 _PROBE = 0.005
 """Duration of a measurement in s."""
 
@@ -117,7 +120,7 @@ class Sharing:
 
     def _use_threads_if_faster(self) -> _Course:
         """Use threads while they are faster. Measure the costs again if steps take another time."""
-        yield _PROBE  # the first steps are longer than others
+        yield _FIRST
         while True:
             self._kernel.together, self._size = False, 1
             alone = yield _PROBE
