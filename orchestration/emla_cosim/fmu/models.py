@@ -253,7 +253,9 @@ def _recipe(
         if not isinstance(model, str):
             return Recipe.of(model, flavour, disclosure=disclosure, fmi=fmi, clock=clock)
         complete = disclosure is None or disclosure.has_sources
-        documents = _documents(model) if complete else Documents(license=license_text())
+        documents = (
+            _documents(model, has_results=clock is None) if complete else Documents(license=license_text())
+        )
         return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi, clock)
     except (DisclosureError, VersionError) as error:
         name = model if isinstance(model, str) else model.__name__
@@ -267,12 +269,13 @@ def producer(license_name: str | None = None) -> Producer:
     return Producer("EMLA-Cosim fmublock", version("emla-cosim"), license_name)
 
 
-def _documents(model: str) -> Documents:
+def _documents(model: str, has_results: bool) -> Documents:
+    """Return the documents of a model; its results are those of steps, not of the ticks of a clock."""
     folder = documents_root() / "fmus" / model
     related = [
         RelatedFile(path.name, path.read_text(encoding="utf-8"), role, type_, f"{description} of {model}")
         for kind, (role, type_, description) in _REFERENCES.items()
-        if (path := folder / f"{model}_{kind}").is_file()
+        if has_results and (path := folder / f"{model}_{kind}").is_file()
     ]
     readme = (folder / "README.md").read_text(encoding="utf-8")
     return Documents(readme=readme, license=license_text(), related=tuple(related))

@@ -12,6 +12,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.untrusted_xml import parse_xml
+from ..fmu.clocks import InputClock, read_input_clocks
 from ..fmu.elements import split_arrays
 from ..fmu.interface import Interface
 from ..fmu.shared_library import find_library
@@ -94,6 +95,18 @@ class Subject:
     def interface(self) -> Interface:
         """Variables and units by name."""
         return Interface(self.description)
+
+    @cached_property
+    def has_clocks(self) -> bool:
+        """Whether the FMU has Clocks."""
+        return self.version == 3 and self.tree.find("ModelVariables/Clock") is not None
+
+    @cached_property
+    def input_clocks(self) -> list[InputClock]:
+        """The Clocks that a host ticks. Needs `description.schema`."""
+        if self.version != 3:
+            return []
+        return read_input_clocks(self.folder, self.path)
 
     @property
     def variables(self) -> dict[str, ModelVariable]:

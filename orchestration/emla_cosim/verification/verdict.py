@@ -69,6 +69,10 @@ RETURNS = Clause(
 """A function that crashes, ends the process or never returns violates this clause."""
 
 
+class NotRunError(Exception):
+    """A check cannot run, although nothing is wrong with the FMU. The message is a sentence."""
+
+
 @dataclass(frozen=True)
 class CheckOutcome:
     """The verdict and message of a check.

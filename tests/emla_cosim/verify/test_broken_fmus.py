@@ -15,6 +15,7 @@ from emla_cosim.verification.findings import Examined, Finding
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
+from tests.support.broken.clocked import CLOCKED, INTERVAL
 from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.static import STATIC
@@ -66,9 +67,9 @@ def good(tmp_path_factory: Folders) -> dict[str, Examined]:
     folder = tmp_path_factory.mktemp("good")
     (folder / "Toy.fmu").write_bytes(good_bytes())
     (folder / "Toy3.fmu").write_bytes(good_bytes(fmi=3))
-    report = ec.verify(
-        [folder / "Toy.fmu", folder / "Toy3.fmu", build_good_fmu(folder), build_wide_fmu(folder)]
-    )
+    (folder / "Clocked.fmu").write_bytes(good_bytes(fmi=3, clock=INTERVAL))
+    names = ("Toy.fmu", "Toy3.fmu", "Clocked.fmu")
+    report = ec.verify([*(folder / name for name in names), build_good_fmu(folder), build_wide_fmu(folder)])
     return {one.path.stem: one for one in report.examined}
 
 
@@ -115,7 +116,7 @@ def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
     """The toy draws its noise once per step, so that half steps and Model Exchange differ; that is said."""
     told = {name: [f.check for f in one.findings if _is_told(f)] for name, one in good.items()}
     noisy = ["steps.split", "model_exchange.agrees"]
-    assert told == {"Toy": noisy, "Toy3": noisy, "Good": [], "Wide": []}
+    assert told == {"Toy": noisy, "Toy3": noisy, "Clocked": [], "Good": [], "Wide": []}
     assert not any(one.of(Verdict.FAILED) for one in good.values())
 
 
@@ -145,7 +146,15 @@ def test_one_fault_is_told_by_no_other_check(
 ) -> None:
     found = asked_all[broken.name]
     before = good[
-        "Toy3" if broken in THIRD else "Toy" if broken in STATIC else "Wide" if broken in WIDE else "Good"
+        "Clocked"
+        if broken in CLOCKED
+        else "Toy3"
+        if broken in THIRD
+        else "Toy"
+        if broken in STATIC
+        else "Wide"
+        if broken in WIDE
+        else "Good"
     ]
     told = {
         f.check: f.sentence

@@ -17,15 +17,15 @@ Files = dict[str, bytes]
 
 
 @cache
-def good_bytes(fmi: int = 2) -> bytes:
-    """An FMU that passes all checks: the toy, for Co-Simulation and Model Exchange of a version of FMI."""
+def good_bytes(fmi: int = 2, clock: float | None = None) -> bytes:
+    """An FMU that passes all checks: the toy, for both kinds of a version of FMI, or with a clock."""
     with tempfile.TemporaryDirectory() as folder:
-        return build_toy("native", Path(folder, "Toy.fmu"), fmi=fmi).read_bytes()
+        return build_toy("native", Path(folder, "Toy.fmu"), fmi=fmi, clock=clock).read_bytes()
 
 
-def good_files(fmi: int = 2) -> Files:
+def good_files(fmi: int = 2, clock: float | None = None) -> Files:
     """What is in it, by path."""
-    return read_files(good_bytes(fmi))
+    return read_files(good_bytes(fmi, clock))
 
 
 def read_files(content: bytes) -> Files:
@@ -43,11 +43,13 @@ def written(path: Path, files: Iterable[tuple[str | zipfile.ZipInfo, bytes]]) ->
     return path
 
 
-def with_files(edit: Callable[[Files], object], fmi: int = 2) -> Callable[[Path], Path]:
+def with_files(
+    edit: Callable[[Files], object], fmi: int = 2, clock: float | None = None
+) -> Callable[[Path], Path]:
     """Builds the good FMU with files that `edit` changed."""
 
     def build(folder: Path) -> Path:
-        files = good_files(fmi)
+        files = good_files(fmi, clock)
         edit(files)
         return written(folder / "Toy.fmu", files.items())
 

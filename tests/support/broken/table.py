@@ -7,6 +7,7 @@ import re
 
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
+from tests.support.broken.clocked import CLOCKED
 from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
@@ -15,7 +16,7 @@ from tests.support.broken.third import THIRD
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD]
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *CLOCKED]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

@@ -53,21 +53,13 @@ def _renamed_platform(files: Files) -> None:
     files[LIBRARY.replace(fmpy.platform_tuple, fmpy.platform)] = files.pop(LIBRARY)
 
 
-def with_function(name: str, declaration: str, body: str) -> Callable[[Path], Path]:
+def with_function(
+    name: str, declaration: str, body: str, clock: float | None = None
+) -> Callable[[Path], Path]:
     """Builds the FMU with another function in place of one, which it can call as `original`."""
 
     def edit(files: Files) -> None:
-        source = files["sources/fmi3_block.c"].decode()
-        head, _, rest = source.partition('#include "fmi3_types.h"')
-        assert rest
-        other = f"FMI3_Export {declaration} {{ {body} }}" if declaration else ""
-        text = f"""{head}
-#undef {name}
-#define {name} original
-#include "fmi3_types.h"{rest}
-#undef {name}
-{other}
-"""
+        text = _replace_function(files, name, declaration, body)
         with tempfile.TemporaryDirectory() as folder:
             for path, content in files.items():
                 if path.startswith("sources/"):
@@ -75,7 +67,30 @@ def with_function(name: str, declaration: str, body: str) -> Callable[[Path], Pa
             (block := Path(folder, "fmi3_block.c")).write_text(text)
             files[LIBRARY] = compile_library(block, {"FMI3_OVERRIDE_FUNCTION_PREFIX": 1})
 
-    return _files(edit)
+    return _files(edit, clock=clock)
+
+
+def with_source(name: str, declaration: str, body: str, clock: float | None = None) -> Callable[[Path], Path]:
+    """Builds the FMU with another function in its sources, but not in its library."""
+
+    def edit(files: Files) -> None:
+        files["sources/fmi3_block.c"] = _replace_function(files, name, declaration, body).encode()
+
+    return _files(edit, clock=clock)
+
+
+def _replace_function(files: Files, name: str, declaration: str, body: str) -> str:
+    """Return the source file with another function in place of one; without a declaration, it has none."""
+    head, _, rest = files["sources/fmi3_block.c"].decode().partition('#include "fmi3_types.h"')
+    assert rest
+    other = f"FMI3_Export {declaration} {{ {body} }}" if declaration else ""
+    return f"""{head}
+#undef {name}
+#define {name} original
+#include "fmi3_types.h"{rest}
+#undef {name}
+{other}
+"""
 
 
 def _remove_time(root: etree._Element) -> None:
@@ -93,9 +108,13 @@ _DO_STEP = (
     "fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *reached)"
 )
 _STEP = "fmi3Status status = original(c, t, h, no, event, end, early, reached);"
-_GET = (
+GET_FLOAT64 = (
     "fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 v[], "
     "size_t m)"
+)
+_SET = (
+    "fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n, "
+    "const fmi3Float64 v[], size_t m)"
 )
 _DERIVE = (
     "fmi3Status {}(fmi3Instance c, const fmi3ValueReference u[], size_t nu, const fmi3ValueReference k[], "
@@ -237,7 +256,7 @@ THIRD: list[Broken] = [
         "third-unknown-reference",
         "values of variables that do not exist are returned",
         "calls.arguments",
-        with_function("fmi3GetFloat64", _GET, "original(c, r, n, v, m); return fmi3OK;"),
+        with_function("fmi3GetFloat64", GET_FLOAT64, "original(c, r, n, v, m); return fmi3OK;"),
         verdict=Verdict.WARNING,
     ),
     Broken(
@@ -263,6 +282,34 @@ THIRD: list[Broken] = [
         "an adjoint derivative that is wrong by half",
         "derivatives.adjoint",
         with_function("fmi3GetAdjointDerivative", _DERIVE.format("fmi3GetAdjointDerivative"), _SCALED),
+    ),
+    Broken(
+        "third-overrun",
+        "FMI 3.0: `fmi3SetFloat64` writes behind allocated memory",
+        "sanitizer.address",
+        with_source(
+            "fmi3SetFloat64",
+            _SET,
+            "double *copy = malloc(m * sizeof *copy); for (size_t i = 0; i <= m; i++) copy[i] = 1.0; "
+            "m += copy[m] < 0.0; free(copy); return original(c, r, n, v, m);",
+        ),
+    ),
+    Broken(
+        "third-leak",
+        "FMI 3.0: each step leaves memory behind",
+        "sanitizer.leaks",
+        with_source("fmi3DoStep", _DO_STEP, f"{_STEP} *(char *)malloc(40) = 0; return status;"),
+    ),
+    Broken(
+        "third-shift",
+        "FMI 3.0: an int is shifted by 32 bits",
+        "sanitizer.undefined",
+        with_source(
+            "fmi3DoStep",
+            _DO_STEP,
+            f"static int bits = 32; {_STEP} if ((1 << bits) == 3) status = fmi3Error; return status;",
+        ),
+        verdict=Verdict.WARNING,
     ),
     Broken(
         "third-element",

@@ -19,19 +19,14 @@ from ...fmu.log import FmuLog
 from .clock_schedule import SIZE, ClockSchedule
 from .clocked_variables import ClockedVariables, belongs, is_clocked
 from .discrete_states import update_discrete_states
+from .event_stepping import NEXT, DiscreteUpdate, EventStepping
 from .fmu_instance import EndRequestedError, EntryPoints, InstanceError, ObservedGroup
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues, ValueRangeError
 
-SAME_TIME = 1e-9
-"""Times that differ by less than this part of a step are the same."""
-
-MOST_UPDATES = 1000
-"""The largest number of updates of discrete states at one time, and of returns from `fmi3DoStep`."""
-
-_NEXT, _END, _PASSED = 0, 1, 2
-"""Positions in the memory of an instance: next time event in s, time at which the FMU asked for the end
-(NaN if it did not), and the discrete inputs that the FMU has. The clocks and their variables follow."""
+_PASSED = 2
+"""Position of the discrete inputs that the FMU has in the memory, after what `EventStepping` keeps.
+The clocks and their variables follow."""
 
 
 class SavedState(NamedTuple):
@@ -55,7 +50,7 @@ def _returns_early(file: FmuFile) -> bool:
     )
 
 
-class EventModeInstance(InProcessInstance):
+class EventModeInstance(InProcessInstance, EventStepping):
     """One instance of an FMU that uses event mode if the FMU has it, and lets its steps end early.
 
     A step ends at the time that was asked for: after an event before it, the rest follows as another
@@ -108,7 +103,7 @@ class EventModeInstance(InProcessInstance):
         """Enter initialization mode; times in s, None without a fixed stop time."""
         self._time = start_time
         self._memory[:] = math.nan
-        self._memory[_NEXT] = math.inf
+        self._memory[NEXT] = math.inf
         self._set_by_hand.clear()
         super().enter_initialization(start_time, stop_time)
 
@@ -175,26 +170,9 @@ class EventModeInstance(InProcessInstance):
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s, and handle the events in between and at the end."""
-        self._present.time = self._time = time
-        memory, end = self._memory, time + step
-        if not math.isnan(memory[_END]):
-            raise self._end("updateDiscreteStates", memory[_END])
-        near = max(SAME_TIME * step, 4.0 * math.ulp(end))
-        if not np.array_equal(self._passed, self.inputs[self._discrete]):
-            self._handle_event(near)
-        standing = 0
-        while True:
-            reached, has_event = self._advance(self._next_stop(end, near) - self._time)
-            standing = standing + 1 if reached <= self._time + near else 0
-            if standing > MOST_UPDATES:
-                raise self._stuck("doStep returned early", standing)
-            self._time = end if reached >= end - near else reached
-            if has_event or self._time >= self._next_event() - near:
-                self._handle_event(near)
-            if self._time == end:
-                return
-            if not math.isnan(memory[_END]):
-                raise self._end("updateDiscreteStates", memory[_END])
+        self._present.time = time
+        has_new_inputs = not np.array_equal(self._passed, self.inputs[self._discrete])
+        self._step_with_events(time, step, has_new_inputs)
 
     def save(self, state: Any = None) -> Any:
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
@@ -227,20 +205,6 @@ class EventModeInstance(InProcessInstance):
         """Return none, as for `entry_points`."""
         return []
 
-    def _next_stop(self, end: float, near: float) -> float:
-        """Return the time to which the next step of the FMU goes."""
-        tick, following = self._schedule.next(), self._next_event()
-        if tick < end - near and not self.varies_step:
-            raise RunError(
-                f"a clock of {self.name} ticks at t = {tick:.9g} s, within a step, and the FMU cannot vary "
-                "its step size. Use a step size that divides the interval of the clock."
-            )
-        return following if self.varies_step and self._time + near < following < end - near else end
-
-    def _next_event(self) -> float:
-        """Return the time of the next time event or tick, in s."""
-        return min(float(self._memory[_NEXT]), self._schedule.next())
-
     def _advance(self, step: float) -> tuple[float, bool]:
         """Do one step of the FMU; return the time that it has reached, and whether it needs event mode."""
         time, call = self._time, f"doStep at t = {self._time:.9g} s"
@@ -256,14 +220,10 @@ class EventModeInstance(InProcessInstance):
             raise InstanceError(self.name, call, f"lastSuccessfulTime = {reached:.9g}", self.messages())
         return (reached if is_early else time + step), needs_event
 
-    def _handle_event(self, near: float) -> None:
-        """Pass the discrete inputs, tick clocks up to `near` s after now, and compute the discrete states."""
-        self._enter_event_mode()
+    def _pass_discrete_inputs(self) -> None:
         if len(self._discrete):
             self._set(self._set_discrete, self._discrete)
             self._passed[:] = self.inputs[self._discrete]
-        self._update_discrete_states(near)
-        self._leave_event_mode()
 
     def _enter_event_mode(self) -> None:
         with self.calling():
@@ -273,21 +233,12 @@ class EventModeInstance(InProcessInstance):
         with self.calling():
             self.fmu.enterStepMode()
 
-    def _update_discrete_states(self, near: float) -> None:
-        """Tick clocks, and update the discrete states until the FMU needs no more of it."""
-        for _ in range(MOST_UPDATES):
-            due = [*self._schedule.due(self._time + near)]
-            if due:
-                self._tick([self._schedule.clocks[i].reference for i in due])
-            update = update_discrete_states(self, self._time)
-            self._memory[_NEXT] = update.next_event
-            if update.ends:
-                self._memory[_END] = self._time
-            with self._checked_intervals():
-                self._schedule.advance(self.fmu, due, self._time)
-            if not update.needs_more and not len(self._schedule.due(self._time + near)):
-                return
-        raise self._stuck("updateDiscreteStates needed another update", MOST_UPDATES)
+    def _update(self) -> DiscreteUpdate:
+        return update_discrete_states(self, self._time)
+
+    def _find_ticks(self, ticked: Sequence[int]) -> None:
+        with self._checked_intervals():
+            self._schedule.advance(self.fmu, ticked, self._time)
 
     def _tick(self, clocks: Sequence[int]) -> None:
         """Activate clocks, set their inputs, and read their variables."""
@@ -344,6 +295,12 @@ class EventModeInstance(InProcessInstance):
             raise self._range_error(error) from error
         if status not in FINE:
             raise self.error("setting inputs", status)
+
+    def _missed(self, tick: float) -> RunError:
+        return RunError(
+            f"a clock of {self.name} ticks at t = {tick:.9g} s, within a step, and the FMU cannot vary "
+            "its step size. Use a step size that divides the interval of the clock."
+        )
 
     def _end(self, call: str, time: float) -> InstanceError:
         at = f"{call} at t = {time:.9g} s"

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from ctypes import c_double, c_uint
+from ctypes import c_bool, c_double, c_uint
 from typing import NamedTuple
 
 import numpy as np
@@ -110,7 +110,7 @@ def phases(subject: Subject) -> CheckOutcome:
 
 def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
     """Return the number of calls, and those that returned fmi2OK."""
-    calls = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
+    calls = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject), *_clocks(subject)]
     calls = [f for f in calls if subject.version == 2 or f.call is not _set_up]
     accepted = [f"{f.function} {f.phase}" for f in calls if in_separate_process(_answer, subject, f) in FINE]
     return len(calls), accepted
@@ -123,6 +123,14 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
         values = {variable.name: parse_number(variable.start, 0.0)}
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
         yield _Forbidden(_AFTER, name, lambda i, v=values: i.set_status(v))
+
+
+def _clocks(subject: Subject) -> Iterator[_Forbidden]:
+    """Yield the call that makes a Clock tick in step mode, if there is one."""
+    for clock in subject.input_clocks[:1]:
+        reference, active = (c_uint * 1)(clock.reference), (c_bool * 1)(True)
+        name = f"fmi3SetClock of {clock.name} in step mode"
+        yield _Forbidden(_AFTER, name, lambda i, r=reference, a=active: i.status("fmi3SetClock", r, 1, a))
 
 
 def _answer(subject: Subject, forbidden: _Forbidden) -> int:

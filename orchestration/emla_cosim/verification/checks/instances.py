@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...fmu.clocks import explain_unsupported_clock
 from ..check import check
 from ..host.experiment import Experiment, make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
@@ -62,8 +63,14 @@ def _explain_not_run(subject: Subject) -> str:
     """Return why an FMU of FMI 3.0 is not called; empty if it is."""
     if subject.kinds[0] == "ScheduledExecution":
         return "It is for Scheduled Execution only, which is not run."
-    if any(v.type == "Clock" for v in subject.declared.variables):
-        return "It has Clocks, which need a host with event mode: such FMUs are not run."
+    if not subject.has_clocks:
+        return ""
+    if subject.kinds[0] != "CoSimulation":
+        return "It has Clocks, and is for Model Exchange only: such FMUs are not run."
+    if not subject.has_flag("hasEventMode"):
+        return "It has Clocks, but no event mode, which they need."
+    if (reason := explain_unsupported_clock(subject.read_description())) is not None:
+        return f"It {reason}."
     return ""
 
 

@@ -8,6 +8,8 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, own_rule, passed, skipped
 from ._sameness import differing
 
+_WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is examined."
+
 
 @check(
     "model_exchange.runs",
@@ -29,6 +31,8 @@ def runs(subject: Subject) -> CheckOutcome:
     """Check that the model can be initialized, integrated with events, terminated and freed."""
     if "ModelExchange" not in subject.kinds:
         return skipped("The FMU is not for Model Exchange.")
+    if subject.has_clocks:
+        return skipped(_WITH_CLOCKS, gaps=(_WITH_CLOCKS,))
     instance, course = HostedInstance(subject, kind="ModelExchange"), make_experiment(subject)
     found = run_instance(instance, course)
     instance.close()

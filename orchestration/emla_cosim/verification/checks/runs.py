@@ -11,6 +11,7 @@ from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
+from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
 from ._sameness import compare_runs
@@ -46,11 +47,13 @@ def completes(subject: Subject) -> CheckOutcome:
     if instance.terminated:
         said = f"It asked to end the run after {done} of {steps} steps of {course.step:g} s."
         return noted(said, figures={"steps": steps})
-    whole, gaps = span(subject)[2], ()
+    whole, gaps = span(subject)[2], tuple[str, ...]()
     if done < steps:
         gaps = (f"Runs end after {done} of {whole} steps: more of them take longer than {limit:g} s.",)
     elif done < whole:
         gaps = (f"Runs end after {done} of the {whole} steps of the default experiment.",)
+    if instance.events is not None and (idle := instance.events.list_idle_clocks()):
+        gaps += (f"{join_few_names(idle)} did not tick, so that what belongs to it was not examined.",)
     said = f"{done} steps of {course.step:g} s were completed."
     return passed(said, figures={"steps": done}, gaps=gaps)
 
@@ -70,6 +73,9 @@ def finite(subject: Subject) -> CheckOutcome:
     """Check that no output is NaN or infinite while calls return fmi2OK."""
     found = run_instance(HostedInstance(subject), make_experiment(subject))
     wrong = ~np.isfinite(found.values)
+    for column, name in enumerate(found.names):
+        if subject.variables[name].clocks and not wrong[:, column].all():  # it may begin with the first tick
+            wrong[: int(np.argmin(wrong[:, column])), column] = False
     if wrong.any():
         k = int(np.argmax(wrong.any(axis=1)))
         name = found.names[int(np.argmax(wrong[k]))]

@@ -248,9 +248,11 @@ def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
 )
 def state(subject: Subject) -> CheckOutcome:
     """Check that restoring a state restores values that were changed after it was saved."""
-    changes = others(settable(subject, "parameter", "input", tunable=True))
+    changes = others(v for v in settable(subject, "parameter", "input", tunable=True) if not v.clocks)
     if lost := _lost_parameters(subject):
         return judge_problems(lost, "")
+    if not changes and subject.has_clocks:
+        return skipped("Its inputs and tunable parameters cannot be read outside of ticks.")
     if not changes:
         return skipped("It has no tunable parameter and no input with another valid value.")
     answers = where_accepted(_after_restoring, subject, changes)
@@ -273,7 +275,7 @@ def state(subject: Subject) -> CheckOutcome:
                 "the state was saved."
                 for name in differences(other, changed, settled)
             ]
-    gaps = _not_judged(subject, moved, tunable=True)
+    gaps = () if subject.has_clocks else _not_judged(subject, moved, tunable=True)
     return judge_problems(
         problems, f"{count} values that were changed were restored with a state.", gaps=gaps
     )
@@ -318,7 +320,8 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
 def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:
     """Return values when a state is saved, after changes, after it is restored; and the changed state."""
     start, step, _ = span(subject)
-    outputs = [v.name for v in subject.description.modelVariables if v.causality == "output"][:MOST]
+    found = subject.description.modelVariables
+    outputs = [v.name for v in found if v.causality == "output" and not v.clocks][:MOST]
     names = list(dict.fromkeys([*changes, *outputs]))
     instance = HostedInstance(subject)
     instance.initialize(None, start)

@@ -1,7 +1,7 @@
 """One instance of an FMU. Every call is noted before and checked after."""
 
 import time as clock
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint
 from typing import Any
 
@@ -14,15 +14,14 @@ from ...fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, 
 from ...fmu.log import LogLine
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import Clause, fmi3
+from ..verdict import Clause
 from .arrays import Arrays, ElementDependency, ElementLayout, get_elements, set_elements
+from .event_mode import EARLY, EventState, HostedEvents, RunEndedError
 from .integration import Integration
 from .log import LOG, format_message
 
-_EARLY = fmi3(
-    "4.2.1",
-    "earlyReturn = fmi3True is only allowed if earlyReturnAllowed = fmi3True in fmi3InstantiateCoSimulation.",
-)
+RETURNS_EARLY = "mightReturnEarlyFromDoStep"
+"""The flag of FMUs whose steps can end before their end."""
 
 _LARGEST_STATE = 2**28
 """Largest plausible size of a state in bytes."""
@@ -55,8 +54,17 @@ def _rebuild_error(sentence: str, call: str, status: int, clause: Clause | None 
     return error
 
 
+class SerializedState(bytes):
+    """The bytes of a state, with what is known of the instance beside it."""
+
+    events: EventState | None = None
+
+
 class HostedInstance(FmiInstance):
     """An instance, from its instantiation until `close`. Its name must be unique in the process.
+
+    FMUs with Clocks use event mode: clocked variables are set at the next tick of their Clocks, and have the
+    values of the last one.
 
     `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
     after the FMU asked to end the run. `claim` is what a step said that no host without event mode expects,
@@ -75,16 +83,19 @@ class HostedInstance(FmiInstance):
         kind: str | None = None,
         logging: bool = False,
         guid: str | None = None,
-        events: bool = False,
-        early: bool = False,
+        events: bool | None = None,
+        early: bool | None = None,
     ) -> None:
         """Load the library and instantiate. Raise CallError on failure.
 
-        `events` and `early` let an FMU of FMI 3.0 use event mode, and return early from steps.
+        `events` and `early` let an FMU of FMI 3.0 use event mode, and return early from steps. By default,
+        one with Clocks does as it declares.
         """
         self.subject, self.name = subject, name
-        self._events, self._early = events, early
         self.kind = kind or subject.kinds[0]
+        ticks = self.kind == "CoSimulation" and subject.has_clocks
+        self._uses_events = ticks if events is None else events
+        self._returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
         library = subject.library(self.kind)
         note("loading its library")
         try:
@@ -104,14 +115,20 @@ class HostedInstance(FmiInstance):
         self.fmu.instance, self.fmu.instanceName = self, name
         self._is_3, self._arrays = subject.version == 3, Arrays()
         self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
+        self.events: HostedEvents | None = None
+        """What steps the instance with event mode or early returns, if it does."""
+        if self._uses_events or self._returns:
+            self.events = HostedEvents(self, self._uses_events, self._returns)
+        self._known: dict[int | None, EventState] = {}
+        """What was known when a state was saved, by the address of the state."""
+        self._start = 0.0
         self.instantiate(logging)
 
     def instantiate(self, logging: bool = False) -> None:
         """Instantiate again after `free`, with the loaded library."""
-        self.terminated = False
-        self._arrays.clear()
+        self._forget()
         try:
-            if self._is_3 and (self._events or self._early):
+            if self.events is not None:
                 self._instantiate_with_events(logging)
             else:
                 self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
@@ -127,8 +144,8 @@ class HostedInstance(FmiInstance):
         FMU3Slave.instantiate(
             self.fmu,
             loggingOn=logging,
-            eventModeUsed=self._events,
-            earlyReturnAllowed=self._early,
+            eventModeUsed=self._uses_events,
+            earlyReturnAllowed=self._returns,
             logMessage=hear,
         )
 
@@ -167,25 +184,39 @@ class HostedInstance(FmiInstance):
         """Return the error for a call with this status."""
         return CallError(call, status, LOG.of(self.name, WARNING))
 
+    def violation(self, sentence: str, clause: Clause) -> CallError:
+        """Return the error for what a function said against a clause of the standard."""
+        return _rebuild_error(sentence, sentence.split()[0], ERROR, clause)
+
     def save_state(self) -> Any:
         """Return a new copy of the state."""
         with self.calling():
-            return self.fmu.getFMUState() if self._is_3 else self.fmu.getFMUstate()
+            state = self.fmu.getFMUState() if self._is_3 else self.fmu.getFMUstate()
+        self._keep_events(state)
+        return state
 
     def save_state_again(self, state: Any) -> None:
         """Save the state in the memory of an earlier one."""
         name = "fmi3GetFMUState" if self._is_3 else "fmi2GetFMUstate"
         with self.calling():
             getattr(self.fmu, name)(self.fmu.component, byref(state))
+        self._keep_events(state)
+
+    def _keep_events(self, state: Any) -> None:
+        if self.events is not None:
+            self._known[state.value] = self.events.save()
 
     def restore_state(self, state: Any) -> None:
         """Continue from a saved state."""
         with self.calling():
             (self.fmu.setFMUState if self._is_3 else self.fmu.setFMUstate)(state)
         self.terminated = False
+        if self.events is not None and (known := self._known.get(state.value)) is not None:
+            self.events.restore(known)
 
     def free_state(self, state: Any) -> None:
         """Free a saved state."""
+        self._known.pop(state.value, None)
         with self.calling():
             self.fmu.freeFMUstate(state)
 
@@ -196,12 +227,18 @@ class HostedInstance(FmiInstance):
             self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
             if not 0 < size.value <= _LARGEST_STATE:
                 return size.value
-            return self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)
+            content = self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)
+        serialized = SerializedState(content)
+        serialized.events = self._known.get(state.value)
+        return serialized
 
     def deserialize(self, data: bytes) -> Any:
         """Return a state from its bytes."""
         with self.calling():
-            return self.fmu.deSerializeFMUstate(data)
+            state = self.fmu.deSerializeFMUstate(data)
+        if isinstance(data, SerializedState) and data.events is not None:
+            self._known[state.value] = data.events
+        return state
 
     def set_debug_logging(self, logging: bool, categories: Sequence[str]) -> None:
         """Enable or disable the log messages of some categories, or of all."""
@@ -287,16 +324,41 @@ class HostedInstance(FmiInstance):
         self.begin_initialization(start, stop, tolerance, lambda: self.set(values or {}))
         self.exit_initialization()
 
+    def begin_initialization(
+        self,
+        start_time: float,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+        set_values: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Set up the experiment, set start values and enter initialization mode; see `FmiInstance`."""
+        self._start = start_time
+        super().begin_initialization(start_time, stop_time, tolerance, set_values)
+
     def exit_initialization(self) -> None:
         """Leave initialization mode. For Model Exchange, handle the first events and stay in event mode."""
+        if self.events is not None:
+            self.events.start_clocks(self._start)
         super().exit_initialization()
+        if self.events is not None:
+            self.events.begin()
         if self._integration is not None:
             with self.calling():
                 self._integration.begin()
             self.terminated = self._integration.terminated
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Set variables by name, in this order, with one call for each type."""
+        """Set variables by name, in this order, with one call for each type.
+
+        In step mode, discrete inputs wait for the events at the start of the next step, and clocked variables
+        for their Clocks, if the instance uses event mode.
+        """
+        if self.events is not None and self.events.is_stepping:
+            values = self.events.take(values)
+        self.set_now(values)
+
+    def set_now(self, values: Mapping[str, Any]) -> None:
+        """Set variables by name, without waiting for events."""
         typed = [(self.subject.variables[name], value) for name, value in values.items()]
         with self.calling():
             if self._is_3:
@@ -320,6 +382,16 @@ class HostedInstance(FmiInstance):
             return self._get([self.subject.variables[name] for name in names])
 
     def _get(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        if self.events is not None and self.events.is_stepping:
+            return self.events.get(variables)
+        return self.read(variables)
+
+    def read(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        """Return the values that the FMU has now, with one call for each type."""
+        with self.calling():
+            return self._read(variables)
+
+    def _read(self, variables: Sequence[ModelVariable]) -> list[Any]:
         return get_elements(self.fmu, variables) if self._is_3 else self.get_typed(variables)
 
     def step(self, time: float, length: float) -> None:
@@ -327,6 +399,12 @@ class HostedInstance(FmiInstance):
 
         For Model Exchange, integrate, from event mode to event mode.
         """
+        if self.events is not None:
+            try:
+                self.events.step(time, length)
+            except RunEndedError:
+                self.terminated = True
+            return
         with self.calling():
             if self._integration is not None:
                 self._integrate(self._integration, time, length)
@@ -353,7 +431,7 @@ class HostedInstance(FmiInstance):
         at = f"fmi3DoStep at t = {time:.9g} s"
         if early and not terminates:
             said = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
-            raise _rebuild_error(said, "fmi3DoStep", ERROR, _EARLY)
+            raise _rebuild_error(said, "fmi3DoStep", ERROR, EARLY)
         if event and not self.claim:
             self.claim = f"{at} asked for event mode, which is not used."
 
@@ -379,8 +457,14 @@ class HostedInstance(FmiInstance):
     def reset(self) -> None:
         """Reset the instance to its initial state."""
         super().reset()
-        self._arrays.clear()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the run."""
         self.terminated = False
+        self._arrays.clear()
+        if self.events is not None:
+            self.events.reset()
 
     def close(self) -> None:
         """Terminate and free the instance. The library stays loaded."""

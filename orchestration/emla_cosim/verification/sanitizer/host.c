@@ -11,19 +11,51 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fmi2FunctionTypes.h"
-#include "plan.h"
+#include "plan.h" /* which includes the types of its version of FMI */
+
+#if VERSION == 3
+#define FMI fmi3
+#define TYPES(X)                                                                           \
+    X(Float64, FLOAT64) X(Float32, FLOAT32) X(Int8, INT8) X(UInt8, UINT8) X(Int16, INT16)  \
+    X(UInt16, UINT16) X(Int32, INT32) X(UInt32, UINT32) X(Int64, INT64) X(UInt64, UINT64)  \
+    X(Boolean, BOOLEAN) X(String, STRING)
+#define VALUES(values, count) values, count
+#define Real Float64
+/* Functions with another name than in FMI 2.0. */
+#define GetFMUstate GetFMUState
+#define SetFMUstate SetFMUState
+#define FreeFMUstate FreeFMUState
+#define SerializedFMUstateSize SerializedFMUStateSize
+#define SerializeFMUstate SerializeFMUState
+#define DeSerializeFMUstate DeserializeFMUState
+#define GetDerivatives GetContinuousStateDerivatives
+typedef fmi3Instance Component;
+typedef fmi3FMUState State;
+#else
+#define FMI fmi2
+#define TYPES(X) X(Real, REAL) X(Integer, INTEGER) X(Boolean, BOOLEAN) X(String, STRING)
+#define VALUES(values, count) values
+typedef fmi2Component Component;
+typedef fmi2FMUstate State;
+#endif
+
+#define JOIN(a, b) JOIN_(a, b)
+#define JOIN_(a, b) a##b
+#define TYPE(name) JOIN(FMI, name)
+#define TEXT(a) TEXT_(a)
+#define TEXT_(a) #a
+#define NAME(name) TEXT(FMI) TEXT(name)
 
 #define MOST_EVENTS 10
 
 static FILE *trace;
 static size_t letters; /* of all texts of the FMU, so that they are read */
 static void *library;
-static fmi2Component component;
+static Component component;
 static int ended, fatal; /* whether a call answered with fmi2Error or fmi2Fatal, and with fmi2Fatal */
 
 /* Functions of source code may have a prefix. */
-static void *function(const char *name) {
+static void (*function(const char *name))(void) {
     char prefixed[sizeof PREFIX + 64];
     void *found = dlsym(library, name);
     snprintf(prefixed, sizeof prefixed, "%s%s", PREFIX, name);
@@ -32,21 +64,29 @@ static void *function(const char *name) {
         fprintf(trace, "%s\n", name);
         fflush(trace);
     }
-    return ended ? NULL : found;
+    return ended ? NULL : (void (*)(void))found;
 }
 
-static int answered(fmi2Status status) {
-    if (status >= fmi2Discard) fprintf(trace, "%d\n", (int)status);
-    fatal = fatal || status == fmi2Fatal;
-    ended = ended || fatal || status == fmi2Error;
-    return status <= fmi2Warning;
+static int answered(TYPE(Status) status) {
+    if (status >= TYPE(Discard)) fprintf(trace, "%d\n", (int)status);
+    fatal = fatal || status == TYPE(Fatal);
+    ended = ended || fatal || status == TYPE(Error);
+    return status <= TYPE(Warning);
 }
 
 /* Call a function if the library has it and no earlier call failed; return whether it succeeded. */
 #define CALL(name, ...)                                                                    \
-    ((call = (void (*)(void))function(#name)) ? answered(((name##TYPE *)call)(__VA_ARGS__)) : 0)
+    ((call = function(NAME(name))) ? answered(((JOIN(TYPE(name), TYPE) *)call)(__VA_ARGS__)) : 0)
 static void (*call)(void);
 
+#if VERSION == 3
+static void log_message(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category,
+                        fmi3String message) {
+    (void)environment;
+    if (category) letters += strlen(category);
+    if (status >= fmi3Discard) fprintf(trace, "# %.200s\n", message ? message : "");
+}
+#else
 static void log_message(fmi2ComponentEnvironment environment, fmi2String instance, fmi2Status status,
                         fmi2String category, fmi2String message, ...) {
     char text[4096];
@@ -62,6 +102,7 @@ static void log_message(fmi2ComponentEnvironment environment, fmi2String instanc
 
 static void *allocate(size_t count, size_t size) { return calloc(count, size); }
 static void release(void *memory) { free(memory); }
+#endif
 
 static void *copied(const void *from, size_t size) {
     void *to = malloc(size ? size : 1);
@@ -70,139 +111,225 @@ static void *copied(const void *from, size_t size) {
     return to;
 }
 
-/* Functions to set and get all variables of a type in groups of the plan. */
-#define ACCESS(Type, ctype)                                                                \
-    static void set_##Type(size_t n, const fmi2ValueReference *references, const ctype *values) { \
-        fmi2ValueReference *vr;                                                            \
-        ctype *copy;                                                                       \
+#define IS_TEXT_STRING 1
+#if VERSION == 3
+enum {
+    IS_TEXT_FLOAT64, IS_TEXT_FLOAT32 = 0, IS_TEXT_INT8 = 0, IS_TEXT_UINT8 = 0, IS_TEXT_INT16 = 0, IS_TEXT_UINT16 = 0,
+    IS_TEXT_INT32 = 0, IS_TEXT_UINT32 = 0, IS_TEXT_INT64 = 0, IS_TEXT_UINT64 = 0, IS_TEXT_BOOLEAN = 0
+};
+#else
+enum { IS_TEXT_REAL, IS_TEXT_INTEGER = 0, IS_TEXT_BOOLEAN = 0 };
+#endif
+
+static void look_at_strings(size_t n, TYPE(String) const *values) {
+    for (size_t k = 0; k < n; k++) letters += values[k] ? strlen(values[k]) : 0;
+}
+
+/* Strings of the host live only during the call, as the standard says. */
+static void copy_strings(size_t n, TYPE(String) *values) {
+    for (size_t k = 0; k < n; k++) values[k] = copied(values[k], strlen(values[k]) + 1);
+}
+
+static void free_strings(size_t n, TYPE(String) const *values) {
+    for (size_t k = 0; k < n; k++) free((void *)values[k]);
+}
+
+/* Functions to set and get variables of a type: `n` value references with `count` values. */
+#define ACCESS(Type, LETTERS)                                                              \
+    static void set_##Type(size_t n, const TYPE(ValueReference) *references, size_t count, \
+                           const TYPE(Type) *values) {                                     \
+        TYPE(ValueReference) *vr;                                                          \
+        TYPE(Type) *copy;                                                                  \
         if (!n) return;                                                                    \
         vr = copied(references, n * sizeof *vr);                                           \
-        copy = copied(values, n * sizeof *copy);                                           \
-        CALL(fmi2Set##Type, component, vr, n, copy);                                       \
+        copy = copied(values, count * sizeof *copy);                                       \
+        if (IS_TEXT_##LETTERS) copy_strings(count, (void *)copy);                          \
+        CALL(Set##Type, component, vr, n, VALUES(copy, count));                            \
+        if (IS_TEXT_##LETTERS) free_strings(count, (void *)copy);                          \
         free(copy);                                                                        \
         free(vr);                                                                          \
     }                                                                                      \
-    static void get_##Type(size_t n, const fmi2ValueReference *references) {               \
-        fmi2ValueReference *vr;                                                            \
-        ctype *values;                                                                     \
+    static void get_##Type(size_t n, const TYPE(ValueReference) *references, size_t count) { \
+        TYPE(ValueReference) *vr;                                                          \
+        TYPE(Type) *values;                                                                \
         if (!n) return;                                                                    \
         vr = copied(references, n * sizeof *vr);                                           \
-        values = calloc(n, sizeof *values);                                                \
-        if (CALL(fmi2Get##Type, component, vr, n, values)) look_at_##Type(n, values);      \
+        values = calloc(count, sizeof *values);                                            \
+        if (CALL(Get##Type, component, vr, n, VALUES(values, count)) && IS_TEXT_##LETTERS) \
+            look_at_strings(count, (void *)values);                                        \
         free(values);                                                                      \
         free(vr);                                                                          \
     }
 
-static void look_at_Real(size_t n, const fmi2Real *values) { (void)n, (void)values; }
-static void look_at_Integer(size_t n, const fmi2Integer *values) { (void)n, (void)values; }
-static void look_at_Boolean(size_t n, const fmi2Boolean *values) { (void)n, (void)values; }
-static void look_at_String(size_t n, const fmi2String *values) {
-    for (size_t k = 0; k < n; k++) letters += values[k] ? strlen(values[k]) : 0;
-}
+TYPES(ACCESS)
 
-ACCESS(Real, fmi2Real)
-ACCESS(Integer, fmi2Integer)
-ACCESS(Boolean, fmi2Boolean)
-ACCESS(String, fmi2String)
-
-/* Strings of the host live only during the call, as the standard says. */
-static void set_strings(size_t n, const fmi2ValueReference *references, const fmi2String *values) {
-    fmi2String *copies = calloc(n ? n : 1, sizeof *copies);
-    for (size_t k = 0; k < n; k++) copies[k] = copied(values[k], strlen(values[k]) + 1);
-    set_String(n, references, copies);
-    for (size_t k = 0; k < n; k++) free((void *)copies[k]);
-    free(copies);
-}
-
-#define SET(group)                                                              \
-    (set_Real(group##_REALS, group##_REAL, group##_REAL_VALUES),                \
-     set_Integer(group##_INTEGERS, group##_INTEGER, group##_INTEGER_VALUES),    \
-     set_Boolean(group##_BOOLEANS, group##_BOOLEAN, group##_BOOLEAN_VALUES),    \
-     set_strings(group##_STRINGS, group##_STRING, group##_STRING_VALUES))
-
-static void get_all(void) {
-    get_Real(ALL_REALS, ALL_REAL);
-    get_Integer(ALL_INTEGERS, ALL_INTEGER);
-    get_Boolean(ALL_BOOLEANS, ALL_BOOLEAN);
-    get_String(ALL_STRINGS, ALL_STRING);
-}
-
-static void set_inputs(void) { SET(INPUT); }
-
-static void set_continuous_inputs(void) { set_Real(INPUT_REALS, INPUT_REAL, INPUT_REAL_VALUES); }
+#define SET_TYPE(Type, group, LETTERS) \
+    set_##Type(group##_##LETTERS##_REFERENCES, group##_##LETTERS, group##_##LETTERS##_COUNT, group##_##LETTERS##_VALUES);
+#define GET_TYPE(Type, group, LETTERS) \
+    get_##Type(group##_##LETTERS##_REFERENCES, group##_##LETTERS, group##_##LETTERS##_COUNT);
+/* START: what can be set before initialization. INPUT and ALL: without clocked variables. TICK and TICKED: clocked
+ * inputs, and all clocked variables. */
+#define SET_START(Type, LETTERS) SET_TYPE(Type, START, LETTERS)
+#define SET_INPUT(Type, LETTERS) SET_TYPE(Type, INPUT, LETTERS)
+#define SET_TICK(Type, LETTERS) SET_TYPE(Type, TICK, LETTERS)
+#define GET_ALL(Type, LETTERS) GET_TYPE(Type, ALL, LETTERS)
+#define GET_TICKED(Type, LETTERS) GET_TYPE(Type, TICKED, LETTERS)
+static void set_start(void) { TYPES(SET_START) }
+static void set_inputs(void) { TYPES(SET_INPUT) }
+static void set_clocked(void) { TYPES(SET_TICK) }
+static void get_all(void) { TYPES(GET_ALL) }
+static void get_clocked(void) { TYPES(GET_TICKED) }
 
 static void get_derivatives(void) {
-    fmi2ValueReference *unknowns, *knowns;
-    fmi2Real *seed, *found;
-    if (!PROVIDES_DERIVATIVES || !UNKNOWNS || !INPUT_REALS) return;
-    unknowns = copied(UNKNOWN, UNKNOWNS * sizeof *unknowns);
-    knowns = copied(INPUT_REAL, INPUT_REALS * sizeof *knowns);
-    seed = calloc(INPUT_REALS, sizeof *seed);
-    found = calloc(UNKNOWNS, sizeof *found);
-    CALL(fmi2GetDirectionalDerivative, component, unknowns, UNKNOWNS, knowns, INPUT_REALS, seed, found);
+    TYPE(ValueReference) *unknowns, *knowns;
+    double *seed, *found;
+    if (!PROVIDES_DERIVATIVES || !UNKNOWN_REFERENCES || !KNOWN_REFERENCES) return;
+    unknowns = copied(UNKNOWN, UNKNOWN_REFERENCES * sizeof *unknowns);
+    knowns = copied(KNOWN, KNOWN_REFERENCES * sizeof *knowns);
+    seed = calloc(KNOWN_COUNT, sizeof *seed);
+    found = calloc(UNKNOWN_COUNT, sizeof *found);
+    CALL(GetDirectionalDerivative, component, unknowns, UNKNOWN_REFERENCES, knowns, KNOWN_REFERENCES, VALUES(seed, KNOWN_COUNT),
+         VALUES(found, UNKNOWN_COUNT));
     free(found);
     free(seed);
     free(knowns);
     free(unknowns);
 }
 
+static double now;
+static unsigned long ticks[CLOCKS + 1]; /* the number of each clock's ticks */
+
 /* Get a state, do something, set it again; the same with its bytes. */
 static void use_states(void (*between)(void)) {
-    fmi2FMUstate state = NULL, again = NULL;
+    State state = NULL, again = NULL;
+    const double then = now;
+    unsigned long known[CLOCKS + 1];
     size_t size = 0;
-    if (!HAS_STATES || !CALL(fmi2GetFMUstate, component, &state)) return;
+    if (!HAS_STATES || !CALL(GetFMUstate, component, &state)) return;
+    memcpy(known, ticks, sizeof known);
     between();
-    CALL(fmi2SetFMUstate, component, state);
-    if (SERIALIZES && CALL(fmi2SerializedFMUstateSize, component, state, &size) && size > 0 && size < 1u << 28) {
-        fmi2Byte *bytes = calloc(size, 1);
-        if (CALL(fmi2SerializeFMUstate, component, state, bytes, size) &&
-            CALL(fmi2DeSerializeFMUstate, component, bytes, size, &again)) {
-            CALL(fmi2SetFMUstate, component, again);
-            CALL(fmi2FreeFMUstate, component, &again);
+    CALL(SetFMUstate, component, state);
+    now = then;
+    memcpy(ticks, known, sizeof known);
+    if (SERIALIZES && CALL(SerializedFMUstateSize, component, state, &size) && size > 0 && size < 1u << 28) {
+        TYPE(Byte) *bytes = calloc(size, 1);
+        if (CALL(SerializeFMUstate, component, state, bytes, size) &&
+            CALL(DeSerializeFMUstate, component, bytes, size, &again)) {
+            CALL(SetFMUstate, component, again);
+            CALL(FreeFMUstate, component, &again);
         }
         free(bytes);
     }
-    CALL(fmi2GetFMUstate, component, &state); /* the FMU may use the memory of a state again */
-    CALL(fmi2FreeFMUstate, component, &state);
+    CALL(GetFMUstate, component, &state); /* the FMU may use the memory of a state again */
+    CALL(FreeFMUstate, component, &state);
 }
 
-static double now;
-
-static void step(void) {
-    set_inputs();
-    if (CALL(fmi2DoStep, component, now, STEP, fmi2True)) now += STEP;
-    get_all();
-}
-
-static void handle_events(void) {
+/* Update the discrete states in event mode until they need no more of it. */
+static void update_states(void) {
+#if VERSION == 3
+    fmi3Boolean *said = calloc(5, sizeof *said);
+    fmi3Float64 *next = calloc(1, sizeof *next);
+    said[0] = fmi3True;
+    for (int k = 0; k < MOST_EVENTS && said[0]; k++)
+        if (!CALL(UpdateDiscreteStates, component, &said[0], &said[1], &said[2], &said[3], &said[4], next)) break;
+    free(next);
+    free(said);
+#else
     fmi2EventInfo *info = calloc(1, sizeof *info);
     info->newDiscreteStatesNeeded = fmi2True;
     for (int k = 0; k < MOST_EVENTS && info->newDiscreteStatesNeeded; k++)
-        if (!CALL(fmi2NewDiscreteStates, component, info)) break;
-    CALL(fmi2EnterContinuousTimeMode, component);
+        if (!CALL(NewDiscreteStates, component, info)) break;
     free(info);
+#endif
 }
 
+#if VERSION == 3
+static double next_tick(int k) { return START_TIME + CLOCK_SHIFT[k] + (double)ticks[k] * CLOCK_INTERVAL[k]; }
+
+/* Tick the clocks that are due, in event mode; without one, only update the discrete states. */
+static void tick(void) {
+    fmi3ValueReference *due = calloc(CLOCKS + 1, sizeof *due);
+    fmi3Clock *active = calloc(CLOCKS + 1, sizeof *active);
+    size_t count = 0;
+    for (int k = 0; k < CLOCKS; k++)
+        if (next_tick(k) <= now + 1e-9 * STEP) {
+            ticks[k]++;
+            active[count] = fmi3ClockActive;
+            due[count++] = CLOCK[k];
+        }
+    if (count) {
+        CALL(SetClock, component, due, count, active);
+        if (count == CLOCKS) { /* all clocked variables are accessible */
+            set_clocked();
+            get_clocked();
+        }
+    }
+    update_states();
+    CALL(EnterStepMode, component);
+    free(active);
+    free(due);
+}
+
+static void advance(double end) {
+    fmi3Boolean *said = calloc(3, sizeof *said);
+    fmi3Float64 *reached = calloc(1, sizeof *reached);
+    if (CALL(DoStep, component, now, end - now, fmi3True, &said[0], &said[1], &said[2], reached)) now = end;
+    free(reached);
+    free(said);
+}
+
+static void step(void) {
+    const double end = now + STEP;
+    set_inputs();
+    while (!ended && now < end) {
+        double stop = end;
+        for (int k = 0; k < CLOCKS; k++)
+            if (next_tick(k) < stop - 1e-9 * STEP) stop = next_tick(k);
+        const double before = now;
+        advance(stop);
+        if (now == before) break;
+        if (EVENTS) {
+            CALL(EnterEventMode, component);
+            tick();
+        }
+    }
+    get_all();
+}
+#else
+static void step(void) {
+    set_inputs();
+    if (CALL(DoStep, component, now, STEP, fmi2True)) now += STEP;
+    get_all();
+}
+#endif
+
+static void handle_events(void) {
+    update_states();
+    CALL(EnterContinuousTimeMode, component);
+}
+
+static size_t state_count = STATES, indicator_count = INDICATORS;
+
 static void integrate(void) {
-    fmi2Real *x = calloc(STATES ? STATES : 1, sizeof *x), *slopes = calloc(STATES ? STATES : 1, sizeof *slopes);
-    fmi2Real *nominals = calloc(STATES ? STATES : 1, sizeof *nominals);
-    fmi2Real *indicators = calloc(INDICATORS ? INDICATORS : 1, sizeof *indicators);
-    fmi2Boolean *event = calloc(1, sizeof *event), *end = calloc(1, sizeof *end);
-    set_continuous_inputs();
-    if (STATES) {
-        CALL(fmi2GetContinuousStates, component, x, STATES);
-        CALL(fmi2GetDerivatives, component, slopes, STATES);
-        CALL(fmi2GetNominalsOfContinuousStates, component, nominals, STATES);
+    double *x = calloc(state_count ? state_count : 1, sizeof *x), *slopes = calloc(state_count ? state_count : 1, sizeof *slopes);
+    double *nominals = calloc(state_count ? state_count : 1, sizeof *nominals);
+    double *indicators = calloc(indicator_count ? indicator_count : 1, sizeof *indicators);
+    TYPE(Boolean) *event = calloc(1, sizeof *event), *end = calloc(1, sizeof *end);
+    set_inputs();
+    if (state_count) {
+        CALL(GetContinuousStates, component, x, state_count);
+        CALL(GetDerivatives, component, slopes, state_count);
+        CALL(GetNominalsOfContinuousStates, component, nominals, state_count);
     }
     now += STEP;
-    CALL(fmi2SetTime, component, now);
-    for (size_t k = 0; k < STATES; k++) x[k] += STEP * slopes[k];
-    if (STATES) CALL(fmi2SetContinuousStates, component, x, STATES);
-    if (INDICATORS) CALL(fmi2GetEventIndicators, component, indicators, INDICATORS);
-    CALL(fmi2CompletedIntegratorStep, component, fmi2True, event, end);
+    CALL(SetTime, component, now);
+    for (size_t k = 0; k < state_count; k++) x[k] += STEP * slopes[k];
+    if (state_count) CALL(SetContinuousStates, component, x, state_count);
+    if (indicator_count) CALL(GetEventIndicators, component, indicators, indicator_count);
+    CALL(CompletedIntegratorStep, component, TYPE(True), event, end);
     get_all();
     if (*event) {
-        CALL(fmi2EnterEventMode, component);
+        CALL(EnterEventMode, component);
         handle_events();
     }
     free(end);
@@ -213,55 +340,99 @@ static void integrate(void) {
     free(x);
 }
 
+static void initialize(void) {
+#if VERSION == 3
+    CALL(EnterInitializationMode, component, fmi3False, 0.0, START_TIME, fmi3False, 0.0);
+#else
+    CALL(SetupExperiment, component, fmi2False, 0.0, START_TIME, fmi2False, 0.0);
+    CALL(EnterInitializationMode, component);
+#endif
+    set_inputs();
+    set_clocked();
+    get_all();
+    get_clocked();
+    CALL(ExitInitializationMode, component);
+#if VERSION == 3
+    if (IS_MODEL) {
+        CALL(GetNumberOfContinuousStates, component, &state_count);
+        CALL(GetNumberOfEventIndicators, component, &indicator_count);
+    }
+#endif
+    if (IS_MODEL) handle_events();
+#if VERSION == 3
+    if (EVENTS) tick();
+#endif
+}
+
 static void run(int steps) {
     void (*const move)(void) = IS_MODEL ? integrate : step;
     now = START_TIME;
-    SET(START);
-    CALL(fmi2SetupExperiment, component, fmi2False, 0.0, START_TIME, fmi2False, 0.0);
-    CALL(fmi2EnterInitializationMode, component);
-    set_inputs();
-    get_all();
-    CALL(fmi2ExitInitializationMode, component);
-    if (IS_MODEL) handle_events();
+    memset(ticks, 0, sizeof ticks);
+    set_start();
+    initialize();
     for (int k = 0; k < steps && !ended; k++) {
         move();
         if (k == steps / 2) {
             get_derivatives();
             use_states(move);
-            now = START_TIME + (k + 1) * STEP;
         }
     }
-    CALL(fmi2Terminate, component);
+    CALL(Terminate, component);
     get_all();
+}
+
+/* Arguments of an instantiation, on the heap until the instance was freed. */
+typedef struct {
+    char *name, *guid, *resources;
+    void *callbacks;
+} Arguments;
+
+/* Return a new instance, NULL if there is none. */
+static Component instantiate(const Arguments *given) {
+#if VERSION == 3
+    void (*found)(void) = function(IS_MODEL ? "fmi3InstantiateModelExchange" : "fmi3InstantiateCoSimulation");
+    if (!found) return NULL;
+    if (IS_MODEL)
+        return ((fmi3InstantiateModelExchangeTYPE *)found)(given->name, given->guid, given->resources, fmi3False, fmi3True,
+                                                           NULL, log_message);
+    return ((fmi3InstantiateCoSimulationTYPE *)found)(given->name, given->guid, given->resources, fmi3False, fmi3True,
+                                                      EVENTS, fmi3False, NULL, 0, NULL, log_message, NULL);
+#else
+    fmi2InstantiateTYPE *found = (fmi2InstantiateTYPE *)function("fmi2Instantiate");
+    const fmi2Type kind = IS_MODEL ? fmi2ModelExchange : fmi2CoSimulation;
+    return found ? found(given->name, kind, given->guid, given->resources, given->callbacks, fmi2False, fmi2True) : NULL;
+#endif
 }
 
 /* Return whether the FMU could be instantiated. */
 static int live(void) {
-    const fmi2CallbackFunctions given = {log_message, allocate, release, NULL, NULL};
-    fmi2CallbackFunctions *callbacks = copied(&given, sizeof given);
-    char *name = copied("examined", 9), *guid = copied(GUID, sizeof GUID);
-    char *resources = copied(RESOURCES, sizeof RESOURCES);
-    const fmi2Type kind = IS_MODEL ? fmi2ModelExchange : fmi2CoSimulation;
-    fmi2InstantiateTYPE *instantiate = (fmi2InstantiateTYPE *)function("fmi2Instantiate");
-    fmi2FreeInstanceTYPE *free_instance;
+#if VERSION == 3
+    void *callbacks = NULL;
+#else
+    const fmi2CallbackFunctions functions = {log_message, allocate, release, NULL, NULL};
+    void *callbacks = copied(&functions, sizeof functions);
+#endif
+    const Arguments given = {copied("examined", 9), copied(GUID, sizeof GUID), copied(RESOURCES, sizeof RESOURCES),
+                             callbacks};
     int lived = 0;
-    component = instantiate ? instantiate(name, kind, guid, resources, callbacks, fmi2False, fmi2True) : NULL;
+    component = instantiate(&given);
     if (component) {
+        JOIN(TYPE(FreeInstance), TYPE) *free_instance;
         run(STEPS);
-        CALL(fmi2Reset, component);
+        CALL(Reset, component);
         run(STEPS / 2);
         lived = 1;
         ended = fatal; /* an instance in error can be freed */
-        CALL(fmi2SetDebugLogging, component, fmi2False, 0, NULL);
+        CALL(SetDebugLogging, component, TYPE(False), 0, NULL);
         ended = fatal;
-        free_instance = (fmi2FreeInstanceTYPE *)function("fmi2FreeInstance");
+        free_instance = (JOIN(TYPE(FreeInstance), TYPE) *)function(NAME(FreeInstance));
         if (free_instance) free_instance(component);
     }
     component = NULL;
-    free(resources);
-    free(guid);
-    free(name);
-    free(callbacks);
+    free(given.resources);
+    free(given.guid);
+    free(given.name);
+    free(given.callbacks);
     return lived;
 }
 

@@ -94,7 +94,7 @@ def _where(places: Sequence[Place]) -> str:
     """Return where an error is: the innermost function, and the FMI function that called it."""
     if not places:
         return ""
-    called = next((p.function for p in places if p.function.startswith("fmi2")), "")
+    called = next((p.function for p in places if p.function.startswith(("fmi2", "fmi3"))), "")
     by = f", called by {called}" if called and called != places[0].function else ""
     return f" in {places[0]}{by}"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from ...fmu.instance import ERROR, FATAL, STATUS
 from ...sandbox.processes import describe_exit
 from ..compute_once import compute_once
-from ..messages import shorten_sentence
+from ..messages import join_few_names, shorten_sentence
 from ..subject import Subject
 from .compiling import (
     Compiler,
@@ -21,7 +21,7 @@ from .compiling import (
     find_sources,
     list_compilers,
 )
-from .plan import write_plan
+from .plan import list_still_clocks, write_plan
 from .reports import NO_LEAKS, Leak, MemoryFault, read_leaks, read_memory_error, read_undefined
 
 TIME_FACTOR = 5.0
@@ -31,6 +31,9 @@ _COMPILE, _RUN = 1.5, 1.0
 """Most time to compile a library, and to run an instance, relative to the time limit of a check."""
 
 _EXIT_CODE = 99
+
+_PREFIXES = ("fmi2", "fmi3")
+"""Beginnings of names of functions."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,13 @@ def run_sanitized(subject: Subject) -> SanitizedRun:
 
 
 def _build_and_run(subject: Subject) -> SanitizedRun:
-    by_kind = {kind: find_sources(subject, kind) for kind in subject.kinds}
+    kinds = [kind for kind in subject.kinds if kind != "ScheduledExecution"]
+    if not kinds:
+        return SanitizedRun("It is for Scheduled Execution only, which is not run.")
+    by_kind = {kind: find_sources(subject, kind) for kind in kinds}
     sets = {kind: sources for kind, sources in by_kind.items() if sources is not None}
     if not sets:
         return SanitizedRun("The FMU has no sources that it lists.", has_sources=False)
-    if subject.version == 3:
-        return SanitizedRun("Sources of FMI 3.0 are not built with sanitizers.")
     if not all(sources.is_c for sources in sets.values()):
         return SanitizedRun("Not all of its sources are C.")
     with tempfile.TemporaryDirectory(dir=subject.folder.parent) as scratch:
@@ -142,10 +146,12 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
     gaps = [f"{kind}: {reason}" for reason in _refused(calls)]
     if not complete and memory is None and (compiler.has_address or not undefined):
         gaps.append(f"{kind}: {ended or _describe_end(calls, code)}")
+    if still := list_still_clocks(subject, kind):
+        gaps.append(f"{kind}: {join_few_names(still)} did not tick.")
     leaks = read_leaks(text, sources) if complete else []
     return SanitizedRun(
         has_address=compiler.has_address,
-        ran=any(call.startswith("fmi2DoStep") or call == "fmi2SetTime" for call in calls),
+        ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in calls),
         judges_leaks=compiler.has_address and complete and NO_LEAKS not in text,
         memory=(memory,) if memory is not None else (),
         leaks=tuple(leaks),
@@ -168,7 +174,7 @@ def _refused(calls: list[str]) -> list[str]:
 
 
 def _last_call(calls: list[str]) -> str:
-    return next((line for line in reversed(calls) if line.startswith("fmi2")), "")
+    return next((line for line in reversed(calls) if line.startswith(_PREFIXES)), "")
 
 
 def _describe_end(calls: list[str], code: int) -> str:
