@@ -14,8 +14,10 @@ import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.faults import accept_faults
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.ssp.reader.flat_document import read_ssp
-from emla_cosim.system.model import System
+from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
+from emla_cosim.system.model import Alias, Component, Connection, System
 from fmublock import Block, Input, Output
 from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.paths import ROOT
@@ -167,6 +169,60 @@ def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp
     assert found["t.y[1,1]"][-1] == 32.0
 
 
+def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Each connector of a system that is declared with sizes can be connected by element on both sides."""
+    matrix = TWO_BY_TWO
+    inner = system(
+        "s",
+        third("t"),
+        wire("in", "t.u", startIndices="1 2", endIndices="2 2"),
+        wire("t.y", "out", startIndices="2 2", endIndices="2 1"),
+    ).replace(
+        "<ssd:Elements>",
+        f"<ssd:Connectors>{connector('in', 'input', inside=matrix)}"
+        f"{connector('out', 'output', inside=matrix)}</ssd:Connectors><ssd:Elements>",
+    )
+    reference = (
+        '<ssd:SignalDictionaryReference name="NAME" dictionary="bus"><ssd:Connectors>'
+        f"{connector('signal', 'inout', inside=matrix)}</ssd:Connectors></ssd:SignalDictionaryReference>"
+    )
+    path = written(
+        tmp_path,
+        fmus,
+        third("a"),
+        third("b"),
+        inner,
+        reference.replace("NAME", "first"),
+        reference.replace("NAME", "second"),
+        wire("a.x", "s.in", endIndices="1 2"),
+        wire("a.y", "first.signal"),
+        wire("second.signal", "b.u", startIndices="2 1", endIndices="1 1"),
+        wire("s.out", "b.u", startIndices="2 1", endIndices="2 2"),
+        '<ssd:SignalDictionary name="bus" source="bus.ssb"/>',
+    )
+    (path / "bus.ssb").write_text("")
+    found = run(path)
+    assert found["s.t.y[2,2]"][-1] == 4 * found["a.x"][-1] != 0.0
+    assert found["b.y[1,1]"][-1] == found["a.y[2,1]"][-1]
+    assert found["b.y[2,2]"][-1] == 4 * found["s.t.y[2,2]"][-1]
+
+
+def test_replaced_components_keep_the_names_of_elements(fmus: dict[str, Path], tmp_path: Path) -> None:
+    aliases = {"k": Alias("gain[2,1]", LinearTransformation(10.0)), "own": Alias("u[1,1]")}
+    replaced = Component("a", parameters={"k": 0.5, "own": 3.0}, fmu=fmus["Third"], aliases=aliases)
+    other = Component("b", fmu=fmus["Third"])
+    whole = tuple(
+        Connection("a", f"y{index}", "b", f"u{index}") for index in ("[1,1]", "[1,2]", "[2,1]", "[2,2]")
+    )
+    times = SystemTimes(0.0, STOP, STEP)
+    made = System((replaced, other), whole)
+    write_ssp(tmp_path / "x.ssp", "x", "", made, dict.fromkeys("ab", fmus["Third"]), times)
+    with read_ssp(tmp_path / "x.ssp") as document:
+        found = document.system.component("a")
+        assert (found.parameters, found.aliases) == ({"k": 0.5, "own": 3.0}, aliases)
+        assert [str(x) for x in document.system.connections] == [str(x) for x in whole]
+
+
 def test_documents_of_version_1_name_elements_or_whole_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
     ports = "u:input u[1,1]:input:Real y:output y[2,2]:output:Real UInt64_in:input:Integer x:output:Real"
     given = binding(ssv(**{"gain[2,2]": 7.0, "UInt64_in": 5}))
@@ -243,6 +299,9 @@ BLOB = connector("blob", "output", "Binary")
         ((third("a", binding(values("gain", "1", '<ssc:Dimension sizeConnector="n"/>'))),),
          "must have a size"),
         ((third("a", binding(values("blob", "00", "", "Binary"))),), "a.blob of the type Binary"),
+        ((third("a", binding(values("text", "x", "", "String").replace(
+            '<ssv:String value="x"/>', '<ssv:String value="x"><ssv:Value value="y"/></ssv:String>'))),),
+         "only one of the two is allowed"),
         ((third("a", binding(values("stride", "1", '<ssc:Dimension size="18446744073709551615"/>'))),),
          "it needs"),
     ],

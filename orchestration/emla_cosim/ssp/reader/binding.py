@@ -1,14 +1,15 @@
 """Values that parameter bindings assign to variables of FMUs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import itemgetter
 
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation
 from ...fmu.elements import is_version_3
 from ...system.model import Value
-from ...system.vectors import find_indices, format_index
+from ...system.vectors import format_index
 from ..documents.ssd_data import (
     ComponentElement,
     Element,
@@ -98,7 +99,7 @@ class _CollectedBindings:
         self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
-        self._connectors: dict[Path_, dict[str, None]] = {}
+        self._names: dict[Path_ | str, tuple[Collection[str], set[str]]] = {}
 
     def element(self, element: Element, path: Path_) -> None:
         """Add the bindings of an element and its content; outer bindings override inner ones."""
@@ -159,7 +160,7 @@ class _CollectedBindings:
         """Raise CommandError if a parameter has not the shape of its target, or the target is left out."""
         for owner, inside in self._owners(element, path, name):
             fmu = self._wiring.fmus.get(owner)
-            known = self._known(owner) if fmu is None else fmu.interface.variables
+            known, arrays = self._known(owner)
             target = node_name((owner, inside))
             if fmu is not None and inside in fmu.interface.left_out and inside not in known:
                 raise self._wiring.fault(
@@ -167,11 +168,12 @@ class _CollectedBindings:
                     f"{fmu.interface.left_out[inside]}, which this master does not set.",
                     parameter.place,
                 )
+            if inside not in known and inside not in arrays:
+                continue
             is_array = parameter.array is not None or (fmu and is_version_3(fmu.interface.description))
             if is_array and (differ := explain_shape(parameter, inside, known, target)) is not None:
                 raise self._wiring.fault(differ, parameter.place)
-            if inside in known or find_indices(inside, known):
-                return
+            return
 
     def _owners(self, element: Element, path: Path_, name: str) -> Iterator[Node]:
         """Yield the elements that can have a connector or variable of a hierarchical name, as `_node`."""
@@ -180,12 +182,24 @@ class _CollectedBindings:
             for inside in self._beginning(element, path, name):
                 yield from self._owners(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
 
-    def _known(self, path: Path_) -> dict[str, None]:
-        """Return the names of the connectors of a system."""
-        if not self._connectors:
-            for owner, name in self._wiring.connectors:
-                self._connectors.setdefault(owner, {})[name] = None
-        return self._connectors.get(path, {})
+    def _known(self, path: Path_) -> tuple[Collection[str], set[str]]:
+        """Return the names of the connectors of a system or the variables of an FMU, and of their arrays."""
+        fmu = self._wiring.fmus.get(path)
+        key = path if fmu is None else fmu.component.source
+        if key not in self._names:
+            names: Collection[str] = self._connectors.get(path, {})
+            names = names if fmu is None else fmu.interface.variables
+            bracket = {n: n.find("[", n.rfind(".") + 1) for n in names if n.endswith("]")}
+            self._names[key] = names, {n[:i] for n, i in bracket.items() if i > 0}
+        return self._names[key]
+
+    @cached_property
+    def _connectors(self) -> dict[Path_, dict[str, None]]:
+        """Names of connectors by owner."""
+        found: dict[Path_, dict[str, None]] = {}
+        for owner, name in self._wiring.connectors:
+            found.setdefault(owner, {})[name] = None
+        return found
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """Return the connector or variable of a hierarchical name, relative to an element."""
