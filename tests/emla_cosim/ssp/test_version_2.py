@@ -260,6 +260,7 @@ def test_structural_parameters_keep_their_start_values(fmus: dict[str, Path], tm
 
 
 BLOB = connector("blob", "output", "Binary")
+UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:Float64/><ssc:Dimension/>")
 
 
 @pytest.mark.parametrize(
@@ -285,6 +286,7 @@ BLOB = connector("blob", "output", "Binary")
         ((third("a"), third("b"), wire("a.y", "b.u"), wire("a.x", "b.u", endIndices="1 1")),
          r"b.u\[1,1\] .* two"),
         ((third("a", "", BLOB), third("b"), wire("a.blob", "b.Int8_in")), "'a.blob' of the type Binary"),
+        ((third("a"), UNSIZED, wire("a.y", "s.in")), "array 'in' of unknown size"),
         ((third("a", "", connector("Choice", "input", "Int8")),), "no variable"),
         ((third("a", "", connector("stride", "parameter", "Int8")),),
          "type Int8, but the variable is of type Int64"),

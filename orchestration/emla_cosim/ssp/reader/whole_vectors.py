@@ -1,6 +1,6 @@
 """Connectors and connections of arrays as a whole, and of their elements: one for each element."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from ...base.errors import CommandError
@@ -17,8 +17,8 @@ from ..documents.ssd_data import (
 )
 from .shapes import Shapes, component_shapes, declared_shapes
 
-_Names = Mapping[str | None, Collection[str]]
-"""Names of the connectors of each element, and of the system."""
+_Names = Mapping[str | None, Mapping[str, Connector]]
+"""The connectors of each element, and of the system, by name."""
 
 
 def expand_vectors(system: SystemElement, interface: Callable[[str], Interface], where: str) -> SystemElement:
@@ -53,8 +53,8 @@ def _expand(
             shapes[element.name] = declared_shapes(element, where)
             element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
         elements.append(element)
-    names: dict[str | None, Collection[str]] = {e.name: {c.name for c in e.connectors} for e in elements}
-    names[None] = {c.name for c in system.connectors}
+    owners: dict[str | None, Element] = {None: system, **{e.name: e for e in elements}}
+    names = {name: {c.name: c for c in owner.connectors} for name, owner in owners.items()}
     own = declared_shapes(system, where)
     for x in system.connections:
         for (inside, name, index), (outside, other, own_index) in (_ends(x), _ends(x)[::-1]):
@@ -82,7 +82,7 @@ def _shape(element: str | None, name: str, shapes: Mapping[str | None, Shapes], 
     """Return the indices of an array: of a connector, or of connectors of its elements; empty for others."""
     if found := shapes.get(element, {}).get(name):
         return found
-    return [] if element is None else sort_indices(find_indices(name, names.get(element, ())))
+    return [] if element is None else sort_indices(find_indices(name, names.get(element, {})))
 
 
 def _connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
@@ -103,10 +103,16 @@ def _connections(
     ends = _ends(connection)
     found = [_shape(element, name, shapes, names) for element, name, _ in ends]
     if not all(
-        f or name in names.get(element, ()) for f, (element, name, _) in zip(found, ends, strict=True)
+        f or name in names.get(element, {}) for f, (element, name, _) in zip(found, ends, strict=True)
     ):
         yield connection
         return
+    for shape, (element, name, _) in zip(found, ends, strict=True):
+        if not shape and names[element][name].dimensions:
+            raise CommandError(
+                f"{place}: the connection {connection} joins the array '{name}' of unknown size; give its "
+                "dimensions a size, or connect it inside."
+            )
     chosen = [
         _choose(f"{place}: the connection {connection}", end, shape)
         for end, shape in zip(ends, found, strict=True)
