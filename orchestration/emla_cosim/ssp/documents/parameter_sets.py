@@ -1,7 +1,7 @@
 """Parameter sets (SSV) and parameter mappings (SSM): reading and writing of XML."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 
 from ...base.errors import CommandError
@@ -66,11 +66,11 @@ def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
     return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
 
 
-def _read_parameter(element: XmlElement, units: Mapping[str, SiUnit], where: str) -> Iterator[SsvParameter]:
+def _read_parameter(element: XmlElement, units: dict[str, SiUnit], where: str) -> Iterator[SsvParameter]:
     """Yield a parameter, or the elements of an array."""
     name, typed = element.get("name"), element[0]
     place = f"'{where}' line {typed.sourceline}"
-    texts, unit = _texts(typed, name, place), read_unit(typed, dict(units), where)
+    texts, unit = _texts(typed, name, place), read_unit(typed, units, where)
     sizes = _sizes(element, name, len(texts), where)
     array = ParameterArray(name, sizes) if sizes else None
     for index, text in zip(list_indices(sizes) if sizes else ("",), texts, strict=True):
