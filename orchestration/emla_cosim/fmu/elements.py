@@ -51,6 +51,13 @@ class ElementVariable(ModelVariable):
     array_start: tuple[float, ...] = ()
 
 
+def declared_type(variable: ModelVariable) -> str:
+    """Return the type of a variable in the model description, such as Float64; with FMI 2.0, such as Real."""
+    if isinstance(variable, ElementVariable) and variable.type != "Enumeration":
+        return variable.data_type
+    return str(variable.type)
+
+
 def is_version_3(description: ModelDescription) -> bool:
     """Return whether a model description is of FMI 3.0."""
     return str(description.fmiVersion).startswith("3.0")
@@ -74,12 +81,17 @@ def split_arrays(description: ModelDescription) -> None:
             variable.derivative = own[place] if place < len(own) else None
 
 
+def is_supported(variable: ModelVariable) -> bool:
+    """Return whether a variable of FMI 3.0 has a type that `split_arrays` keeps."""
+    return str(variable.type) in _GENERAL and not (variable.type == "String" and variable.shape)
+
+
 def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
     """Yield the elements of a variable; one without dimensions has one."""
-    shape = variable.shape or ()
-    general, size = _GENERAL.get(str(variable.type)), math.prod(shape)
-    if general is None or (variable.type == "String" and shape):
+    if not is_supported(variable):
         return
+    shape = variable.shape or ()
+    general, size = _GENERAL[str(variable.type)], math.prod(shape)
     if size > _LARGEST:
         raise ValueError(f"the array '{variable.name}' has {size} elements, more than {_LARGEST}")
     starts: list[str | None] = [variable.start]

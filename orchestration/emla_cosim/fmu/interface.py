@@ -4,7 +4,7 @@ import math
 import re
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from ..base.units import BASE_UNITS, SiUnit
 from ..base.untrusted_xml import parse_xml
 from .clocks import explain_unsupported_clock
 from .dependencies import Dependencies
-from .elements import WIDE, ElementVariable, is_version_3, split_arrays
+from .elements import WIDE, ElementVariable, is_supported, is_version_3, split_arrays
 
 _DESCRIPTION = "modelDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
@@ -40,10 +40,12 @@ class Interface:
     Attributes:
         description: The model description.
         clocks: Names of its Clock variables, which `description` leaves out.
+        left_out: Types of all variables that `description` leaves out, by name.
     """
 
     description: ModelDescription
     clocks: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
@@ -167,6 +169,11 @@ def read_description(path: Path, validate: bool = True) -> Interface:
             raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
         _add_what_fmpy_lacks(description, path)
         clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
+        left_out = {
+            str(v.name): f"array of {v.type}s" if v.shape else str(v.type)
+            for v in (description.modelVariables if is_version_3(description) else ())
+            if not is_supported(v)
+        }
         if is_version_3(description) and validate:
             _split_arrays(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
@@ -174,7 +181,7 @@ def read_description(path: Path, validate: bool = True) -> Interface:
     except Exception as error:  # zip and XML readers raise many types
         raise_machine_fault(error, f"'{path}'")
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return Interface(description, clocks)
+    return Interface(description, clocks, left_out)
 
 
 _HARMLESS = re.compile(

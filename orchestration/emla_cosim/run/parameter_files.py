@@ -18,6 +18,7 @@ from ..inputs.data_tables import DataTable, read_table
 from ..inputs.headers import Header, parse_data_unit
 from ..inputs.input import table_endings
 from ..ssp.documents.parameter_sets import parse_parameter_set
+from ..ssp.reader.shapes import explain_shape
 from ..system.model import Component, System, Value
 
 _INDEX = re.compile(r"\[[0-9]+\]$")
@@ -135,6 +136,11 @@ def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Int
     for parameter in parse_parameter_set(content, str(file)).parameters:
         component, name = system.split(parameter.name)
         interface = interfaces[component.name]
+        array = name.removesuffix(parameter.name.removeprefix(parameter.document_name))
+        if parameter.array is not None and not component.aliases:
+            target = f"{component.name}.{array}"
+            if differ := explain_shape(parameter, array, interface.variables, target):
+                raise CommandError(f"{parameter.place}: {differ}")
         unit = interface.unit(name) if name in interface.variables else None
         if name in component.aliases:
             unit = component.aliases[name].unit

@@ -1,6 +1,8 @@
 """Connections of vectors and matrices: one for each pair of elements."""
 
-from collections.abc import Callable, Collection, Iterator
+import itertools
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 
 from ..base.errors import CommandError
@@ -63,3 +65,40 @@ def find_indices(name: str, known: Collection[str]) -> list[str]:
         for n in known
         if n.startswith(f"{name}[") and n.endswith("]") and "." not in n[len(name) :]
     ]
+
+
+_INDEX = re.compile(r"(\[\d+(,\d+)*\])+")
+
+
+def sort_indices(indices: Collection[str]) -> list[str]:
+    """Return indices such as `[1,2]` in row-major order; unchanged if one is not made of numbers."""
+    if not all(_INDEX.fullmatch(index) for index in indices):
+        return list(indices)
+    return sorted(indices, key=_numbers)
+
+
+def find_sizes(indices: Sequence[str]) -> tuple[int, ...]:
+    """Return the size of each dimension of an array; empty if indices are missing or not numbers.
+
+    Args:
+        indices: The indices of all its elements in row-major order.
+    """
+    if not indices or not all(_INDEX.fullmatch(index) for index in indices):
+        return ()
+    axes = [sorted(set(axis)) for axis in itertools.zip_longest(*map(_numbers, indices), fillvalue=-1)]
+    is_full = list(itertools.product(*axes)) == [_numbers(index) for index in indices]
+    return tuple(map(len, axes)) if is_full else ()
+
+
+def list_indices(sizes: Sequence[int]) -> Iterator[str]:
+    """Yield the indices of an array, such as `[1,1]`, in row-major order."""
+    yield from map(format_index, itertools.product(*(range(1, n + 1) for n in sizes)))
+
+
+def format_index(index: Sequence[int]) -> str:
+    """Return an index in brackets, such as `[1,2]`; empty without numbers."""
+    return f"[{','.join(map(str, index))}]" if index else ""
+
+
+def _numbers(index: str) -> tuple[int, ...]:
+    return tuple(map(int, re.findall(r"\d+", index)))

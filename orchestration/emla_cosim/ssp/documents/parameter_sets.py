@@ -1,11 +1,15 @@
 """Parameter sets (SSV) and parameter mappings (SSM): reading and writing of XML."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 
 from ...base.errors import CommandError
 from ...base.faults import accept_if_lenient, note_fault
-from .ssd_data import MappingEntry, ParameterSet, SsvParameter
+from ...base.units import SiUnit
+from ...base.wording import format_count
+from ...system.vectors import list_indices
+from .ssd_data import VERSION_1, MappingEntry, ParameterArray, ParameterSet, SsvParameter
 from .xml import (
     XmlElement,
     add,
@@ -25,6 +29,8 @@ from .xml import (
 )
 
 _FLOATS = ("Real", "Float64", "Float32")
+_TEXTS = ("String", "Enumeration", "Binary")
+"""Types whose arrays have an element for each value; those of other types are lists in one attribute."""
 
 
 def parse_parameter_set(content: bytes, where: str) -> ParameterSet:
@@ -53,14 +59,49 @@ def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
     units = read_units(root, "ssv", where)
     parameters: dict[str, SsvParameter] = {}
     for element in children(root, "ssv:Parameters", "ssv:Parameter"):
-        name, typed = element.get("name"), element[0]
-        found = SsvParameter(
-            name, local_name(typed), _value(name, typed, where), read_unit(typed, units, where)
-        )
-        if name in parameters:
-            _accept_second(found, parameters[name], where, element.sourceline)
-        parameters[name] = found
+        for found in _read_parameter(element, units, where):
+            if found.name in parameters:
+                _accept_second(found, parameters[found.name], where, element.sourceline)
+            parameters[found.name] = found
     return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
+
+
+def _read_parameter(element: XmlElement, units: dict[str, SiUnit], where: str) -> Iterator[SsvParameter]:
+    """Yield a parameter, or the elements of an array."""
+    name, typed = element.get("name"), element[0]
+    place = f"'{where}' line {typed.sourceline}"
+    texts, unit = _texts(typed, name, place), read_unit(typed, units, where)
+    sizes = _sizes(element, name, len(texts), where)
+    array = ParameterArray(name, sizes) if sizes else None
+    for index, text in zip(list_indices(sizes) if sizes else ("",), texts, strict=True):
+        value = _value(f"{name}{index}", local_name(typed), text, place)
+        yield SsvParameter(f"{name}{index}", local_name(typed), value, unit, array, place)
+
+
+def _sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int, ...]:
+    """Return the size of each dimension of a parameter; empty for a scalar.
+
+    With `lenient`, several values without dimensions are those of a vector.
+    """
+    place = f"'{where}' line {element.sourceline}"
+    dimensions = list(children(element, "ssc:Dimension"))
+    sizes = tuple(int(d.get("size", "-1")) for d in dimensions)
+    if -1 in sizes or any(d.get("sizeConnector") is not None for d in dimensions):
+        raise CommandError(
+            f"{place}: each Dimension of the parameter '{name}' must have a size, and no sizeConnector."
+        )
+    if not sizes and count > 1:
+        text = f"gives '{name}' {count} values, but no dimension"
+        accept_if_lenient(
+            where,
+            f"line {element.sourceline} {text}; they are read as those of a vector",
+            f'{place} {text}; add <ssc:Dimension size="{count}"/>',
+        )
+        return (count,)
+    if count != math.prod(sizes) or not count:
+        needed = math.prod(sizes) or "at least 1"
+        raise CommandError(f"{place} gives '{name}' {format_count(count, 'value')}; it needs {needed}.")
+    return sizes
 
 
 def _accept_second(second: SsvParameter, first: SsvParameter, where: str, line: int) -> None:
@@ -75,20 +116,22 @@ def _accept_second(second: SsvParameter, first: SsvParameter, where: str, line: 
     )
 
 
-def _value(name: str, typed: XmlElement, where: str) -> float | int | bool | str:
-    kind = local_name(typed)
-    if kind in ("String", "Enumeration"):
-        texts = [e.get("value") for e in (typed, *children(typed, "ssv:Value")) if e.get("value") is not None]
-    else:
-        texts = [typed.get("value", "")] if kind == "Binary" else typed.get("value", "").split()
-    if len(texts) != 1:
+def _texts(typed: XmlElement, name: str, place: str) -> list[str]:
+    """Return the values of a parameter as they are written."""
+    if local_name(typed) not in _TEXTS:
+        return typed.get("value", "").split()
+    inside = [e.get("value") for e in children(typed, "ssv:Value")]
+    if inside and typed.get("value") is not None:
         raise CommandError(
-            f"'{where}' line {typed.sourceline} gives '{name}' {len(texts)} values; FMI 2.0 has no arrays."
+            f"{place} gives '{name}' a value and Value elements; only one of the two is allowed."
         )
-    (text,) = texts
+    return inside if inside or typed.get("value") is None else [typed.get("value")]
+
+
+def _value(name: str, kind: str, text: str, place: str) -> float | int | bool | str:
     if kind in _FLOATS:
         if not math.isfinite(value := float(text)):
-            raise CommandError(f"'{where}' line {typed.sourceline} gives '{name}' the value {text}.")
+            raise CommandError(f"{place} gives '{name}' the value {text}.")
         return value
     if kind == "Boolean":
         return parse_boolean(text)
@@ -96,12 +139,19 @@ def _value(name: str, typed: XmlElement, where: str) -> float | int | bool | str
 
 
 def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
-    """Write a parameter set to a ParameterSet element."""
+    """Write a parameter set to a ParameterSet element; the elements of an array follow each other."""
     group = add(root, "ssv:Parameters")
-    for parameter in parameter_set.parameters:
-        unit = parameter.unit.name if parameter.unit is not None else None
-        element = add(group, "ssv:Parameter", name=parameter.name)
-        add(element, f"ssv:{parameter.type}", value=_text(parameter), unit=unit)
+    for name, same in groupby(parameter_set.parameters, lambda p: p.document_name):
+        members = list(same)
+        first, texts = members[0], [_text(p) for p in members]
+        unit = first.unit.name if first.unit is not None else None
+        element = add(group, "ssv:Parameter", name=name)
+        is_list = len(texts) > 1 and first.type in _TEXTS
+        typed = add(element, f"ssv:{first.type}", value=None if is_list else " ".join(texts), unit=unit)
+        for text in texts if is_list else ():
+            add(typed, "ssv:Value", value=text)
+        for size in () if first.array is None else first.array.sizes:
+            add(element, "ssc:Dimension", size=str(size))
     add_units(root, "ssv", [p.unit for p in parameter_set.parameters])
 
 
@@ -111,9 +161,9 @@ def _text(parameter: SsvParameter) -> str:
     return format_text(parameter.value)
 
 
-def format_parameter_set(parameter_set: ParameterSet) -> bytes:
-    """Return a parameter set as an SSV file."""
-    root = document("ssv", name=parameter_set.name, description=parameter_set.description or None)
+def format_parameter_set(parameter_set: ParameterSet, version: str = VERSION_1) -> bytes:
+    """Return a parameter set as an SSV file of a version of SSP."""
+    root = document("ssv", version, name=parameter_set.name, description=parameter_set.description or None)
     add_parameter_set(root, parameter_set)
     return to_bytes(root)
 
@@ -168,8 +218,8 @@ def add_mapping(root: XmlElement, entries: Iterable[MappingEntry]) -> None:
         add_transformation(element, entry.transformation)
 
 
-def format_mapping(entries: Iterable[MappingEntry]) -> bytes:
-    """Return mapping entries as an SSM file."""
-    root = document("ssm")
+def format_mapping(entries: Iterable[MappingEntry], version: str = VERSION_1) -> bytes:
+    """Return mapping entries as an SSM file of a version of SSP."""
+    root = document("ssm", version)
     add_mapping(root, entries)
     return to_bytes(root)

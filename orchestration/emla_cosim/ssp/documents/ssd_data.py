@@ -8,9 +8,13 @@ from dataclasses import dataclass, field
 
 from ...base.units import LinearTransformation, SiUnit
 from ...system.bond import Bond
+from ...system.vectors import format_index
 
 DEFAULT_SSD = "SystemStructure.ssd"
 """The main SSD of a package; others are variants."""
+
+VERSION_1, VERSION_2 = "1.0", "2.0"
+"""The versions of SSP."""
 
 FMU = "application/x-fmu-sharedlibrary"
 SSD = "application/x-ssp-definition"
@@ -29,13 +33,32 @@ Transformation = LinearTransformation | TableTransformation
 
 
 @dataclass(frozen=True)
+class ParameterArray:
+    """The array of a parameter: its name, and the size of each dimension."""
+
+    name: str
+    sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class SsvParameter:
-    """A named value; `type` is the SSV element, such as Real."""
+    """A named value; `type` is the SSV element, such as Real.
+
+    Elements of an array are parameters of their own, such as `x[1,2]`, in the order of the standard.
+    `array` says what they are elements of. `place` is the file and line for error messages.
+    """
 
     name: str
     type: str
     value: float | int | bool | str
     unit: SiUnit | None = None
+    array: ParameterArray | None = None
+    place: str = field(default="", compare=False)
+
+    @property
+    def document_name(self) -> str:
+        """Name in the document: that of its array if it is an element."""
+        return self.name if self.array is None else self.array.name
 
 
 @dataclass(frozen=True)
@@ -79,19 +102,36 @@ class ParameterBinding:
 
 
 @dataclass(frozen=True)
+class Dimension:
+    """A dimension of an array: a size, the connector that has the size, or neither."""
+
+    size: int | None = None
+    connector: str | None = None
+
+
+@dataclass(frozen=True)
 class Connector:
-    """A connector of an element; `position` is relative to its corners, 0 to 1."""
+    """A connector of an element; `position` is relative to its corners, 0 to 1.
+
+    `dimensions` are those of an array. `place` is the file and line for error messages.
+    """
 
     name: str
     kind: str
     type: str | None = None
     unit: SiUnit | None = None
     position: tuple[float, float] | None = None
+    dimensions: tuple[Dimension, ...] = ()
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
 class SsdConnection:
-    """A connection of two connectors. The system's own have no element; `waypoints` are x, y in mm."""
+    """A connection of two connectors. The system's own have no element; `waypoints` are x, y in mm.
+
+    Indices, which begin with 1, select one element of an array. `place` is the file and line for error
+    messages.
+    """
 
     start_element: str | None
     start_connector: str
@@ -100,10 +140,14 @@ class SsdConnection:
     transformation: Transformation | None = None
     suppress_unit_conversion: bool = False
     waypoints: tuple[tuple[float, float], ...] = ()
+    start_indices: tuple[int, ...] = ()
+    end_indices: tuple[int, ...] = ()
+    place: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         start = ".".join(filter(None, (self.start_element, self.start_connector)))
-        return f"{start} -> {'.'.join(filter(None, (self.end_element, self.end_connector)))}"
+        end = ".".join(filter(None, (self.end_element, self.end_connector)))
+        return f"{start}{format_index(self.start_indices)} -> {end}{format_index(self.end_indices)}"
 
 
 @dataclass(frozen=True)
@@ -160,3 +204,4 @@ class Structure:
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     id: str | None = None
     is_continuous: bool = False
+    version: str = VERSION_1

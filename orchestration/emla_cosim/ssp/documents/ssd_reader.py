@@ -13,6 +13,7 @@ from .ssd_data import (
     ComponentElement,
     Connector,
     DictionaryReference,
+    Dimension,
     Element,
     FileReference,
     ParameterBinding,
@@ -114,8 +115,11 @@ class _Reader:
     def __init__(self, where: str, units: dict[str, SiUnit]) -> None:
         self._where, self._units = where, units
 
+    def _place(self, element: XmlElement) -> str:
+        return f"'{self._where}' line {element.sourceline}"
+
     def _fault(self, element: XmlElement, text: str) -> CommandError:
-        return CommandError(f"'{self._where}' line {element.sourceline}: {text}.")
+        return CommandError(f"{self._place(element)}: {text}.")
 
     def system(self, element: XmlElement) -> SystemElement:
         """Read a System element."""
@@ -167,9 +171,7 @@ class _Reader:
         }
 
     def _connector(self, element: XmlElement) -> Connector:
-        if child(element, "ssc:Dimension") is not None:
-            raise self._fault(element, f"'{element.get('name')}' has dimensions; FMI 2.0 has no arrays")
-        typed = [e for e in element if local_name(e) not in ("ConnectorGeometry", "Annotations", "Clock")]
+        typed = [e for e in children(element, "ssc:*") if local_name(e) != "Dimension"]
         place = child(element, "ssd:ConnectorGeometry")
         return Connector(
             name=element.get("name"),
@@ -177,7 +179,19 @@ class _Reader:
             type=local_name(typed[0]) if typed else None,
             unit=read_unit(typed[0], self._units, self._where) if typed else None,
             position=(float(place.get("x")), float(place.get("y"))) if place is not None else None,
+            dimensions=tuple(
+                self._dimension(d, element.get("name")) for d in children(element, "ssc:Dimension")
+            ),
+            place=self._place(element),
         )
+
+    def _dimension(self, element: XmlElement, owner: str) -> Dimension:
+        size, connector = element.get("size"), element.get("sizeConnector")
+        if size is not None and connector is not None:
+            raise self._fault(
+                element, f"a Dimension of '{owner}' has both size and sizeConnector; only one is allowed"
+            )
+        return Dimension(None if size is None else int(size), connector)
 
     def _binding(self, element: XmlElement) -> ParameterBinding:
         mapping = child(element, "ssd:ParameterMapping")
@@ -192,8 +206,6 @@ class _Reader:
         )
 
     def _connection(self, element: XmlElement) -> SsdConnection:
-        if element.get("startIndices") or element.get("endIndices"):
-            raise self._fault(element, "the connection has indices; FMI 2.0 has no arrays")
         geometry = child(element, "ssd:ConnectionGeometry")
         x, y = (
             [float(p) for p in geometry.get(name).split()] if geometry is not None else []
@@ -207,7 +219,20 @@ class _Reader:
             transformation=read_transformation(element, self._where),
             suppress_unit_conversion=parse_boolean(element.get("suppressUnitConversion")),
             waypoints=tuple(zip(x, y, strict=False)),
+            start_indices=self._indices(element, "startIndices"),
+            end_indices=self._indices(element, "endIndices"),
+            place=self._place(element),
         )
+
+    def _indices(self, connection: XmlElement, attribute: str) -> tuple[int, ...]:
+        """Return the indices of an array's element, empty without the attribute."""
+        text = connection.get(attribute)
+        indices = tuple(map(int, text.split())) if text is not None else ()
+        if text is not None and (not indices or 0 in indices):
+            raise self._fault(
+                connection, f"the {attribute} '{text}' must be one number for each dimension, at least 1"
+            )
+        return indices
 
     def _element_name(self, connection: XmlElement, attribute: str) -> str | None:
         """Return the element at an end of a connection, None for the system itself."""

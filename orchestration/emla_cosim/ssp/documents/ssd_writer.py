@@ -45,7 +45,12 @@ def format_structure(structure: Structure) -> bytes:
     if structure.samples or structure.bonds:
         namespaces = ANNOTATION_NAMESPACES | OWN_NAMESPACE
     root = document(
-        "ssd", namespaces, id=structure.id, name=structure.name, description=structure.description or None
+        "ssd",
+        structure.version,
+        namespaces,
+        id=structure.id,
+        name=structure.name,
+        description=structure.description or None,
     )
     _add_system(root, structure.system, structure.step_size, structure.is_continuous)
     add_units(root, "ssd", _units(structure.system))
@@ -146,6 +151,9 @@ def _add_connector(group: XmlElement, connector: Connector) -> None:
     added = add(group, "ssd:Connector", name=connector.name, kind=connector.kind)
     if connector.type is not None:
         add(added, f"ssc:{connector.type}", unit=connector.unit.name if connector.unit is not None else None)
+    for dimension in connector.dimensions:
+        size = None if dimension.size is None else str(dimension.size)
+        add(added, "ssc:Dimension", size=size, sizeConnector=dimension.connector)
     if connector.position is not None:
         x, y = connector.position
         add(added, "ssd:ConnectorGeometry", x=format_float(x), y=format_float(y))
@@ -154,15 +162,20 @@ def _add_connector(group: XmlElement, connector: Connector) -> None:
 def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
     added = add(group, "ssd:ParameterBinding", **_source(binding.values), prefix=binding.prefix or None)
     if not isinstance(binding.values, FileReference):
-        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version="1.0")
+        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version=_version(group))
         inside.set("name", binding.values.name)
         add_parameter_set(inside, binding.values)
     if binding.mapping is not None:
         mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
         if not isinstance(binding.mapping, FileReference):
-            add_mapping(add(mapping, "ssm:ParameterMapping", version="1.0"), binding.mapping)
+            add_mapping(add(mapping, "ssm:ParameterMapping", version=_version(group)), binding.mapping)
     if binding.renames:
         _annotation(added, RENAMES)
+
+
+def _version(element: XmlElement) -> str:
+    """Return the version of the document with an element."""
+    return element.getroottree().getroot().get("version")
 
 
 def _source(content: object) -> dict[str, str | None]:
@@ -178,8 +191,10 @@ def _add_connections(group: XmlElement, connections: Iterable[SsdConnection]) ->
             "ssd:Connection",
             startElement=connection.start_element,
             startConnector=connection.start_connector,
+            startIndices=_format_indices(connection.start_indices),
             endElement=connection.end_element,
             endConnector=connection.end_connector,
+            endIndices=_format_indices(connection.end_indices),
             suppressUnitConversion="true" if connection.suppress_unit_conversion else None,
         )
         add_transformation(added, connection.transformation)
@@ -187,6 +202,10 @@ def _add_connections(group: XmlElement, connections: Iterable[SsdConnection]) ->
             x, y = zip(*connection.waypoints, strict=True)
             points = {name: " ".join(map(format_float, p)) for name, p in (("pointsX", x), ("pointsY", y))}
             add(added, "ssd:ConnectionGeometry", **points)
+
+
+def _format_indices(indices: Iterable[int]) -> str | None:
+    return " ".join(map(str, indices)) or None
 
 
 def _geometry(corners: Iterable[float]) -> dict[str, str | None]:

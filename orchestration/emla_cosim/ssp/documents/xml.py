@@ -10,7 +10,7 @@ from typing import Any
 from ...base.errors import CommandError
 from ...base.faults import accept_if_lenient, note_fault
 from ...base.units import BASE_UNITS, LinearTransformation, SiUnit
-from .ssd_data import TableTransformation, Transformation
+from .ssd_data import VERSION_1, VERSION_2, TableTransformation, Transformation
 
 XmlElement = Any
 
@@ -97,7 +97,7 @@ def check(root: XmlElement, where: str, kind: str) -> None:
             f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_short(root.tag)}'."
         )
     version = root.get("version", "")
-    schema = _schema("2.0" if version.startswith("2.") else "1.0", kind)
+    schema = _schema(VERSION_2 if version.startswith("2.") else VERSION_1, kind)
     if not schema.validate(root):
         _check_faults(schema.error_log, where)
 
@@ -220,17 +220,20 @@ def parse_boolean(text: str | None) -> bool:
     return text is not None and text.strip() in ("true", "1")
 
 
-def document(kind: str, more: dict[str, str] | None = None, /, **attributes: str | None) -> XmlElement:
+def document(
+    kind: str, version: str, more: dict[str, str] | None = None, /, **attributes: str | None
+) -> XmlElement:
     """Return the root of a new document, with all namespaces that it can need.
 
     Args:
         kind: ssd, ssv or ssm.
+        version: The version of SSP.
         more: Additional namespaces.
         **attributes: The attributes of the root; None leaves one out.
     """
     namespaces = {p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv", "ssm")} | (more or {})
     root = _etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
-    _set(root, {"version": "1.0", **attributes})
+    _set(root, {"version": version, **attributes})
     return root
 
 

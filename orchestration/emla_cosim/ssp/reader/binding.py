@@ -1,12 +1,15 @@
 """Values that parameter bindings assign to variables of FMUs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import itemgetter
 
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation
+from ...fmu.elements import is_version_3
 from ...system.model import Value
+from ...system.vectors import format_index
 from ..documents.ssd_data import (
     ComponentElement,
     Element,
@@ -17,6 +20,7 @@ from ..documents.ssd_data import (
     SystemElement,
     TableTransformation,
 )
+from .shapes import explain_shape
 from .wiring import Node, Path_, Wiring, node_name
 
 
@@ -61,7 +65,10 @@ def resolve_bindings(
     values: dict[Path_, dict[str, BoundValue]] = {path: {} for path in wiring.fmus}
     overridden: list[str] = []
     for path, fmu in wiring.fmus.items():
-        for name in filter(fmu.interface.is_settable, fmu.interface.variables):
+        for name in fmu.interface.variables:
+            if not fmu.interface.is_settable(name):
+                collected.refuse_structural((path, name))
+                continue
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
                 continue  # connected to an output
@@ -92,6 +99,7 @@ class _CollectedBindings:
         self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
+        self._names: dict[Path_ | str, tuple[Collection[str], set[str]]] = {}
 
     def element(self, element: Element, path: Path_) -> None:
         """Add the bindings of an element and its content; outer bindings override inner ones."""
@@ -103,12 +111,33 @@ class _CollectedBindings:
 
     def unused(self) -> list[str]:
         """Return the parameters without a matching variable, each with the name of its set."""
-        return [
-            f"{s.name}: {p.name}"
-            for s, names in self._matched.items()
-            for p in s.parameters
-            if p.name not in names
-        ]
+        return list(
+            dict.fromkeys(
+                f"{s.name}: {p.document_name}"
+                for s, names in self._matched.items()
+                for p in s.parameters
+                if p.name not in names
+            )
+        )
+
+    def refuse_structural(self, variable: Node) -> None:
+        """Check that no value changes a structural parameter, because arrays have its start value.
+
+        Raises:
+            CommandError: If one does.
+        """
+        interface = self._wiring.fmus[variable[0]].interface
+        described = interface.variables[variable[1]]
+        if described.causality != "structuralParameter":
+            return
+        for node in self._wiring.chain(variable):
+            given = self.given.get(node)
+            if given is not None and not _is_equal(given.parameter.value, described.start):
+                raise self._wiring.fault(
+                    f"'{given.parameter.name}' = {given.parameter.value} changes the structural parameter "
+                    f"{node_name(variable)}, which this master does not; it must be {described.start}.",
+                    given.parameter.place,
+                )
 
     def _binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
         values = binding.values
@@ -117,17 +146,70 @@ class _CollectedBindings:
         matched = self._matched.setdefault(values, set())
         targets = _targets(binding.mapping)
         for parameter in values.parameters:
-            for target, entry in targets(f"{binding.prefix}{parameter.name}"):
-                node = self._node(element, path, target)
+            index = parameter.name.removeprefix(parameter.document_name)
+            is_first = parameter.array is None or index == format_index([1] * len(parameter.array.sizes))
+            for array, entry in targets(f"{binding.prefix}{parameter.document_name}"):
+                node = self._node(element, path, f"{array}{index}")
+                if is_first and (node is None or parameter.array is not None):
+                    self._check_shape(element, path, array, parameter)
                 if node is not None:
                     matched.add(parameter.name)
                     self.given[node] = _GivenValue(parameter, entry, -len(path))
+
+    def _check_shape(self, element: Element, path: Path_, name: str, parameter: SsvParameter) -> None:
+        """Raise CommandError if a parameter has not the shape of its target, or the target is left out."""
+        for owner, inside in self._owners(element, path, name):
+            fmu = self._wiring.fmus.get(owner)
+            known, arrays = self._known(owner)
+            target = node_name((owner, inside))
+            if fmu is not None and inside in fmu.interface.left_out and inside not in known:
+                raise self._wiring.fault(
+                    f"the parameter '{parameter.document_name}' sets {target} of the type "
+                    f"{fmu.interface.left_out[inside]}, which this master does not set.",
+                    parameter.place,
+                )
+            if inside not in known and inside not in arrays:
+                continue
+            is_array = parameter.array is not None or (fmu and is_version_3(fmu.interface.description))
+            if is_array and (differ := explain_shape(parameter, inside, known, target)) is not None:
+                raise self._wiring.fault(differ, parameter.place)
+            return
+
+    def _owners(self, element: Element, path: Path_, name: str) -> Iterator[Node]:
+        """Yield the elements that can have a connector or variable of a hierarchical name, as `_node`."""
+        yield path, name
+        if isinstance(element, SystemElement):
+            for inside in self._beginning(element, path, name):
+                yield from self._owners(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
+
+    def _known(self, path: Path_) -> tuple[Collection[str], set[str]]:
+        """Return the names of the connectors of a system or the variables of an FMU, and of their arrays."""
+        fmu = self._wiring.fmus.get(path)
+        key = path if fmu is None else fmu.component.source
+        if key not in self._names:
+            names: Collection[str] = self._connectors.get(path, {})
+            names = names if fmu is None else fmu.interface.variables
+            bracket = {n: n.find("[", n.rfind(".") + 1) for n in names if n.endswith("]")}
+            self._names[key] = names, {n[:i] for n, i in bracket.items() if i > 0}
+        return self._names[key]
+
+    @cached_property
+    def _connectors(self) -> dict[Path_, dict[str, None]]:
+        """Names of connectors by owner."""
+        found: dict[Path_, dict[str, None]] = {}
+        for owner, name in self._wiring.connectors:
+            found.setdefault(owner, {})[name] = None
+        return found
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """Return the connector or variable of a hierarchical name, relative to an element."""
         if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
-            return (path, name) if name in interface.variables and interface.is_settable(name) else None
+            variable = interface.variables.get(name)
+            if variable is None:
+                return None
+            is_set = interface.is_settable(name) or variable.causality == "structuralParameter"
+            return (path, name) if is_set else None
         if (path, name) in self._wiring.connectors:
             return path, name
         if isinstance(element, SystemElement):
@@ -144,6 +226,14 @@ class _CollectedBindings:
         inside = self._inside[path]
         starts = (name[:i] for i, letter in enumerate(name) if letter == ".")
         return [e for _, e in sorted((inside[s] for s in starts if s in inside), key=itemgetter(0))]
+
+
+def _is_equal(value: Value, start: str | None) -> bool:
+    """Return whether a value is the start value in a model description."""
+    try:
+        return float(value) == float(start or "nan")
+    except ValueError:
+        return str(value) == start
 
 
 def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...base.errors import CommandError, join_names
+from ...fmu.elements import declared_type
 from ...fmu.interface import Interface
 from ..documents.ssd_data import (
     ComponentElement,
@@ -18,8 +19,8 @@ from .wiring import Fmu, Node, Path_, Wiring, node_name
 
 _GIVES = ("output", "calculatedParameter")
 _TAKES = ("input", "parameter", "structuralParameter")
-_TYPES = {"Float64": "Real", "Int32": "Integer"}
-"""Types of SSP 2.0 with another name in FMI 2.0."""
+_SAME = {"Real": "Float64", "Integer": "Int32"}
+"""Types of FMI 2.0 with another name in FMI 3.0; SSP 2.0 has both."""
 
 
 def collect_wiring(root: SystemElement, where: str, interface: Callable[[str], Interface]) -> Wiring:
@@ -65,16 +66,21 @@ class _Elements:
         """Raise CommandError if a connector and the FMU's variable differ."""
         name = f"the connector {node_name((fmu.path, connector.name))}"
         variable = fmu.interface.variables.get(connector.name)
+        if variable is None and connector.name in fmu.interface.left_out:
+            return  # a connection of it is refused
         if variable is None:
-            raise self._wiring.fault(f"{name} has no variable in '{Path(fmu.component.source).name}'.")
+            raise self._wiring.fault(
+                f"{name} has no variable in '{Path(fmu.component.source).name}'.", connector.place
+            )
         if connector.kind in (*_GIVES, *_TAKES) and connector.kind != variable.causality:
             raise self._wiring.fault(
-                f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}."
+                f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}.",
+                connector.place,
             )
-        type_ = _TYPES.get(connector.type or "", connector.type)
-        if type_ not in (None, variable.type):
+        exact = declared_type(variable)
+        if connector.type not in (None, variable.type, exact, _SAME.get(exact)):
             raise self._wiring.fault(
-                f"{name} is of type {type_}, but the variable is of type {variable.type}."
+                f"{name} is of type {connector.type}, but the variable is of type {exact}.", connector.place
             )
 
 
@@ -106,7 +112,9 @@ class _Level:
             source, target = self._directed(connection)
             if target in drivers:
                 both = f"{drivers[target][1]} and {connection}"
-                raise self._wiring.fault(f"{node_name(target)} is driven by two connections, {both}.")
+                raise self._wiring.fault(
+                    f"{node_name(target)} is driven by two connections, {both}.", connection.place
+                )
             drivers[target] = source, connection
         for name, element in self._elements.items():
             if isinstance(element, SystemElement):
@@ -135,6 +143,14 @@ class _Level:
             node = self._dictionary(owner), name
             self._share(node, connectors[name])
             return _ConnectionEnd(node, gives=True, takes=True)
+        if isinstance(owner, ComponentElement):
+            interface = self._wiring.fmus[(*self._path, owner.name)].interface
+            if name in interface.left_out and name not in interface.variables:
+                kind = interface.left_out[name]
+                raise self._fault(
+                    connection,
+                    f"joins '{owner.name}.{name}' of the type {kind}, which this master does not connect",
+                )
         kind = connectors[name].kind
         gives, takes = kind in _GIVES, kind in _TAKES
         if element is None:  # inputs of a system are sources inside of it
@@ -161,4 +177,4 @@ class _Level:
             )
 
     def _fault(self, connection: SsdConnection, text: str) -> CommandError:
-        return self._wiring.fault(f"the connection {connection} {text}.")
+        return self._wiring.fault(f"the connection {connection} {text}.", connection.place)

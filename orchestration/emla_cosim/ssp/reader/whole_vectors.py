@@ -1,26 +1,31 @@
-"""Connectors and connections of vectors as a whole: one for each element."""
+"""Connectors and connections of arrays as a whole, and of their elements: one for each element."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from ...base.errors import CommandError
 from ...base.wording import format_count
 from ...fmu.interface import Interface
-from ...system.vectors import find_indices
-from ..documents.ssd_data import ComponentElement, Connector, Element, SsdConnection, SystemElement
+from ...system.vectors import find_indices, find_sizes, format_index, sort_indices
+from ..documents.ssd_data import (
+    ComponentElement,
+    Connector,
+    DictionaryReference,
+    Element,
+    SsdConnection,
+    SystemElement,
+)
+from .shapes import Shapes, component_shapes, declared_shapes
 
-_Shapes = dict[str, list[str]]
-"""Indices of the elements of an element's vectors, by name."""
-
-_Names = Mapping[str, Collection[str]]
-"""Names of the connectors of each element."""
+_Names = Mapping[str | None, Mapping[str, Connector]]
+"""The connectors of each element, and of the system, by name."""
 
 
 def expand_vectors(system: SystemElement, interface: Callable[[str], Interface], where: str) -> SystemElement:
-    """Return a system with connectors and connections of elements in place of those of vectors.
+    """Return a system with connectors and connections of elements in place of those of arrays.
 
-    A connector is a vector if the FMU has the variables `x[1]`, `x[2]` and no variable `x`; that of a system
-    is one if it is connected to a vector inside.
+    A connector is an array if the FMU has the variables `x[1]`, `x[2]` and no variable `x`; that of a system
+    is one if it is declared with sizes, or connected to an array inside.
 
     Args:
         system: The system.
@@ -28,31 +33,33 @@ def expand_vectors(system: SystemElement, interface: Callable[[str], Interface],
         where: The name of the structure in error messages.
 
     Raises:
-        CommandError: A connection joins different shapes.
+        CommandError: A connection joins different shapes, or a shape is not that of the FMU.
     """
     return _expand(system, interface, where)[0]
 
 
 def _expand(
     system: SystemElement, interface: Callable[[str], Interface], where: str
-) -> tuple[SystemElement, _Shapes]:
+) -> tuple[SystemElement, Shapes]:
     elements: list[Element] = []
-    shapes: dict[str | None, _Shapes] = {}
+    shapes: dict[str | None, Shapes] = {}
     for element in system.elements:
         if isinstance(element, SystemElement):
             element, shapes[element.name] = _expand(element, interface, where)
         elif isinstance(element, ComponentElement):
-            known = interface(element.source).variables
-            shapes[element.name] = {
-                c.name: found for c in element.connectors if (found := find_indices(c.name, known))
-            }
+            shapes[element.name] = component_shapes(element, interface(element.source), where)
+            element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
+        elif isinstance(element, DictionaryReference):
+            shapes[element.name] = declared_shapes(element, where)
             element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
         elements.append(element)
-    names = {element.name: dict.fromkeys(c.name for c in element.connectors) for element in elements}
-    own: _Shapes = {}
+    owners: dict[str | None, Element] = {None: system, **{e.name: e for e in elements}}
+    names = {name: {c.name: c for c in owner.connectors} for name, owner in owners.items()}
+    own = declared_shapes(system, where)
     for x in system.connections:
-        for (inside, name), (outside, other) in (_ends(x), _ends(x)[::-1]):
-            if outside is None and (found := _shape(inside, name, shapes, names)):
+        for (inside, name, index), (outside, other, own_index) in (_ends(x), _ends(x)[::-1]):
+            whole = outside is None and inside is not None and not (index or own_index)
+            if whole and (found := _shape(inside, name, shapes, names)):
                 own.setdefault(other, found)
     shapes[None] = own
     connections = [y for x in system.connections for y in _connections(x, shapes, names, where)]
@@ -60,44 +67,99 @@ def _expand(
     return replace(system, connectors=tuple(_connectors(system, own))), own
 
 
-def _ends(connection: SsdConnection) -> tuple[tuple[str | None, str], tuple[str | None, str]]:
+_End = tuple[str | None, str, tuple[int, ...]]
+"""Element, connector and indices."""
+
+
+def _ends(connection: SsdConnection) -> tuple[_End, _End]:
     return (
-        (connection.start_element, connection.start_connector),
-        (connection.end_element, connection.end_connector),
+        (connection.start_element, connection.start_connector, connection.start_indices),
+        (connection.end_element, connection.end_connector, connection.end_indices),
     )
 
 
-def _shape(element: str | None, name: str, shapes: Mapping[str | None, _Shapes], names: _Names) -> list[str]:
-    """Return the indices of a vector: of a connector, or of connectors of its elements; empty for others."""
+def _shape(element: str | None, name: str, shapes: Mapping[str | None, Shapes], names: _Names) -> list[str]:
+    """Return the indices of an array: of a connector, or of connectors of its elements; empty for others."""
     if found := shapes.get(element, {}).get(name):
         return found
-    return [] if element is None or element not in names else find_indices(name, names[element])
+    return [] if element is None else sort_indices(find_indices(name, names.get(element, {})))
 
 
-def _connectors(element: Element, shapes: _Shapes) -> Iterator[Connector]:
+def _connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
     declared = {c.name for c in element.connectors}
     for connector in element.connectors:
         if connector.name not in shapes:
             yield connector
             continue
         names = (f"{connector.name}{index}" for index in shapes[connector.name])
-        yield from (replace(connector, name=name) for name in names if name not in declared)
+        yield from (replace(connector, name=name, dimensions=()) for name in names if name not in declared)
 
 
 def _connections(
-    connection: SsdConnection, shapes: Mapping[str | None, _Shapes], names: _Names, where: str
+    connection: SsdConnection, shapes: Mapping[str | None, Shapes], names: _Names, where: str
 ) -> Iterator[SsdConnection]:
-    start, end = (_shape(element, name, shapes, names) for element, name in _ends(connection))
-    if not (start and end):
+    """Yield the connections of elements; the connection itself if it is of scalars or has unknown ends."""
+    place = connection.place or f"'{where}'"
+    ends = _ends(connection)
+    found = [_shape(element, name, shapes, names) for element, name, _ in ends]
+    if not all(
+        f or name in names.get(element, {}) for f, (element, name, _) in zip(found, ends, strict=True)
+    ):
         yield connection
         return
-    if start != end:
-        sizes = f"{format_count(len(start), 'element')} and {format_count(len(end), 'element')}"
-        differ = "" if len(start) != len(end) else " with other indices"
-        raise CommandError(f"'{where}': the connection {connection} joins {sizes}{differ}.")
-    for index in start:
+    for shape, (element, name, _) in zip(found, ends, strict=True):
+        if not shape and names[element][name].dimensions:
+            raise CommandError(
+                f"{place}: the connection {connection} joins the array '{name}' of unknown size; give its "
+                "dimensions a size, or connect it inside."
+            )
+    chosen = [
+        _choose(f"{place}: the connection {connection}", end, shape)
+        for end, shape in zip(ends, found, strict=True)
+    ]
+    wholes = [bool(shape) and not index for shape, (_, _, index) in zip(found, ends, strict=True)]
+    if any(wholes) and (wholes[0] != wholes[1] or chosen[0] != chosen[1]):
+        sizes = " and ".join(format_count(len(c), "element") for c in chosen)
+        if wholes[0] != wholes[1]:
+            differ = (
+                ", an array with a single value; select an element by startIndices or endIndices (SSP 2.0)"
+            )
+        else:
+            differ = "" if len(chosen[0]) != len(chosen[1]) else " with other indices"
+        raise CommandError(f"{place}: the connection {connection} joins {sizes}{differ}.")
+    for start, end in zip(*chosen, strict=True):
         yield replace(
             connection,
-            start_connector=f"{connection.start_connector}{index}",
-            end_connector=f"{connection.end_connector}{index}",
+            start_connector=f"{connection.start_connector}{start}",
+            end_connector=f"{connection.end_connector}{end}",
+            start_indices=(),
+            end_indices=(),
         )
+
+
+def _choose(which: str, end: _End, shape: list[str]) -> list[str]:
+    """Return the indices of the connected elements: all of an array, or the selected one; "" for a scalar."""
+    _, name, index = end
+    if not index:
+        return shape or [""]
+    sizes = find_sizes(shape)
+    if not shape:
+        raise CommandError(f"{which} selects {name}{format_index(index)}, but '{name}' is no array.")
+    if not sizes:
+        raise CommandError(
+            f"{which} selects {name}{format_index(index)}, but the FMU has other indices than 1 to n."
+        )
+    if len(index) != len(sizes):
+        has = format_count(len(sizes), "dimension")
+        raise CommandError(
+            f"{which} selects {name}{format_index(index)}, but '{name}' has {has}; write one index for each."
+        )
+    if any(i > n for i, n in zip(index, sizes, strict=True)):
+        raise CommandError(
+            f"{which} selects {name}{format_index(index)}; the elements of '{name}' are {shape[0]} to "
+            f"{shape[-1]}."
+        )
+    place = 0
+    for i, n in zip(index, sizes, strict=True):
+        place = place * n + i - 1
+    return [shape[place]]

@@ -45,9 +45,10 @@ class Wiring:
     connectors: dict[Node, Connector] = field(default_factory=dict)
     drivers: dict[Node, tuple[Node, SsdConnection]] = field(default_factory=dict)
 
-    def fault(self, text: str) -> CommandError:
-        """Return an error about the structure."""
-        return CommandError(f"'{self.where}': {text}")
+    def fault(self, text: str, place: str = "") -> CommandError:
+        """Return an error about the structure, or about a place in one of its files."""
+        place = place or f"'{self.where}'"
+        return CommandError(f"{place}: {text}")
 
     def unit(self, node: Node) -> SiUnit | None:
         """Return the unit of a connector: the declared one, that of the FMU's variable, or of its targets."""

@@ -9,6 +9,7 @@ from ...system.model import Component, Connection, System
 from ..documents import ssd_data as ssp
 from ..documents.identifiers import format_id, make_identifiers
 from .coordinates import add_coordinates
+from .version_2 import join_arrays
 
 
 @dataclass(frozen=True)
@@ -26,15 +27,22 @@ class StructurePart:
     bindings: tuple[ssp.ParameterBinding, ...]
 
 
-def build_root_system(name: str, system: System, parts: Mapping[str, StructurePart]) -> ssp.SystemElement:
+def build_root_system(
+    name: str, system: System, parts: Mapping[str, StructurePart], version: str = ssp.VERSION_1
+) -> ssp.SystemElement:
     """Return the root system of a resolved system: one element per component, with an identifier as name.
 
     Args:
         name: The name of the root system.
         system: The resolved system.
         parts: The FMUs by component.
+        version: The version of SSP; arrays are connectors with 2.0 only.
     """
-    return _Builder(system, parts).root(name)
+    builder = _Builder(system, parts)
+    root = builder.root(name)
+    if version == ssp.VERSION_2:
+        root = join_arrays(root, builder.interfaces)
+    return add_coordinates(root)
 
 
 class _Builder:
@@ -46,11 +54,16 @@ class _Builder:
             p.interface.unit(v) for p in parts.values() for v in p.interface.variables
         )
 
+    @property
+    def interfaces(self) -> dict[str, Interface]:
+        """Model descriptions by element."""
+        return {self._names[name]: part.interface for name, part in self._parts.items()}
+
     def root(self, name: str) -> ssp.SystemElement:
-        """Return the root system, with coordinates."""
+        """Return the root system."""
         elements = tuple(self._element(c) for c in self._system.components)
         connections = tuple(dict.fromkeys(self._connection(x) for x in self._system.connections))
-        return add_coordinates(ssp.SystemElement(name, elements=elements, connections=connections))
+        return ssp.SystemElement(name, elements=elements, connections=connections)
 
     def _element(self, component: Component) -> ssp.ComponentElement:
         part, wires = self._parts[component.name], self._system.connections

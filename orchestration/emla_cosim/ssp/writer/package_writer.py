@@ -17,6 +17,7 @@ from ..documents.ssd_data import DEFAULT_SSD, Structure
 from ..documents.ssd_writer import format_structure
 from .elements import StructurePart, build_root_system
 from .parameter_files import file_name, parameter_files
+from .version_2 import select_version
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,8 @@ def write_ssp(
 ) -> None:
     """Write a system with its FMUs to a package; equal content gives equal bytes.
 
+    It is of SSP 1.0 unless the system needs SSP 2.0.
+
     Args:
         path: The file.
         name: The name of the system. Characters that not every tool accepts are replaced; `read_ssp` restores
@@ -86,7 +89,8 @@ def write_ssp(
     interfaces = read_interfaces(fmus)
     plain = resolve_system(system, interfaces)
     uris = _uris(fmus)
-    parameters = parameter_files(system, interfaces)
+    version = select_version(plain, interfaces)
+    parameters = parameter_files(system, interfaces, version)
     parts = {
         c.name: StructurePart(interfaces[c.name], uris[fmus[c.name]], parameters.bindings[c.name])
         for c in system.components
@@ -95,7 +99,7 @@ def write_ssp(
     kinds = {KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
     structure = Structure(
         identifier,
-        build_root_system(identifier, plain, parts),
+        build_root_system(identifier, plain, parts, version),
         experiment.start_time,
         experiment.stop_time,
         experiment.step_size,
@@ -104,6 +108,7 @@ def write_ssp(
         system.bonds,
         format_id(identifier, name),
         kinds == {MODEL_EXCHANGE} and not any(c.samples for c in system.components),
+        version,
     )
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}

@@ -10,8 +10,16 @@ from ...fmu.interface import Interface
 from ...fmu.variables import convert_start_value, find_variable
 from ...system.model import Component, System
 from ..documents.parameter_sets import format_mapping, format_parameter_set
-from ..documents.ssd_data import FileReference, MappingEntry, ParameterBinding, ParameterSet, SsvParameter
+from ..documents.ssd_data import (
+    VERSION_2,
+    FileReference,
+    MappingEntry,
+    ParameterBinding,
+    ParameterSet,
+    SsvParameter,
+)
 from .elements import select_unambiguous
+from .version_2 import complete_arrays
 
 SET_NAME = "initialValues"
 """The name of all parameter sets: Ecos selects sets by name, and its users expect this one."""
@@ -24,13 +32,14 @@ _PLURALS = {"Enumeration": "Enumerations", "String": "Strings"}
 
 @dataclass(frozen=True)
 class ParameterFiles:
-    """The contents of files by URI, and the bindings by component."""
+    """The contents of files of a version of SSP by URI, and the bindings by component."""
 
+    version: str
     contents: dict[str, bytes] = field(default_factory=dict)
     bindings: dict[str, tuple[ParameterBinding, ...]] = field(default_factory=dict)
 
 
-def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> ParameterFiles:
+def parameter_files(system: System, interfaces: Mapping[str, Interface], version: str) -> ParameterFiles:
     """Return one parameter set per component with only that component's parameters.
 
     OMSimulator stops at the first parameter that a component does not have, and other tools warn about each.
@@ -39,14 +48,18 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> Para
     Args:
         system: The system.
         interfaces: The model descriptions by component.
+        version: The version of SSP. With 2.0, arrays are parameters; not those of a component with other
+            names, because a mapping has no indices.
 
     Raises:
         CommandError: If a variable does not accept a value.
     """
-    files = ParameterFiles()
+    files = ParameterFiles(version)
     for component in system.components:
         parameters = _parameters(component, interfaces[component.name])
-        files.bindings[component.name] = _bindings(files.contents, component, parameters)
+        if version == VERSION_2 and not component.aliases:
+            parameters = complete_arrays(parameters, component.name, interfaces[component.name])
+        files.bindings[component.name] = _bindings(files, component, parameters)
     return files
 
 
@@ -102,25 +115,26 @@ def _mapping(component: Component, parameters: list[SsvParameter]) -> list[Mappi
 
 
 def _bindings(
-    contents: dict[str, bytes], component: Component, parameters: list[SsvParameter]
+    files: ParameterFiles, component: Component, parameters: list[SsvParameter]
 ) -> tuple[ParameterBinding, ...]:
-    """Return the binding of a component and add its files to `contents`; no binding without content."""
+    """Return the binding of a component and add its files; no binding without content."""
     mapping = _mapping(component, parameters)
     if not (parameters or mapping):
         return ()
+    contents, version = files.contents, files.version
     uri = file_name(component.name, ".ssv", contents)
-    contents[uri] = _parameter_set(component.name, parameters)
+    contents[uri] = _parameter_set(component.name, parameters, version)
     reference = None
     if mapping:
         reference = FileReference(file_name(component.name, ".ssm", contents))
-        contents[reference.source] = format_mapping(mapping)
+        contents[reference.source] = format_mapping(mapping, version)
     return (ParameterBinding(FileReference(uri), mapping=reference, renames=reference is not None),)
 
 
-def _parameter_set(name: str, parameters: list[SsvParameter]) -> bytes:
+def _parameter_set(name: str, parameters: list[SsvParameter], version: str) -> bytes:
     known = select_unambiguous(p.unit for p in parameters)
     listed = [p if p.unit in known else replace(p, unit=None) for p in parameters]
-    return format_parameter_set(ParameterSet(SET_NAME, tuple(listed), f"Parameters of {name}"))
+    return format_parameter_set(ParameterSet(SET_NAME, tuple(listed), f"Parameters of {name}"), version)
 
 
 def file_name(name: str, ending: str, taken: Collection[str]) -> str:

@@ -1,0 +1,149 @@
+"""Shapes of array connectors: those of FMUs' variables, and what documents declare."""
+
+import math
+from collections.abc import Collection, Iterator
+
+from ...base.errors import CommandError
+from ...base.wording import format_count
+from ...fmu.interface import Interface
+from ...system.vectors import find_indices, find_sizes, list_indices, sort_indices
+from ..documents.ssd_data import Connector, Element, SsvParameter
+
+Shapes = dict[str, list[str]]
+"""Indices of the elements of an element's arrays in row-major order, by name."""
+
+_LARGEST = 2**20
+"""The largest number of elements of a declared array; as for arrays of FMUs."""
+
+
+def component_shapes(element: Element, interface: Interface, where: str) -> Shapes:
+    """Return the shapes of the array connectors of a component, from the variables of its FMU.
+
+    Args:
+        element: The component.
+        interface: The interface of its FMU.
+        where: The name of the structure in error messages.
+
+    Raises:
+        CommandError: A declared dimension is not that of the variable.
+    """
+    found: Shapes = {}
+    for connector in element.connectors:
+        if indices := sort_indices(find_indices(connector.name, interface.variables)):
+            found[connector.name] = indices
+        if connector.dimensions and (indices or connector.name in interface.variables):
+            _check_dimensions(connector, element, interface, indices, where)
+    return found
+
+
+def declared_shapes(element: Element, where: str) -> Shapes:
+    """Return the shapes of the array connectors of an element whose dimensions all have a size.
+
+    Args:
+        element: A system, or the reference to a signal dictionary.
+        where: The name of the structure in error messages.
+
+    Raises:
+        CommandError: A dimension has the size of a connector that does not exist, or the array is too large.
+    """
+    found: Shapes = {}
+    for connector in element.connectors:
+        _check_size_connectors(connector, {c.name for c in element.connectors}, element, where)
+        sizes = [d.size for d in connector.dimensions if d.size is not None]
+        if sizes and len(sizes) == len(connector.dimensions):
+            if (count := math.prod(sizes)) > _LARGEST:
+                name = _name(element, connector)
+                raise _fault(connector, f"the array {name} has {count} elements, more than {_LARGEST}", where)
+            found[connector.name] = list(list_indices(sizes))
+    return found
+
+
+def explain_shape(parameter: SsvParameter, name: str, known: Collection[str], target: str) -> str | None:
+    """Return why a parameter has not the shape of its target; None if it has, or if there is no target.
+
+    Args:
+        parameter: The parameter, or the first element of its array.
+        name: The name of the target.
+        known: The names of all variables.
+        target: What the message calls the target.
+    """
+    sizes = () if parameter.array is None else parameter.array.sizes
+    indices = find_indices(name, known)
+    if not indices and name not in known:
+        return None
+    if sorted(list_indices(sizes) if sizes else ()) == sorted(indices):
+        return None
+    given = f"has the dimensions {_by(sizes)}" if sizes else "has one value and no dimensions"
+    actual = find_sizes(sort_indices(indices))
+    has = (
+        f"the dimensions {_by(actual)}"
+        if actual
+        else "other indices than 1 to n"
+        if indices
+        else "no dimensions"
+    )
+    return f"the parameter '{parameter.document_name}' {given}, but {target} has {has}."
+
+
+def _by(sizes: tuple[int, ...]) -> str:
+    return " x ".join(map(str, sizes))
+
+
+def _check_dimensions(
+    connector: Connector, element: Element, interface: Interface, indices: list[str], where: str
+) -> None:
+    """Raise CommandError if a declared dimension is not that of the FMU's variable."""
+    name = _name(element, connector)
+    known = {c.name for c in element.connectors} | set(interface.variables)
+    _check_size_connectors(connector, known, element, where)
+    sizes = find_sizes(indices)
+    actual = _format(sizes) if sizes else "is a scalar" if not indices else "has other indices than 1 to n"
+    if len(sizes) != len(connector.dimensions):
+        raise _fault(
+            connector,
+            f"{name} is declared with {format_count(len(connector.dimensions), 'dimension')}, but the "
+            f"variable of the FMU {actual}",
+            where,
+        )
+    for position, (size, declared) in enumerate(
+        zip(sizes, _declared_sizes(connector, interface), strict=True), 1
+    ):
+        if declared not in (None, size):
+            raise _fault(
+                connector,
+                f"dimension {position} of {name} is declared with the size {declared}, but the variable of "
+                f"the FMU {actual}",
+                where,
+            )
+
+
+def _declared_sizes(connector: Connector, interface: Interface) -> Iterator[int | None]:
+    """Yield the declared size of each dimension; None if it is not known without the FMU."""
+    for dimension in connector.dimensions:
+        variable = interface.variables.get(dimension.connector or "")
+        start = None if variable is None else variable.start
+        yield dimension.size if start is None else int(float(str(start)))
+
+
+def _check_size_connectors(connector: Connector, known: set[str], element: Element, where: str) -> None:
+    for dimension in connector.dimensions:
+        if dimension.connector is not None and dimension.connector not in known:
+            raise _fault(
+                connector,
+                f"the size of {_name(element, connector)} is that of the connector "
+                f"'{dimension.connector}', which does not exist",
+                where,
+            )
+
+
+def _format(sizes: tuple[int, ...]) -> str:
+    return f"is an array of {_by(sizes)}" + (" elements" if len(sizes) == 1 else "")
+
+
+def _name(element: Element, connector: Connector) -> str:
+    return f"{element.name}.{connector.name}"
+
+
+def _fault(connector: Connector, text: str, where: str) -> CommandError:
+    place = connector.place or f"'{where}'"
+    return CommandError(f"{place}: {text}.")

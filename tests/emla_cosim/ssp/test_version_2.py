@@ -1,0 +1,442 @@
+"""SSP 2.0 with FMUs of FMI 3.0: arrays and types, read and written."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import polars
+import pytest
+from pyssp_standard.ssd import SSD
+from pyssp_standard.ssv import SSV
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.faults import accept_faults
+from emla_cosim.base.units import LinearTransformation
+from emla_cosim.ssp.reader.flat_document import read_ssp
+from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
+from emla_cosim.system.model import Alias, Component, Connection, System
+from fmublock import Block, Input, Output
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import ROOT
+from tests.support.ssp_documents import (
+    binding,
+    component,
+    connection,
+    entry,
+    folder,
+    linear,
+    ssd,
+    ssm,
+    ssv,
+    system,
+)
+
+TYPES = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean")
+STEP, STOP = 0.125, 0.5
+MATRIX = '<ssc:Dimension size="2"/><ssc:Dimension sizeConnector="n"/>'
+
+
+class Pair(Block):
+    """Adds one to each of two numbers."""
+
+    u = Input(shape=2)
+    y = Output(shape=2)
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": [v.u[0] + 1.0, v.u[1] + 1.0]}
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    path = tmp_path_factory.mktemp("fmus")
+    third = build_handwritten_fmu(
+        path / "Third.fmu", ROOT / "tests" / "support" / "fmi3" / "fmi3.c", platform=fmpy.platform_tuple
+    )
+    return {
+        "Third": third,
+        "Pair": fmublock.build(Pair, path / "Pair.fmu"),
+        "Pair3": fmublock.build(Pair, path / "Pair3.fmu", fmi=3),
+    }
+
+
+def connector(name: str, kind: str, type_: str = "Float64", inside: str = "") -> str:
+    return f'<ssd:Connector name="{name}" kind="{kind}"><ssc:{type_}/>{inside}</ssd:Connector>'
+
+
+def third(name: str, bindings: str = "", *more: str, matrix: str = MATRIX) -> str:
+    """A component with the FMU of all types."""
+    ports = [
+        connector("u", "input", inside=matrix),
+        connector("y", "output", inside=matrix),
+        connector("n", "structuralParameter", "UInt64"),
+        connector("x", "output"),
+        *(connector(f"{t}_{d}", k, t) for t in TYPES for d, k in (("in", "input"), ("out", "output"))),
+        *more,
+    ]
+    text = component(name, "Third.fmu", bindings=bindings)
+    group = f"<ssd:Connectors>{''.join(ports)}</ssd:Connectors>"
+    return (
+        text.replace("<ssd:ParameterBindings>", f"{group}<ssd:ParameterBindings>")
+        if bindings
+        else text.replace("></ssd:Component>", f">{group}</ssd:Component>")
+    )
+
+
+def wire(start: str, end: str, inside: str = "", **indices: str) -> str:
+    (a, y), (b, u) = (text.rpartition(".")[::2] for text in (start, end))
+    texts = [f'startElement="{a}" '] if a else []
+    texts += [f'endElement="{b}" '] if b else []
+    texts += [f'{name}="{value}" ' for name, value in indices.items()]
+    return (
+        f'<ssd:Connection {"".join(texts)}startConnector="{y}" endConnector="{u}">{inside}</ssd:Connection>'
+    )
+
+
+def values(name: str, texts: str, dimensions: str, type_: str = "Float64") -> str:
+    inside = f'<ssv:{type_} value="{texts}"/>{dimensions}'
+    parameter = f'<ssv:Parameter name="{name}">{inside}</ssv:Parameter></ssv:Parameters>'
+    return ssv(version="2.0").replace("</ssv:Parameters>", parameter)
+
+
+TWO_BY_TWO = '<ssc:Dimension size="2"/><ssc:Dimension size="2"/>'
+
+
+def written(path: Path, fmus: dict[str, Path], *parts: str, **more: Any) -> Path:
+    """A folder with a system of these parts, and all FMUs."""
+    files = {f"{name}__fmu": file for name, file in fmus.items()}
+    return folder(path / "ssp", root=ssd(system("root", *parts, **more), version="2.0"), **files)
+
+
+def run(what: Path | System, **options: Any) -> ec.Result:
+    with ec.load(what, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+        return simulation.run()
+
+
+def columns(found: ec.Result) -> dict[str, list[float]]:
+    return {name: list(found[name]) for name in found.names}
+
+
+def test_whole_arrays_elements_and_values(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """b.y = gain_b * gain_a * u, by hand; c gets one element of it in an element, and d a scalar of c."""
+    path = written(
+        tmp_path,
+        fmus,
+        third("a", binding(values("u", "1 2 3 4", TWO_BY_TWO))),
+        third("b", binding(values("gain", "5 6 7 8", TWO_BY_TWO))),
+        third("c"),
+        third("d"),
+        wire("a.y", "b.u"),
+        wire("b.y", "c.u", startIndices="1 2", endIndices="2 1"),
+        wire("d.u", "c.x", startIndices="2 2"),
+        *(wire(f"a.{t}_out", f"b.{t}_in") for t in TYPES),
+    )
+    found = run(path)
+    for place, index in enumerate(("1,1", "1,2", "2,1", "2,2")):
+        assert found[f"b.y[{index}]"][-1] == (place + 5) * (place + 1) * (place + 1)
+    assert found["c.y[2,1]"][-1] == 3 * 24.0
+    assert found["c.y[1,2]"][-1] == 2 * 0.5
+    assert found["d.y[2,2]"][-1] == 4 * found["c.x"][-1]
+
+
+def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """An inner system passes arrays of a known size and of the size inside; those of FMI 2.0 are scalars."""
+    vector = '<ssc:Dimension size="2"/>'
+
+    def pair(name: str, source: str) -> str:
+        ports = connector("u", "input", inside=vector) + connector("y", "output", inside=vector)
+        return component(name, source).replace(
+            "></ssd:Component>", f"><ssd:Connectors>{ports}</ssd:Connectors></ssd:Component>"
+        )
+
+    inner = system("s", pair("three", "Pair3.fmu"), wire("in", "three.u"), wire("three.y", "out"))
+    ports = connector("in", "input", inside="<ssc:Dimension/>") + connector("out", "output", inside=vector)
+    inner = inner.replace("<ssd:Elements>", f"<ssd:Connectors>{ports}</ssd:Connectors><ssd:Elements>")
+    path = written(
+        tmp_path,
+        fmus,
+        pair("two", "Pair.fmu"),
+        inner,
+        third("t"),
+        wire("two.y", "s.in", linear(10.0, 1.0)),
+        wire("s.out", "t.u", startIndices="2", endIndices="1 1"),
+        bindings=binding(values("two.u", "1 2", vector)),
+    )
+    found = run(path)
+    assert [found[f"s.three.y[{i}]"][-1] for i in (1, 2)] == [22.0, 32.0]
+    assert found["t.y[1,1]"][-1] == 32.0
+
+
+def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Each connector of a system that is declared with sizes can be connected by element on both sides."""
+    matrix = TWO_BY_TWO
+    inner = system(
+        "s",
+        third("t"),
+        wire("in", "t.u", startIndices="1 2", endIndices="2 2"),
+        wire("t.y", "out", startIndices="2 2", endIndices="2 1"),
+    ).replace(
+        "<ssd:Elements>",
+        f"<ssd:Connectors>{connector('in', 'input', inside=matrix)}"
+        f"{connector('out', 'output', inside=matrix)}</ssd:Connectors><ssd:Elements>",
+    )
+    reference = (
+        '<ssd:SignalDictionaryReference name="NAME" dictionary="bus"><ssd:Connectors>'
+        f"{connector('signal', 'inout', inside=matrix)}</ssd:Connectors></ssd:SignalDictionaryReference>"
+    )
+    path = written(
+        tmp_path,
+        fmus,
+        third("a"),
+        third("b"),
+        inner,
+        reference.replace("NAME", "first"),
+        reference.replace("NAME", "second"),
+        wire("a.x", "s.in", endIndices="1 2"),
+        wire("a.y", "first.signal"),
+        wire("second.signal", "b.u", startIndices="2 1", endIndices="1 1"),
+        wire("s.out", "b.u", startIndices="2 1", endIndices="2 2"),
+        '<ssd:SignalDictionary name="bus" source="bus.ssb"/>',
+    )
+    (path / "bus.ssb").write_text("")
+    found = run(path)
+    assert found["s.t.y[2,2]"][-1] == 4 * found["a.x"][-1] != 0.0
+    assert found["b.y[1,1]"][-1] == found["a.y[2,1]"][-1]
+    assert found["b.y[2,2]"][-1] == 4 * found["s.t.y[2,2]"][-1]
+
+
+def test_replaced_components_keep_the_names_of_elements(fmus: dict[str, Path], tmp_path: Path) -> None:
+    aliases = {"k": Alias("gain[2,1]", LinearTransformation(10.0)), "own": Alias("u[1,1]")}
+    replaced = Component("a", parameters={"k": 0.5, "own": 3.0}, fmu=fmus["Third"], aliases=aliases)
+    other = Component("b", fmu=fmus["Third"])
+    whole = tuple(
+        Connection("a", f"y{index}", "b", f"u{index}") for index in ("[1,1]", "[1,2]", "[2,1]", "[2,2]")
+    )
+    times = SystemTimes(0.0, STOP, STEP)
+    made = System((replaced, other), whole)
+    write_ssp(tmp_path / "x.ssp", "x", "", made, dict.fromkeys("ab", fmus["Third"]), times)
+    with read_ssp(tmp_path / "x.ssp") as document:
+        found = document.system.component("a")
+        assert (found.parameters, found.aliases) == ({"k": 0.5, "own": 3.0}, aliases)
+        assert [str(x) for x in document.system.connections] == [str(x) for x in whole]
+
+
+def test_documents_of_version_1_name_elements_or_whole_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
+    ports = "u:input u[1,1]:input:Real y:output y[2,2]:output:Real UInt64_in:input:Integer x:output:Real"
+    given = binding(ssv(**{"gain[2,2]": 7.0, "UInt64_in": 5}))
+    root = system(
+        "root",
+        component("a", "Third.fmu", ports, given),
+        component("b", "Third.fmu", ports),
+        component("c", "Third.fmu", ports),
+        connection("a.y -> b.u"),
+        connection("a.y[2,2] -> c.u[1,1]"),
+    )
+    path = folder(tmp_path / "ssp", root=ssd(root), Third__fmu=fmus["Third"])
+    found = run(path)
+    assert found["b.y[2,2]"][-1] == 4 * 7.0 * 0.5
+    assert found["c.y[1,1]"][-1] == 7.0 * 0.5
+    assert found["a.UInt64_out"][-1] == 5
+
+
+def test_mappings_apply_to_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
+    mapping = ssm(entry("p", "gain", linear(2.0)), version="2.0")
+    path = written(tmp_path, fmus, third("a", binding(values("p", "1 2 3 4", TWO_BY_TWO), mapping)))
+    with read_ssp(path) as document:
+        assert dict(document.system.component("a").parameters) == {
+            "gain[1,1]": 2.0, "gain[1,2]": 4.0, "gain[2,1]": 6.0, "gain[2,2]": 8.0
+        }  # fmt: skip
+
+
+def test_structural_parameters_keep_their_start_values(fmus: dict[str, Path], tmp_path: Path) -> None:
+    same = binding(values("n", "2", "", "UInt64"))
+    with read_ssp(written(tmp_path / "1", fmus, third("a", same))) as document:
+        assert (document.notes, document.system.component("a").parameters) == ([], {})
+    inner = third("a", binding(values("n", "3", "", "UInt64")))
+    with pytest.raises(CommandError, match=r"line \d+: 'n' = 3 changes .* a\.n, .* must be 2\."):
+        run(written(tmp_path / "2", fmus, inner))
+
+
+BLOB = connector("blob", "output", "Binary")
+UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:Float64/><ssc:Dimension/>")
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((third("a", matrix='<ssc:Dimension size="3"/><ssc:Dimension/>'),),
+         "dimension 1 of a.u .* size 3, .* 2 x 2"),
+        ((third("a", matrix='<ssc:Dimension size="2"/>'),), "a.u is declared with 1 dimension"),
+        ((third("a", matrix='<ssc:Dimension sizeConnector="m"/><ssc:Dimension/>'),),
+         "'m', which does not exist"),
+        ((third("a", matrix='<ssc:Dimension sizeConnector="n" size="2"/>'),), "both size and sizeConnector"),
+        ((third("a", "", connector("end", "parameter", inside=MATRIX)),), "a.end .* is a scalar"),
+        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="1 1")),
+         r"a.y\[1,1\] -> b.u joins 1 .* and 4 "),
+        ((third("a"), third("b"), wire("a.x", "b.u")),
+         "a.x -> b.u joins 1 element and 4 elements, an array with"),
+        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="1", endIndices="1 1")),
+         "'y' has 2 dimensions"),
+        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="3 1", endIndices="1 1")),
+         r"\[1,1\] to \[2,2\]"),
+        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="0 1", endIndices="1 1")), "at least 1"),
+        ((third("a"), third("b"), wire("a.x", "b.u", startIndices="1", endIndices="1 1")), "'x' is no array"),
+        ((third("a"), third("b"), wire("a.y", "b.u"), wire("a.x", "b.u", endIndices="1 1")),
+         r"b.u\[1,1\] .* two"),
+        ((third("a", "", BLOB), third("b"), wire("a.blob", "b.Int8_in")), "'a.blob' of the type Binary"),
+        ((third("a"), UNSIZED, wire("a.y", "s.in")), "array 'in' of unknown size"),
+        ((third("a", "", connector("Choice", "input", "Int8")),), "no variable"),
+        ((third("a", "", connector("stride", "parameter", "Int8")),),
+         "type Int8, but the variable is of type Int64"),
+        ((third("a", binding(values("gain", "1 2 3", TWO_BY_TWO))),), "gives 'gain' 3 values; it needs 4"),
+        ((third("a", binding(values("gain", "1 2 3", ""))),), 'add <ssc:Dimension size="3"/>'),
+        ((third("a", binding(values("gain", "1 2", '<ssc:Dimension size="2"/>'))),),
+         "dimensions 2, but a.gain .* 2 x 2"),
+        ((third("a", binding(values("gain", "1", ""))),),
+         "one value and no dimensions, but a.gain has .* 2 x 2"),
+        ((third("a", binding(values("end", "1 1", '<ssc:Dimension size="2"/>'))),),
+         "a.end has no dimensions"),
+        ((third("a", binding(values("gain", "1", '<ssc:Dimension sizeConnector="n"/>'))),),
+         "must have a size"),
+        ((third("a", binding(values("blob", "00", "", "Binary"))),), "a.blob of the type Binary"),
+        ((third("a", binding(values("text", "x", "", "String").replace(
+            '<ssv:String value="x"/>', '<ssv:String value="x"><ssv:Value value="y"/></ssv:String>'))),),
+         "only one of the two is allowed"),
+        ((third("a", binding(values("stride", "1", '<ssc:Dimension size="18446744073709551615"/>'))),),
+         "it needs"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(parts: tuple[str, ...], words: str, fmus: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=rf"SystemStructure.ssd' line \d+.*{words}"):
+        run(written(tmp_path, fmus, *parts))
+
+
+def test_several_values_without_dimensions_are_a_vector_with_lenient(
+    fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    given = component("a", "Pair3.fmu", bindings=binding(values("u", "3 4", "")))
+    with accept_faults(lenient=True) as faults, read_ssp(written(tmp_path, fmus, given)) as document:
+        assert document.system.component("a").parameters == {"u[1]": 3.0, "u[2]": 4.0}
+    assert any("2 values, but no dimension" in remark for remark in faults.remarks())
+
+
+def test_files_of_parameters_have_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
+    file = tmp_path / "x.ssv"
+    file.write_text(values("a.gain", "1 2 3 9", TWO_BY_TWO))
+    found = run(System.of({"a": fmus["Third"], "b": fmus["Pair"]}), parameters=[file])
+    assert found["a.y[2,2]"][-1] == 4.5
+    file.write_text(values("a.gain", "1 2", '<ssc:Dimension size="2"/>'))
+    with pytest.raises(CommandError, match=r"line .*dimensions 2, but a.gain has the dimensions 2 x 2"):
+        run(System.of({"a": fmus["Third"], "b": fmus["Pair"]}), parameters=[file])
+
+
+# ---- written -----------------------------------------------------------------------------------
+
+SYSTEM = [
+    "a.y -> b.u",
+    "a.y[1,2] -> c.u[2,1]",
+    "a.x -> c.u[1,1]",
+    "two.y -> three.u",
+    "three.y[1] -> d.u[1,1]",
+    "three.y[2] -> d.u[2,2]",
+    "b.y[2,2] -> two.u[1]",
+    *(f"a.{t}_out -> b.{t}_in" for t in TYPES),
+]
+VALUES = {
+    "a.gain[2,1]": 7.5, "a.u[2,2]": -1.25, "a.UInt64_in": 2**63 + 2048, "a.Float32_in": 0.1,
+    "a.Int8_in": -128, "c.u[1,2]": 3.0, "a.Boolean_in": True, "two.u[2]": 0.3,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def exported(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A package of all types, arrays and both versions, and the results of what it was written of."""
+    path = tmp_path_factory.mktemp("exported")
+    parts = dict.fromkeys("abcd", fmus["Third"]) | {"two": fmus["Pair"], "three": fmus["Pair3"]}
+    scenario = ec.load(System.of(parts, SYSTEM, VALUES), step_size=STEP, stop_time=STOP)
+    scenario.export(path / "x.ssp")
+    with scenario.prepare() as simulation:
+        simulation.run().save(path / "before", plots=False)
+    return path / "x.ssp", path / "before" / "results.csv"
+
+
+def test_results_of_a_package_have_the_same_bytes(exported: tuple[Path, Path], tmp_path: Path) -> None:
+    package, before = exported
+    scenario = ec.load(package)
+    with scenario.prepare() as simulation:
+        simulation.run().save(tmp_path / "after", plots=False)
+    after = (tmp_path / "after" / "results.csv").read_bytes()
+    assert after == before.read_bytes()
+    row = polars.read_csv(before).row(-1, named=True)
+    assert (row["b.UInt64_out"], row["b.Float32_out"]) == (float(2**63 + 2048), 0.10000000149011612)
+    scenario.export(tmp_path / "again.ssp")
+    first, second = (
+        zipfile.ZipFile(p).read("SystemStructure.ssd") for p in (package, tmp_path / "again.ssp")
+    )
+    assert first == second
+
+
+def test_another_reader_accepts_it(exported: tuple[Path, Path], tmp_path: Path) -> None:
+    """Its schemas of SSP 2.0, for the structure with XSD 1.1. Its values lack the types of SSP 2.0."""
+    with zipfile.ZipFile(exported[0]) as archive:
+        archive.extractall(tmp_path)
+    files = list(tmp_path.rglob("*.ssv"))
+    assert len(files) == 3
+    names: dict[str, list[tuple[str, str]]] = {}
+    for file in files:
+        with SSV(file) as document:
+            assert (document.version, document.identifier) == ("2.0", "ssv2")
+            document.__check_compliance__()
+            names[file.stem] = [(p["type_name"], p["name"]) for p in document.parameters]
+    assert names == {
+        "a": [
+            ("Float64", "u"), ("Float64", "gain"), ("Float32", "Float32_in"), ("Int8", "Int8_in"),
+            ("UInt64", "UInt64_in"), ("Boolean", "Boolean_in"),
+        ],
+        "c": [("Float64", "u")],
+        "two": [("Real", "u[2]")],
+    }  # fmt: skip
+    written = (tmp_path / "resources" / "a.ssv").read_text()
+    for value in ("0.5 0.5 0.5 -1.25", "1 2 7.5 4", "0.1", "-128", str(2**63 + 2048), "true"):
+        assert f'value="{value}"/>' in written
+    with SSD(tmp_path / "SystemStructure.ssd") as document:
+        assert document.identifier == "ssd2_11"
+        document.__check_compliance__()
+        assert document.system is not None
+        connectors = {e.name: {c.name for c in e.connectors} for e in document.system.elements}
+    assert connectors["three"] == {"u", "y"} and connectors["two"] == {"u[1]", "y[1]", "y[2]"}
+    text = (tmp_path / "SystemStructure.ssd").read_text()
+    joined = 'startElement="a" startConnector="y" endElement="b" endConnector="u"'
+    assert text.count(joined) == 1
+    assert 'startConnector="y" startIndices="1 2" endElement="c" endConnector="u" endIndices="2 1"' in text
+    assert 'startConnector="y[1]" endElement="three" endConnector="u" endIndices="1"' in text
+
+
+@pytest.mark.parametrize(
+    ("connections", "given", "version"),
+    [
+        (["a.x -> b.u"], {"a.end": 1.0, "a.Int32_in": 7, "a.Boolean_in": True}, "1.0"),
+        (["a.x -> b.u"], {"a.Int8_in": 7}, "2.0"),
+        (["a.x -> b.u", "a.Int64_out -> a.Int64_in"], {}, "2.0"),
+        (["a.y[1,1] -> b.u"], {}, "2.0"),
+    ],
+)
+def test_the_oldest_version_that_suffices(
+    connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    class Scalar(Block):
+        u = Input()
+        y = Output()
+
+        def outputs(self, v: Any) -> dict[str, Any]:
+            return {"y": v.u}
+
+    made = System.of(
+        {"a": fmus["Third"], "b": fmublock.build(Scalar, tmp_path / "Scalar.fmu")}, connections, given
+    )
+    ec.load(made, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
+    with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
+        texts = [archive.read(n).decode() for n in archive.namelist() if n.endswith((".ssd", ".ssv"))]
+    assert all(f'version="{version}"' in text for text in texts)
