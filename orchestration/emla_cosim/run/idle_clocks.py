@@ -13,5 +13,5 @@ def describe_idle_clocks(names: Sequence[str]) -> list[str]:
     """
     if not names:
         return []
-    clocks = "triggered clock" if len(names) == 1 else "triggered clocks"
-    return [f"No output clock is connected to the {clocks} {join_names(names)}, which therefore never tick."]
+    what = "clock {}: it never ticks" if len(names) == 1 else "clocks {}: they never tick"
+    return [f"No output clock is connected to the triggered {what.format(join_names(names))}."]
