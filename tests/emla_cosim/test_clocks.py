@@ -107,7 +107,6 @@ def test_an_fmu_that_cannot_vary_its_step(build: Any) -> None:
 @pytest.mark.parametrize(
     ("clock", "options", "words"),
     [
-        ("triggered", {}, "needs clocks that are triggered from outside.*: its input 'tick' is one"),
         ("periodic", {"events": False}, "has the clock 'tick' but no event mode"),
     ],
 )
@@ -121,8 +120,6 @@ def test_what_is_not_supported_is_refused(
 @pytest.mark.parametrize(
     ("old", "new", "error", "words"),
     [
-        ('shiftDecimal="0.25"', 'clocks="23"/><Clock name="other" valueReference="23" causality="output" '
-         'intervalVariability="triggered"', CommandError, "depend on other clocks"),
         ('intervalDecimal="0.1"', 'intervalDecimal="0"', RunError, "clock tick has the interval 0 s"),
         ('intervalDecimal="0.1"', 'intervalDecimal="x"', CommandError, "of its clock 'tick' is 'x'"),
         ('shiftDecimal="0.25"', 'shiftDecimal="-1"', RunError, "clock tick has the shift -1 s"),

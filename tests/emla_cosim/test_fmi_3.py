@@ -185,7 +185,7 @@ def test_a_system_as_one_fmu_refuses_it(path: Path, emla: Emla, tmp_path: Path) 
     assert "cannot contain FMUs of FMI 3.0" in " ".join(done.output.split())
 
 
-def test_clocks_are_refused(path: Path, tmp_path: Path) -> None:
+def test_clocks_without_event_mode_are_refused(path: Path, tmp_path: Path) -> None:
     changed = tmp_path / "Third.fmu"
     clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'
     with zipfile.ZipFile(path) as old, zipfile.ZipFile(changed, "w") as new:
@@ -194,7 +194,7 @@ def test_clocks_are_refused(path: Path, tmp_path: Path) -> None:
             if name == "modelDescription.xml":
                 text = text.replace(b"</ModelVariables>", clock.encode() + b"</ModelVariables>")
             new.writestr(name, text)
-    with pytest.raises(CommandError, match="needs clocks"):
+    with pytest.raises(CommandError, match="has the clock 'tick' but no event mode"):
         read_interface(changed)
 
 

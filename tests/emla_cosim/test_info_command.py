@@ -209,17 +209,26 @@ def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, t
     inner = '<Terminal name="inner"/>'
     terminals = f"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
     <Terminal name="outer">{inner}</Terminal></Terminals></fmiTerminalsAndIcons>"""
-    files = {"modelDescription.xml": content, "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
-    write_archive(tmp_path / "x.fmu", files)
-    shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
-    assert "capabilities CoSimulation: hasEventMode terminals outer, outer.inner" in shown
-    assert "clocks that are triggered from outside, which are not supported" in shown
-    assert "M.tick triggered Clock input" in shown
-    assert "M.count Int8 output at tick" in shown
-    assert "M.u Float32 [3] input 1 2 3" in shown
-    told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
-    assert told["fmus"][0]["capabilities"] == {"CoSimulation": ["hasEventMode"]}
-    assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
-    rows = {v["fmu_name"]: v for v in told["variables"]}
-    assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
-    assert (rows["u"]["dimensions"], rows["tick"]["interval_variability"]) == ([3], "triggered")
+    for runs in (True, False):
+        if not runs:  # as Scheduled Execution
+            content = content.replace(b"CoSimulation", b"ScheduledExecution")
+            content = content.replace(b' hasEventMode="true"', b"")
+        files = {
+            "modelDescription.xml": content,
+            "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode(),
+        }
+        write_archive(tmp_path / "x.fmu", files)
+        shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
+        told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
+        assert ("cannot be run here" in shown) is not runs
+        assert ("M.u[1..3] Float32 input" in shown) is runs and ("M.u Float32 [3] input" in shown) is not runs
+        assert "terminals outer, outer.inner" in shown
+        assert "M.tick triggered Clock input" in shown
+        assert "M.count Int8 output at tick" in shown
+        assert told["fmus"][0]["capabilities"] == (
+            {"CoSimulation": ["hasEventMode"]} if runs else {"ScheduledExecution": []}
+        )
+        assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
+        rows = {v["fmu_name"]: v for v in told["variables"]}
+        assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
+        assert (rows["tick"]["interval_variability"], rows["tick"]["settable"]) == ("triggered", False)

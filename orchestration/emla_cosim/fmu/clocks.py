@@ -1,10 +1,10 @@
-"""Input clocks of FMI 3.0 FMUs."""
+"""Clocks of FMI 3.0 FMUs: which ones tick at times, and which ones are triggered."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmpy.model_description import ModelDescription
+from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.errors import CommandError
 from ..base.untrusted_xml import parse_xml
@@ -12,12 +12,18 @@ from ..base.untrusted_xml import parse_xml
 PERIODIC, COUNTDOWN = ("constant", "fixed", "tunable"), "countdown"
 """Kinds of clocks: periodic ones, and the one whose next tick an event can set at any time."""
 
-_BY_TIME = (*PERIODIC, "changing", COUNTDOWN)
+TRIGGERED = "triggered"
+"""The kind of clocks that tick when another clock ticks: output clocks, and the input clocks they drive."""
+
+_KNOWN = (*PERIODIC, "changing", COUNTDOWN, TRIGGERED)
+
+CLOCK = "Clock"
+"""The type of these variables. In tables, their value is the number of their ticks since the start."""
 
 
 @dataclass(frozen=True)
 class InputClock:
-    """A clock that this master ticks.
+    """An input clock that ticks at times.
 
     Attributes:
         name: The name of the variable.
@@ -36,20 +42,31 @@ class InputClock:
 
 def explain_unsupported_clock(description: ModelDescription) -> str | None:
     """Return why this master cannot tick the clocks of an FMU, as the end of a message; None if it can."""
-    inputs = [v for v in description.modelVariables if v.type == "Clock" and v.causality == "input"]
+    inputs = [v for v in description.modelVariables if v.type == CLOCK and v.causality == "input"]
     for clock in inputs:
-        own = f"its input '{clock.name}' is one"
-        if clock.intervalVariability not in _BY_TIME:
-            return f"needs clocks that are triggered from outside, which are not supported: {own}"
-        if clock.clocks:
-            return f"needs clocks that depend on other clocks, which are not supported: {own}"
+        if clock.intervalVariability not in _KNOWN:
+            return (
+                f"has the clock '{clock.name}' with intervalVariability = '{clock.intervalVariability}', "
+                f"which is not one of {', '.join(_KNOWN)}"
+            )
     if inputs and description.coSimulation is not None and not description.coSimulation.hasEventMode:
         return f"has the clock '{inputs[0].name}' but no event mode in co-simulation"
     return None
 
 
+def is_triggered_input(variable: ModelVariable) -> bool:
+    """Return whether a variable is an input clock that ticks when the clock that drives it ticks."""
+    is_input = variable.type == CLOCK and variable.causality == "input"
+    return is_input and variable.intervalVariability == TRIGGERED
+
+
+def clocks_of(variable: ModelVariable) -> list[int]:
+    """Return the value references of the clocks of a variable; fmpy replaces them by variables."""
+    return [int(getattr(clock, "valueReference", clock)) for clock in variable.clocks or ()]
+
+
 def read_input_clocks(folder: Path, path: Path) -> list[InputClock]:
-    """Return the input clocks of an FMU; fmpy (0.3.32) does not read their intervals.
+    """Return the input clocks of an FMU that tick at times; fmpy (0.3.32) does not read their intervals.
 
     Args:
         folder: The folder with the unpacked FMU.
@@ -68,6 +85,7 @@ def read_input_clocks(folder: Path, path: Path) -> list[InputClock]:
             shift=_read_seconds(path, clock, "shiftDecimal") or 0.0,
         )
         for clock in root.iterfind("ModelVariables/Clock[@causality='input']")
+        if clock.get("intervalVariability") != TRIGGERED
     ]
 
 

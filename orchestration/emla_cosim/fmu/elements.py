@@ -63,15 +63,18 @@ def is_version_3(description: ModelDescription) -> bool:
     return str(description.fmiVersion).startswith("3.0")
 
 
-def split_arrays(description: ModelDescription) -> None:
+def split_arrays(description: ModelDescription, keep_clocks: bool = False) -> None:
     """Replace the variables of an FMI 3.0 model description by their elements.
 
-    Binary and Clock variables, and arrays of Strings, are left out.
+    Binary variables and arrays of Strings are left out, and Clocks unless `keep_clocks` is set.
 
     Raises:
         ValueError: If an array is too large, or has a wrong number of start values.
     """
-    elements = {id(v): list(_split(v)) for v in description.modelVariables}
+    elements = {
+        id(v): [_clock(v)] if v.type == "Clock" and keep_clocks else list(_split(v))
+        for v in description.modelVariables
+    }
     description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
     for unknowns in (description.outputs, description.derivatives, description.initialUnknowns):
         unknowns[:] = [u for unknown in unknowns for u in _split_unknown(unknown, elements)]
@@ -112,6 +115,12 @@ def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
         yield ElementVariable(
             **{**fields, **own}, data_type=data_type, place=place, size=size, array_start=numbers
         )
+
+
+def _clock(variable: ModelVariable) -> ElementVariable:
+    """Return a Clock as a variable that changes at its ticks."""
+    fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
+    return ElementVariable(**{**fields, "variability": "discrete", "start": None}, data_type="Clock")
 
 
 def _split_unknown(unknown: Unknown, elements: dict[int, list[ElementVariable]]) -> Iterator[Unknown]:

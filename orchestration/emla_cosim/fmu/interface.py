@@ -18,7 +18,7 @@ from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from ..base.untrusted_xml import parse_xml
-from .clocks import explain_unsupported_clock
+from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import WIDE, ElementVariable, is_supported, is_version_3, split_arrays
 
@@ -39,7 +39,7 @@ class Interface:
 
     Attributes:
         description: The model description.
-        clocks: Names of its Clock variables, which `description` leaves out.
+        clocks: Names of its Clock variables; `description` has them only if the FMU has event mode.
         left_out: Types of all variables that `description` leaves out, by name.
     """
 
@@ -90,6 +90,8 @@ class Interface:
     def is_settable(self, name: str) -> bool:
         """Return whether a variable accepts a start value."""
         variable = self.variables[name]
+        if variable.type == CLOCK:
+            return False
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
         return free and variable.variability != "constant" and variable.causality != "structuralParameter"
 
@@ -101,8 +103,13 @@ class Interface:
         return SignalType(str(variable.type), {int(str(i.value)): str(i.name) for i in items or ()})
 
     def column_type(self, name: str) -> SignalType:
-        """Return the type of a variable in tables: Real for integers of more than 32 bits."""
+        """Return the type of a variable in tables.
+
+        It is Real for integers of more than 32 bits, and Integer for a Clock, which shows its ticks.
+        """
         variable = self.variables[name]
+        if variable.type == CLOCK:
+            return SignalType("Integer")
         is_wide = isinstance(variable, ElementVariable) and variable.data_type in WIDE
         return REAL if is_wide else self.signal_type(name)
 
@@ -310,7 +317,8 @@ def _split_arrays(description: ModelDescription, path: Path) -> None:
     """Split the variables of FMI 3.0; CommandError if the FMU needs clocks that are not supported."""
     if (reason := explain_unsupported_clock(description)) is not None:
         raise CommandError(f"'{path}' {reason}.")
-    split_arrays(description)
+    own = description.coSimulation
+    split_arrays(description, keep_clocks=own is not None and bool(own.hasEventMode))
 
 
 def first_problem(error: ValidationError) -> str:

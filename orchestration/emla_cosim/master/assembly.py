@@ -9,6 +9,7 @@ from typing import Any
 from ..base.files import temporary_folder
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
+from ..fmu.clocks import is_triggered_input
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
@@ -163,6 +164,16 @@ class Assembly:
                 if name not in signals and variable.causality != "independent":
                     found[name] = ObservedVariable(name, component.name, variable)
         return found
+
+    @cached_property
+    def idle_clocks(self) -> list[str]:
+        """Full names of the triggered input clocks that no output clock drives."""
+        driven = {x.ends[1] for x in self._wired.connections}
+        return [
+            name
+            for name, one in self.unexchanged.items()
+            if is_triggered_input(one.variable) and (one.component, one.variable.name) not in driven
+        ]
 
     def list_outputs(self) -> list[str]:
         """Return the outputs that are recorded by default: Reals, then other types except Strings."""

@@ -45,6 +45,7 @@ from .agreement import agreement_record, compare_with_stored, describe_disagreem
 from .empty_table import describe_empty_table
 from .execution import Run
 from .followers import following_values
+from .idle_clocks import describe_idle_clocks
 from .lost_values import describe_lost_values
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
@@ -650,6 +651,7 @@ class Simulation:
             *([] if run.stopped is None else [describe_stop(*run.stopped)]),
             *self._faults.remarks(self._unpacked),
             *describe_lost_values(record),
+            *describe_idle_clocks(self._assembly.idle_clocks),
             *([] if going.has_signals else describe_empty_table(self._assembly.unexchanged.values())),
             *going.metrics.remarks(),
             *stepping.remarks(),

@@ -10,6 +10,7 @@ from ..base.errors import CommandError
 from ..base.faults import accept_if_lenient, convert_documents_units
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
+from ..fmu.clocks import CLOCK, is_triggered_input
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
@@ -84,6 +85,11 @@ def _transformation(
     """Return the transformation of a connection after checking types and causalities."""
     source = _type(system.component(connection.source), interfaces, connection.output, "output")
     target = _type(system.component(connection.target), interfaces, connection.input, "input")
+    if (source.kind == CLOCK) != (target.kind == CLOCK):
+        raise CommandError(
+            f"the connection {connection} joins the types {source.kind} and {target.kind}: only an output "
+            "clock can drive a triggered input clock."
+        )
     if (reason := _explain_loss(source, target)) is not None:
         message = (
             f"the connection {connection} joins the types {source.kind} and {target.kind}: {reason}. Values "
@@ -147,7 +153,12 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
 
 def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> SignalType:
     """Return the type of a connected variable; raise CommandError if it cannot be connected."""
-    variable = find_variable(component.name, interfaces[component.name].variables, name)
+    interface = interfaces[component.name]
+    if name in interface.clocks and name not in interface.variables:
+        raise CommandError(
+            f"{component.name}.{name} is a clock, which needs an FMU with event mode (hasEventMode)."
+        )
+    variable = find_variable(component.name, interface.variables, name)
     if variable.causality != causality:
         raise CommandError(
             f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
@@ -155,4 +166,9 @@ def _type(component: Component, interfaces: Mapping[str, Interface], name: str, 
         )
     if variable.type == "String":
         raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
-    return interfaces[component.name].signal_type(name)
+    if variable.type == CLOCK and causality == "input" and not is_triggered_input(variable):
+        raise CommandError(
+            f"{component.name}.{name} cannot be connected: it is a {variable.intervalVariability} clock, "
+            "which ticks at its own times. Only triggered clocks can be driven."
+        )
+    return interface.signal_type(name)

@@ -52,6 +52,7 @@ CALLS = (
     "enterStepMode",
     "updateDiscreteStates",
     "setClock",
+    "getClock",
     "instantiateModelExchange",
     "getContinuousStateDerivatives",
     "getNumberOfContinuousStates",

@@ -9,6 +9,7 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
+from ...fmu.clocks import CLOCK, clocks_of
 from .typed_values import TypedValues
 
 
@@ -31,7 +32,7 @@ class ClockedVariables:
         self.variables = [
             v
             for v in variables.values()
-            if is_clocked(v) and v.causality in ("output", "local") and v.type != "String"
+            if is_clocked(v) and v.causality in ("output", "local") and v.type not in ("String", CLOCK)
         ]
         self.values = np.full(len(self.variables), math.nan)
         self._places = {v.name: i for i, v in enumerate(self.variables)}
@@ -67,4 +68,4 @@ class ClockedVariables:
 
 def belongs(variable: ModelVariable, clocks: Sequence[int]) -> bool:
     """Return whether a variable belongs to one of these clocks, by value reference."""
-    return any(getattr(clock, "valueReference", clock) in clocks for clock in variable.clocks or ())
+    return any(clock in clocks for clock in clocks_of(variable))

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 from ...base.arrays import Vector
@@ -12,7 +12,8 @@ SAME_TIME = 1e-9
 """Times that differ by less than this part of a step are the same."""
 
 MOST_UPDATES = 1000
-"""The largest number of updates of discrete states at one time, and of returns from `fmi3DoStep`."""
+"""The largest number of updates of discrete states at one time, of returns from `fmi3DoStep`, and of ticks
+of a triggered clock in a step."""
 
 NEXT, END = 0, 1
 """Positions in the memory: the next time event in s; the time in s when the FMU asked for the end, or NaN."""
@@ -39,7 +40,7 @@ class EventStepping(ABC):
 
     A step ends at the time that was asked for: after an event before it, the rest follows as another step of
     the FMU. Discrete inputs change in event mode, at the start of a step. Clocks tick at their times, at the
-    end of a step; clocked inputs change then.
+    end of a step; clocked inputs change then. Triggered input clocks tick at the end of a step.
     """
 
     fmu: Any
@@ -70,8 +71,9 @@ class EventStepping(ABC):
             if standing > MOST_UPDATES:
                 raise self._stuck("doStep returned early", standing)
             self._time = end if reached >= end - near else reached
-            if has_event or self._time >= self._next_event() - near:
-                self._handle_event(near)
+            triggers = self._time == end and bool(self._list_triggered())
+            if has_event or triggers or self._time >= self._next_event() - near:
+                self._handle_event(near, triggers)
             if self._time == end:
                 return
             if not math.isnan(memory[END]):
@@ -88,27 +90,48 @@ class EventStepping(ABC):
         """Return the time of the next time event or tick, in s."""
         return min(float(self._memory[NEXT]), self._schedule.next())
 
-    def _handle_event(self, near: float) -> None:
-        """Pass the discrete inputs, tick clocks up to `near` s after now, and compute the discrete states."""
+    def _handle_event(self, near: float, triggers: bool = False) -> None:
+        """Pass the discrete inputs, tick clocks up to `near` s after now, and compute the discrete states.
+
+        With `triggers`, triggered clocks tick, too.
+        """
         self._enter_event_mode()
         self._pass_discrete_inputs()
-        self._update_discrete_states(near)
+        self._update_discrete_states(near, triggers)
         self._leave_event_mode()
 
-    def _update_discrete_states(self, near: float) -> None:
+    def _update_discrete_states(self, near: float, triggers: bool = False) -> None:
         """Tick clocks, and update the discrete states until the FMU needs no more of it."""
+        found = list[int]()
         for _ in range(MOST_UPDATES):
             due = [*self._schedule.due(self._time + near)]
-            if due:
-                self._tick([self._schedule.clocks[i].reference for i in due])
+            timed = [self._schedule.clocks[i].reference for i in due]
+            self._tick([*timed, *(self._list_triggered() if triggers else ())], found)
             update = self._update()
             self._memory[NEXT] = update.next_event
             if update.ends:
                 self._memory[END] = self._time
             self._find_ticks(due)
-            if not update.needs_more and not len(self._schedule.due(self._time + near)):
+            waits = triggers and bool(self._list_triggered())
+            if update.needs_more or waits or len(self._schedule.due(self._time + near)):
+                found = []
+            elif not (found := self._find_output_ticks()):  # an FMU may set them as late as in the update
                 return
+        if found:
+            raise self._ticks_forever(found[0])
         raise self._stuck("updateDiscreteStates needed another update", MOST_UPDATES)
+
+    def _list_triggered(self) -> Collection[int]:
+        """Return the triggered input clocks that have to tick, by value reference."""
+        return ()
+
+    def _find_output_ticks(self) -> list[int]:
+        """Return the output clocks that tick, by value reference."""
+        return []
+
+    def _ticks_forever(self, clock: int) -> Exception:
+        """Return the error for an output clock that still ticks after the last update."""
+        return self._stuck(f"getClock reported a tick of clock {clock}", MOST_UPDATES)
 
     @abstractmethod
     def _advance(self, step: float) -> tuple[float, bool]:
@@ -127,8 +150,13 @@ class EventStepping(ABC):
         """Set the discrete inputs, in event mode."""
 
     @abstractmethod
-    def _tick(self, clocks: Sequence[int]) -> None:
-        """Activate clocks, by value reference; set their inputs, and read their variables."""
+    def _tick(self, clocks: Sequence[int], found: Sequence[int]) -> None:
+        """Tick input clocks, if there are any: set their inputs, and read the variables of all that tick.
+
+        Args:
+            clocks: Value references of the input clocks.
+            found: Those of output clocks that are known to tick.
+        """
 
     @abstractmethod
     def _update(self) -> DiscreteUpdate:

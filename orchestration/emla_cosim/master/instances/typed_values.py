@@ -10,6 +10,7 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
+from ...fmu.clocks import CLOCK
 from ...fmu.elements import ElementVariable, number_range, value_type
 from ...fmu.instance import by_type
 
@@ -77,6 +78,8 @@ class TypedValues:
     ) -> None:
         self.groups = list[TypeGroup]()
         for type_, elements in by_type(variables):
+            if type_ == CLOCK:  # it ticks in event mode, and has no value between ticks
+                continue
             for members in _by_call(access, variables, elements):
                 first = variables[members[0]]
                 references, places, size = _memory_of([variables[i] for i in members])

@@ -11,6 +11,9 @@ from ..documents.identifiers import format_id, make_identifiers
 from .coordinates import add_coordinates
 from .version_2 import join_arrays
 
+_UNTYPED = ("Enumeration", "Clock")
+"""Types that a connector does not name."""
+
 
 @dataclass(frozen=True)
 class StructurePart:
@@ -87,11 +90,12 @@ class _Builder:
     def _connector(self, interface: Interface, kind: str, variable: str) -> ssp.Connector:
         """Return a connector for a variable, with its unit if the document can define the unit.
 
-        Enumerations have no type here, because the document would have to define them.
+        Enumerations have no type here, because the document would have to define them. SSP 1.0 has no
+        Clocks.
         """
         type_, unit = str(interface.variables[variable].type), interface.unit(variable)
         return ssp.Connector(
-            variable, kind, None if type_ == "Enumeration" else type_, unit if unit in self._units else None
+            variable, kind, None if type_ in _UNTYPED else type_, unit if unit in self._units else None
         )
 
     def _connection(self, connection: Connection) -> ssp.SsdConnection:

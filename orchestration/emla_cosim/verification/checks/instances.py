@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fmu.clocks import explain_unsupported_clock
+from ...fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
 from ..check import check
 from ..host.experiment import Experiment, make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
@@ -69,8 +69,12 @@ def _explain_not_run(subject: Subject) -> str:
         return "It has Clocks, and is for Model Exchange only: such FMUs are not run."
     if not subject.has_flag("hasEventMode"):
         return "It has Clocks, but no event mode, which they need."
-    if (reason := explain_unsupported_clock(subject.read_description())) is not None:
+    description = subject.read_description()
+    if (reason := explain_unsupported_clock(description)) is not None:
         return f"It {reason}."
+    for clock in description.modelVariables:
+        if clock.type == CLOCK and clock.causality == "input" and (clock.clocks or is_triggered_input(clock)):
+            return f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks: such FMUs are not run."
     return ""
 
 

@@ -208,7 +208,9 @@ class HostedEvents(EventStepping):
         self._passed.update(self._pending)
         self._pending.clear()
 
-    def _tick(self, clocks: Sequence[int]) -> None:
+    def _tick(self, clocks: Sequence[int], found: Sequence[int]) -> None:
+        if not clocks:
+            return
         with self._instance.calling():
             self.fmu.setClock(clocks, [True] * len(clocks))
         variables = self._instance.subject.variables

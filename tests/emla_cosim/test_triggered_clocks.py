@@ -1,0 +1,245 @@
+"""Output clocks and triggered input clocks, with an FMU that refuses ticks and reads at wrong times."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.system.model import System
+from tests.support.trigger_fmu import build_trigger_fmu
+
+STEP, STOP = 0.125, 2.0
+PERIOD = 0.3
+WIRES = ["a.alarm -> b.go", "a.level -> b.w"]
+CLEAR_IN_GET, NEVER_CLEAR = 1, 2
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_trigger_fmu(tmp_path_factory.mktemp("clocks") / "Trigger.fmu")
+
+
+@pytest.fixture(scope="module")
+def dependent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_trigger_fmu(tmp_path_factory.mktemp("clocks") / "Dependent.fmu", sub=0.2)
+
+
+def run(system: System, step: float = STEP, stop: float = STOP, **options: Any) -> ec.Result:
+    with ec.load(system, step_size=step, stop_time=stop, **options).prepare() as simulation:
+        return simulation.run()
+
+
+def pair(fmu: Path, wires: Any = WIRES, names: str = "ab", **values: float) -> System:
+    """A component a with an alarm, and others without one."""
+    starts = {"a.period": PERIOD} | {f"a.{name}": value for name, value in values.items()}
+    return System.of(dict.fromkeys(names, fmu), wires, starts)
+
+
+def alarms(times: Any, period: float = PERIOD, burst: int = 1) -> Any:
+    """Return how often the alarm has ticked until each time."""
+    return burst * np.floor(np.asarray(times) / period + 1e-9)
+
+
+def sums(levels: Any) -> Any:
+    """Return the sum at each point: each new tick adds the level that the alarm has there."""
+    return np.cumsum(np.diff(levels, prepend=0.0) * levels)
+
+
+def delayed(values: Any) -> Any:
+    return np.concatenate([[0.0], values[:-1]])
+
+
+@pytest.mark.parametrize("isolate", [[], ["b"], ["a", "b"]])
+@pytest.mark.parametrize(
+    ("algorithm", "is_late"), [("gauss-seidel", False), ("strong", False), ("jacobi", True)]
+)
+def test_a_triggered_clock_ticks_in_the_step_that_reads_the_clock_that_drives_it(
+    fmu: Path, algorithm: str, is_late: bool, isolate: list[str]
+) -> None:
+    found = run(pair(fmu), algorithm=algorithm, isolate=isolate)
+    levels = alarms(found["time"])
+    seen = delayed(levels) if is_late else levels
+    assert levels[-1] == 6
+    assert np.array_equal(found["a.alarm"], levels) and np.array_equal(found["a.level"][4:], levels[4:])
+    assert np.array_equal(found["b.echo"], seen) and np.array_equal(found["b.ticks"], seen)
+    assert np.array_equal(found["b.sum"], sums(seen))
+    assert found["b.last"][-1] == found["time"][np.flatnonzero(np.diff(seen))[-1] + 1]
+    assert found["a.alarm"].dtype == np.int32
+    assert found.stepping["late_connections"] == (WIRES if is_late else [])
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
+@pytest.mark.parametrize(("period", "burst"), [(0.04, 1), (0.3, 3), (0.04, 2)])
+def test_no_tick_within_a_step_is_lost(fmu: Path, algorithm: str, period: float, burst: int) -> None:
+    found = run(pair(fmu, period=period, burst=burst), algorithm=algorithm)
+    levels = alarms(found["time"], period, burst)
+    seen = delayed(levels) if algorithm == "jacobi" else levels
+    assert np.array_equal(found["a.alarm"], levels)
+    assert np.array_equal(found["b.ticks"], seen) and np.array_equal(found["b.sum"], sums(seen))
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
+def test_a_tick_at_the_start_comes_at_the_end_of_the_first_step(fmu: Path, algorithm: str) -> None:
+    found = run(pair(fmu, rings=1), algorithm=algorithm)
+    levels = 1 + alarms(found["time"])
+    assert np.array_equal(found["a.alarm"], levels)
+    seen = delayed(levels) if algorithm == "jacobi" else np.concatenate([[0], levels[1:]])
+    assert np.array_equal(found["b.ticks"], seen) and found["b.last"][1] == STEP
+
+
+def test_a_large_step_ticks_as_often_as_the_small_ones(fmu: Path) -> None:
+    found = run(pair(fmu), algorithm="strong", step_multiples={"b": 4})
+    levels = alarms(found["time"])
+    sampled = levels[np.arange(len(levels)) // 4 * 4]
+    assert np.array_equal(found["b.ticks"], sampled)
+
+
+@pytest.mark.parametrize("manner", [CLEAR_IN_GET])
+def test_a_clock_that_the_fmu_sets_in_its_update_counts_once(fmu: Path, manner: int) -> None:
+    found = run(pair(fmu, manner=manner, burst=2), algorithm="gauss-seidel")
+    assert np.array_equal(found["b.ticks"], alarms(found["time"], burst=2))
+
+
+def test_a_clock_that_never_stops_is_an_error(fmu: Path) -> None:
+    with pytest.raises(
+        RunError, match=r"a answered getClock at t = 0\.3 s with a tick of alarm after each of"
+    ):
+        run(pair(fmu, manner=NEVER_CLEAR))
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
+def test_clocks_in_a_chain_and_within_one_fmu(fmu: Path, algorithm: str) -> None:
+    wires = ["a.alarm -> a.go", "a.echo -> b.go", "b.echo -> c.go", "a.x -> a.w", "a.x -> b.w"]
+    found = run(pair(fmu, wires, "abc"), algorithm=algorithm)
+    levels = alarms(found["time"])
+    own = levels if algorithm == "strong" else delayed(levels)  # a reads its own outputs before its step
+    later = delayed if algorithm == "jacobi" else np.asarray
+    assert np.array_equal(found["a.ticks"], own)
+    assert np.array_equal(found["b.ticks"], later(own))
+    assert np.array_equal(found["c.ticks"], later(later(own)))
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong"])
+def test_clocks_in_a_loop(fmu: Path, algorithm: str) -> None:
+    found = run(pair(fmu, ["a.alarm -> b.go", "b.echo -> a.go"]), algorithm=algorithm)
+    levels = alarms(found["time"])
+    assert np.array_equal(found["b.ticks"], levels)
+    assert np.array_equal(found["a.ticks"], levels if algorithm == "strong" else delayed(levels))
+
+
+def test_a_second_run_and_a_resumed_one_have_the_same_ticks(fmu: Path, tmp_path: Path) -> None:
+    with ec.load(pair(fmu), step_size=STEP, stop_time=STOP, algorithm="jacobi").prepare() as simulation:
+        first, second = simulation.run(), simulation.run()
+    for isolate in ([], ["a", "b"]):
+        path = tmp_path / str(len(isolate))
+        run(pair(fmu), stop=0.375, algorithm="jacobi", checkpoint=path, isolate=isolate)  # b has yet to tick
+        resumed = run(pair(fmu), algorithm="jacobi", resume=path, isolate=isolate)
+        for name in ("a.alarm", "b.ticks", "b.sum", "b.echo", "b.last"):
+            assert np.array_equal(second[name], first[name])
+            assert np.array_equal(resumed[name], first[name][-len(resumed["time"]) :])
+        assert resumed["b.ticks"][1] == 1
+
+
+def test_a_package_keeps_connections_of_clocks(fmu: Path, tmp_path: Path) -> None:
+    path = ec.load(pair(fmu), step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
+    with ec.load(path, algorithm="gauss-seidel").prepare() as simulation:
+        found = simulation.run()
+    assert np.array_equal(found["b.ticks"], alarms(found["time"]))
+
+
+def test_a_clock_without_a_connection_never_ticks_and_that_is_said(fmu: Path) -> None:
+    found = run(pair(fmu, []))
+    assert not found["b.ticks"].any() and not found["b.echo"].any()
+    words = "No output clock is connected to the triggered clocks a.go and b.go: they never tick."
+    assert words in found.remarks and words in found.record["remarks"]
+    (one,) = [x for x in run(pair(fmu)).remarks if "clock" in x]
+    assert one == "No output clock is connected to the triggered clock a.go: it never ticks."
+
+
+def test_clocks_can_be_read_and_recorded_but_not_set(fmu: Path) -> None:
+    found = run(pair(fmu), signals=["b.go", "a.alarm"], algorithm="gauss-seidel")
+    assert np.array_equal(found["b.go"], alarms(found["time"]))
+    with ec.load(pair(fmu), step_size=STEP, stop_time=STOP).prepare() as simulation:
+        simulation.start()
+        assert simulation["a.alarm"] == 0
+        simulation.advance(1.0)
+        assert simulation["a.alarm"] == 3
+        with pytest.raises(CommandError, match=r"a\.go is a clock and cannot be set"):
+            simulation["a.go"] = 1
+    with pytest.raises(CommandError, match=r"a\.go is a clock and cannot be set"):
+        run(System.of({"a": fmu}, [], {"a.go": 1}))
+
+
+@pytest.mark.parametrize(
+    ("wire", "words"),
+    [
+        ("a.x -> b.go", "joins the types Real and Clock: only an output clock can drive a triggered input"),
+        ("a.alarm -> b.w", "joins the types Clock and Real: only an output clock"),
+        ("a.alarm -> b.beat", r"b\.beat cannot be connected: it is a constant clock, which ticks at its own"),
+        ("a.go -> b.go", r"a\.go must be an output"),
+    ],
+)
+def test_wrong_connections_are_refused(dependent: Path, wire: str, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        run(pair(dependent, [wire]))
+
+
+def test_too_many_ticks_in_a_step(fmu: Path) -> None:
+    with pytest.raises(
+        RunError, match=r"the clock go of b has to tick 1250 times in the step to t = 1 s; less"
+    ):
+        run(pair(fmu, period=0.004, burst=5), step=1.0, algorithm="gauss-seidel")
+
+
+def test_a_dependent_clock_ticks_with_the_one_on_which_it_depends(dependent: Path) -> None:
+    found = run(System.of({"a": dependent}), step=0.25, signals=["a.beat", "a.sub", "a.beats", "a.subs"])
+    assert np.array_equal(found["a.beats"], np.floor(found["time"] / 0.1 + 1e-9) + 1)
+    assert np.array_equal(found["a.subs"], np.floor(found["time"] / 0.2 + 1e-9) + 1)
+    assert np.array_equal(found["a.beat"], found["a.beats"]) and np.array_equal(
+        found["a.sub"], found["a.subs"]
+    )
+
+
+def change(source: Path, target: Path, old: str, new: str) -> Path:
+    """Write a copy of an FMU with another model description."""
+    with zipfile.ZipFile(source) as before, zipfile.ZipFile(target, "w") as after:
+        for name in before.namelist():
+            content = before.read(name)
+            if name == "modelDescription.xml":
+                assert old.encode() in content
+                content = content.replace(old.encode(), new.encode())
+            after.writestr(name, content)
+    return target
+
+
+def test_a_triggered_clock_that_depends_on_another(dependent: Path, tmp_path: Path) -> None:
+    old = '<Clock name="go" valueReference="20" causality="input"'
+    path = change(dependent, tmp_path / dependent.name, old, f'{old} clocks="31"')
+    found = run(pair(path), step=0.1, algorithm="gauss-seidel")
+    assert np.array_equal(found["b.ticks"], alarms(found["time"]))
+    with pytest.raises(RunError, match=r"the clock go of b ticks at t = 0\.375 s without beat, on which it"):
+        run(pair(path), algorithm="gauss-seidel")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'intervalDecimal="0.2"',
+            'intervalDecimal="0.25"',
+            r"the clock sub of a ticks at t = 0\.25 s without beat, on which it depends",
+        ),
+        (
+            'clocks="31" intervalVariability="constant"',
+            'clocks="31" intervalVariability="unknown"',
+            "has the clock 'sub' with intervalVariability = 'unknown', which is not one of",
+        ),
+    ],
+)
+def test_what_cannot_tick_is_refused(dependent: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises((RunError, CommandError), match=words):
+        run(System.of({"a": change(dependent, tmp_path / dependent.name, old, new)}), lenient=True)
