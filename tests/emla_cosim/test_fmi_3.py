@@ -163,7 +163,7 @@ def test_states_come_back(path: Path, tmp_path: Path) -> None:
         ("a.UInt8_in", 256, "at most 255"),
         ("a.UInt64_in", -1, "at least 0"),
         ("a.Float32_in", 1e39, "out of range"),
-        ("a.n", 3, "cannot be set"),
+        ("a.n", 3, "cannot be started: fmi3EnterConfigurationMode"),
         ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
         ("a.blob", 1, "no variable"),
     ],

@@ -57,6 +57,10 @@ class Slave3(FMU3Slave):
             FmuLog.hear(environment, name, status, category, message)
 
         super().instantiate(loggingOn=loggingOn, logMessage=hear, **self.instance.instantiation)
+        if self.instance.configuration:
+            self.enterConfigurationMode()
+            self.instance.set_typed(self.instance.configuration)
+            self.exitConfigurationMode()
 
     def setupExperiment(self, **experiment: Any) -> None:
         """Keep tolerance and times for `enterInitializationMode`."""

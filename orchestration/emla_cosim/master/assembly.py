@@ -6,16 +6,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
+from ..fmu.structure import complete_start_values
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
+from ..system.structure import structure_of
 from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
@@ -253,11 +256,22 @@ class Assembly:
 
     def _typed(self, component: Component) -> list[TypedValue]:
         """Return the start values of a component in the names and units of its FMU."""
+        name, interface = component.name, self.files[component.name].interface
         converted = convert_to_fmu_terms(component)
         refuse_driven(converted, self._wired)
-        return convert_start_values(
-            component.name, self.files[component.name].interface, converted.parameters
-        )
+        structure, prepared = structure_of(component, interface), interface.structure
+        for own in {**structure, **prepared}:
+            if structure.get(own) != prepared.get(own):
+                raise CommandError(
+                    f"{name}.{own} cannot change between runs or variants: it is a structural parameter, "
+                    "and the prepared system has arrays that follow from it. Prepare another system.",
+                    variable=own,
+                )
+        values = convert_start_values(name, interface, converted.parameters)
+        values = [(v, x) for v, x in values if not interface.is_structural(str(v.name))]
+        if not structure:
+            return values
+        return complete_start_values(name, interface, values, [x.input for x in self._wired.into(name)])
 
 
 def _to_number(value: float | str) -> float:
@@ -285,7 +299,9 @@ def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[
         (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
         for i, (path, kind) in enumerate(dict.fromkeys(wanted.values()))
     }
-    return {name: opened[one] for name, one in wanted.items()}
+    files = {name: opened[one] for name, one in wanted.items()}
+    structures = {name: structure_of(system.component(name), file.interface) for name, file in files.items()}
+    return {name: file.with_structure(structures[name]) for name, file in files.items()}
 
 
 def _outputs(file: FmuFile, system: System, name: str) -> list[str]:

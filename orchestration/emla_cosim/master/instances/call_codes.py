@@ -58,6 +58,8 @@ CALLS = (
     "getNumberOfEventIndicators",
     "getIntervalDecimal",
     "getShiftDecimal",
+    "enterConfigurationMode",
+    "exitConfigurationMode",
     "setting inputs",
     "getting outputs",
 )

@@ -16,7 +16,9 @@ _Names = Mapping[str, Collection[str]]
 """Names of the connectors of each element."""
 
 
-def expand_vectors(system: SystemElement, interface: Callable[[str], Interface], where: str) -> SystemElement:
+def expand_vectors(
+    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
+) -> SystemElement:
     """Return a system with connectors and connections of elements in place of those of vectors.
 
     A connector is a vector if the FMU has the variables `x[1]`, `x[2]` and no variable `x`; that of a system
@@ -24,7 +26,7 @@ def expand_vectors(system: SystemElement, interface: Callable[[str], Interface],
 
     Args:
         system: The system.
-        interface: Returns the interface of an FMU file.
+        interface: Returns the interface of a component's FMU.
         where: The name of the structure in error messages.
 
     Raises:
@@ -34,7 +36,7 @@ def expand_vectors(system: SystemElement, interface: Callable[[str], Interface],
 
 
 def _expand(
-    system: SystemElement, interface: Callable[[str], Interface], where: str
+    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
 ) -> tuple[SystemElement, _Shapes]:
     elements: list[Element] = []
     shapes: dict[str | None, _Shapes] = {}
@@ -42,7 +44,7 @@ def _expand(
         if isinstance(element, SystemElement):
             element, shapes[element.name] = _expand(element, interface, where)
         elif isinstance(element, ComponentElement):
-            known = interface(element.source).variables
+            known = interface(element).variables
             shapes[element.name] = {
                 c.name: found for c in element.connectors if (found := find_indices(c.name, known))
             }
