@@ -2,9 +2,12 @@
 
 import contextlib
 from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
 from ..base.files import temporary_folder
@@ -24,7 +27,7 @@ from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
-from .network import Link
+from .network import Link, TextLink
 from .observer import ObservedVariable, Observer
 
 
@@ -82,8 +85,12 @@ class Assembly:
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
         components = self._wired.components
-        inputs = {c.name: [x.input for x in self._wired.into(c.name)] for c in components}
-        outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
+        texts = [x for x in self._wired.connections if self._ends(x)[0].type == "String"]
+        exchanged = replace(
+            self._wired, connections=tuple(x for x in self._wired.connections if x not in texts)
+        )
+        inputs = {c.name: [x.input for x in exchanged.into(c.name)] for c in components}
+        outputs = {c.name: _outputs(self.files[c.name], exchanged, c.name) for c in components}
         self.instances: dict[str, DescribedInstance] = {}
         log = FmuLog()
         for number, name in enumerate(c.name for c in components):
@@ -96,7 +103,7 @@ class Assembly:
             self.instances[name] = instance
         for instance in self.instances.values():
             instance.ready()
-        links = _links(self._wired, self.files, inputs, outputs)
+        links = _links(exchanged, self.files, inputs, outputs)
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
         names, self._signals_shown = _signals(ordered, outputs)
@@ -105,6 +112,11 @@ class Assembly:
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
         self.network = connect(self.instances, arranged, self._groups, links, names, faults)
+        for x in texts:
+            output, input_ = self._ends(x)
+            self.network.texts.append(
+                TextLink(self.instances[x.source], output, self.instances[x.target], input_)
+            )
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
@@ -112,6 +124,11 @@ class Assembly:
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
+
+    def _ends(self, connection: Connection) -> tuple[ModelVariable, ModelVariable]:
+        """Return the variables of a connection: output and input."""
+        output, input_ = (self.files[name].variables[variable] for name, variable in connection.ends)
+        return output, input_
 
     def start(
         self,
