@@ -21,6 +21,7 @@ from emla_cosim.system.model import System
 from fmublock import Block, Input, Output
 from tests.support.commands import Emla
 from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import ALL_TYPES
 
 SOURCE = Path(__file__).parents[1] / "support" / "fmi3" / "fmi3.c"
 DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
@@ -90,6 +91,63 @@ def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
     found = run(System.of(fmus, ["three.x -> two.u", "two.y -> last.u[2,2]"]))
     assert found["two.y"][-1] == 2.0 * found["three.x"][-1] == 1.0
     assert found["last.y[2,2]"][-1] == 4.0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
+    ids=str,
+)
+def test_strings_pass_through_connections(path: Path, options: dict[str, Any], tmp_path: Path) -> None:
+    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)  # FMI 2.0; its text changes
+    fmus = {"b": path, "a": tmp_path / "all_types.fmu", "c": path}
+    system = System.of(fmus, ["a.text -> b.String_in", "b.String_out -> c.String_in", "a.x -> b.u[1,1]"])
+    signals = ["a.text", "b.String_out", "c.String_out", "b.y[1,1]", "a.x"]
+    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+        found = [simulation.run(signals=signals) for _ in range(2)]
+    texts, passed, last = (list(found[0][name]) for name in signals[:3])
+    assert len(set(texts)) > 2, "the text changes"
+    assert passed == [texts[0], *texts[:-1]], "the String of the beginning is held during a step"
+    assert last == [texts[0], *passed[:-1]]
+    assert [list(found[1][name]) for name in signals[:3]] == [texts, passed, last]
+
+
+def test_a_resumed_run_has_its_strings(path: Path, tmp_path: Path) -> None:
+    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)
+    fmus = {"a": tmp_path / "all_types.fmu", "b": path}
+    names = ["a.text", "b.String_out"]
+
+    def part(stop: float, **options: Any) -> list[list[str]]:
+        system = System.of(fmus, ["a.text -> b.String_in"])
+        options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, "signals": names, **options}
+        with ec.load(system, **options).prepare() as simulation:
+            found = simulation.run()
+        return [list(found[name]) for name in names]
+
+    whole = part(STOP)
+    part(0.5, checkpoint=tmp_path / "c")
+    rest = part(STOP, resume=tmp_path / "c")
+    assert rest == [texts[-len(rest[0]) :] for texts in whole]
+
+
+@pytest.mark.parametrize(
+    ("connection", "words"),
+    [
+        ("a.String_out -> b.u[1,1]", "joins the types String and Real: a String can only become a String"),
+        (
+            "a.Int8_out -> b.String_in",
+            "joins the types Integer and String: a String can only become a String",
+        ),
+    ],
+)
+def test_strings_become_no_numbers(path: Path, connection: str, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        run(System.of({"a": path, "b": path}, [connection]))
+
+
+def test_loops_of_strings_settle(path: Path) -> None:
+    system = System.of({"a": path, "b": path}, ["a.String_out -> b.String_in", "b.String_out -> a.String_in"])
+    assert set(run(system, signals=["a.String_out"])["a.String_out"]) == {""}
 
 
 @pytest.mark.parametrize(
@@ -163,7 +221,7 @@ def test_states_come_back(path: Path, tmp_path: Path) -> None:
         ("a.UInt8_in", 256, "at most 255"),
         ("a.UInt64_in", -1, "at least 0"),
         ("a.Float32_in", 1e39, "out of range"),
-        ("a.n", 3, "cannot be set"),
+        ("a.n", 3, "cannot be started: fmi3EnterConfigurationMode"),
         ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
         ("a.blob", 1, "no variable"),
     ],

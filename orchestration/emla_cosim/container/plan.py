@@ -158,12 +158,7 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
             f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version. "
             "Use an FMU of FMI 2.0, which also fits with --fmi 3."
         )
-    texts = [
-        f"{name}.{v.name}"
-        for name, instance in assembly.instances.items()
-        for v in instance.read
-        if v.type == "String"
-    ]
+    texts = [f"{x.target.name}.{x.input.name}" for x in assembly.network.texts]
     if texts:
         raise CommandError(
             f"an FMU of a system cannot pass on Strings; {join_names(texts)} has a connection."

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -43,12 +43,14 @@ class ElementVariable(ModelVariable):
         place: The position in its array, in the order of the standard.
         size: The number of elements of its array.
         array_start: The start values of the whole array, as numbers; empty for Strings.
+        is_resized: Whether a structural parameter gives its array another shape than the model description.
     """
 
     data_type: str = ""
     place: int = 0
     size: int = 1
     array_start: tuple[float, ...] = ()
+    is_resized: bool = False
 
 
 def declared_type(variable: ModelVariable) -> str:
@@ -63,16 +65,24 @@ def is_version_3(description: ModelDescription) -> bool:
     return str(description.fmiVersion).startswith("3.0")
 
 
-def split_arrays(description: ModelDescription, keep_clocks: bool = False) -> None:
+def split_arrays(
+    description: ModelDescription, structure: Mapping[str, int] | None = None, keep_clocks: bool = False
+) -> None:
     """Replace the variables of an FMI 3.0 model description by their elements.
 
-    Binary variables and arrays of Strings are left out, and Clocks unless `keep_clocks` is set.
+    Binary variables and arrays of Strings are left out, and Clocks unless they are kept.
+
+    Args:
+        description: The model description.
+        structure: Values of structural parameters, by name; the others have their start values.
+        keep_clocks: Whether to keep Clocks.
 
     Raises:
         ValueError: If an array is too large, or has a wrong number of start values.
     """
+    resized = _resize(description, structure or {})
     elements = {
-        id(v): [_clock(v)] if v.type == "Clock" and keep_clocks else list(_split(v))
+        id(v): [_clock(v)] if v.type == "Clock" and keep_clocks else list(_split(v, id(v) in resized))
         for v in description.modelVariables
     }
     description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
@@ -89,8 +99,31 @@ def is_supported(variable: ModelVariable) -> bool:
     return str(variable.type) in _GENERAL and not (variable.type == "String" and variable.shape)
 
 
-def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
-    """Yield the elements of a variable; one without dimensions has one."""
+def _resize(description: ModelDescription, structure: Mapping[str, int]) -> set[int]:
+    """Give arrays the shapes that follow from structural parameters; return the `id` of those that change."""
+    resized = set[int]()
+    for variable in description.modelVariables if structure else ():
+        sizes = zip(variable.dimensions, variable.shape or (), strict=True)
+        shape = tuple(
+            size if d.variable is None else structure.get(d.variable.name, size) for d, size in sizes
+        )
+        if shape != (variable.shape or ()):
+            variable.shape = shape
+            resized.add(id(variable))
+    if resized:
+        states, indicators = (
+            sum(math.prod(u.variable.shape or ()) for u in unknowns if u.variable is not None)
+            for unknowns in (description.derivatives, description.eventIndicators)
+        )
+        description.numberOfContinuousStates, description.numberOfEventIndicators = states, indicators
+    return resized
+
+
+def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariable]:
+    """Yield the elements of a variable; one without dimensions has one.
+
+    A list of start values belongs to the shape of the model description, so that a resized array has none.
+    """
     if not is_supported(variable):
         return
     shape = variable.shape or ()
@@ -100,6 +133,8 @@ def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
     starts: list[str | None] = [variable.start]
     if shape:
         starts = [*(variable.start or "").split()] or [None]
+        if is_resized and len(starts) > 1:
+            starts = [None]
         if len(starts) == 1:
             starts *= size
         if len(starts) != size:
@@ -113,7 +148,12 @@ def _split(variable: ModelVariable) -> Iterator[ElementVariable]:
         name = f"{variable.name}[{','.join(map(str, index))}]" if shape else variable.name
         own = {"name": name, "type": general, "start": starts[place]}
         yield ElementVariable(
-            **{**fields, **own}, data_type=data_type, place=place, size=size, array_start=numbers
+            **{**fields, **own},
+            data_type=data_type,
+            place=place,
+            size=size,
+            array_start=numbers,
+            is_resized=is_resized,
         )
 
 

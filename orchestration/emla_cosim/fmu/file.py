@@ -1,6 +1,7 @@
 """FMU files: opened, checked and unpacked once for all instances in a system."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmpy.model_description import ModelDescription, ModelVariable
@@ -47,6 +48,10 @@ class FmuFile:
     def variables(self) -> dict[str, ModelVariable]:
         """Return the variables by name."""
         return self.interface.variables
+
+    def with_structure(self, structure: Mapping[str, int]) -> "FmuFile":
+        """Return the file with other sizes of its arrays; `structure` is that of `Interface`."""
+        return replace(self, interface=read_interface(self.path, structure)) if structure else self
 
     def has_capability(self, capability: str) -> bool:
         """Return whether the FMU has a capability flag of the standard, such as `canGetAndSetFMUstate`."""

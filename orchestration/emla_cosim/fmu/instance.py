@@ -40,6 +40,8 @@ class FmiInstance(ABC):
     fmu: Any
     instantiation: Mapping[str, bool] = {}
     """What `fmi3InstantiateCoSimulation` gets for `eventModeUsed` and `earlyReturnAllowed`."""
+    configuration: Sequence[TypedValue] = ()
+    """Values of structural parameters that an FMI 3.0 FMU gets right after instantiation."""
 
     @abstractmethod
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:

@@ -13,7 +13,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 from fmpy.validation import validate_model_description
 
-from ..base.errors import CommandError, raise_machine_fault
+from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
@@ -41,11 +41,14 @@ class Interface:
         description: The model description.
         clocks: Names of its Clock variables; `description` has them only if the FMU has event mode.
         left_out: Types of all variables that `description` leaves out, by name.
+        structure: Values of structural parameters that differ from their start values, by name; arrays have
+            the sizes that follow from them.
     """
 
     description: ModelDescription
     clocks: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
+    structure: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
@@ -93,7 +96,17 @@ class Interface:
         if variable.type == CLOCK:
             return False
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
-        return free and variable.variability != "constant" and variable.causality != "structuralParameter"
+        return (free or self.is_structural(name)) and variable.variability != "constant"
+
+    def is_structural(self, name: str) -> bool:
+        """Return whether a variable is a structural parameter, which is set before initialization."""
+        return self.variables[name].causality == "structuralParameter"
+
+    @cached_property
+    def sizes(self) -> frozenset[str]:
+        """Return the names of the structural parameters that are sizes of arrays."""
+        dimensions = (d for v in self.description.modelVariables for d in v.dimensions)
+        return frozenset(str(d.variable.name) for d in dimensions if d.variable is not None)
 
     def signal_type(self, name: str) -> SignalType:
         """Return the type of a variable, with the names of an enumeration's values."""
@@ -128,18 +141,23 @@ class Interface:
         return replace(found, offset=0.0, is_difference=True) if relative in (True, "true") else found
 
 
-def read_interface(path: Path) -> Interface:
+def read_interface(path: Path, structure: Mapping[str, int] | None = None) -> Interface:
     """Read the model description of an FMU file.
 
     Violations of the standard that cannot change a result are accepted, others with the option `lenient`.
 
+    Args:
+        path: The FMU file.
+        structure: Values of structural parameters; see `Interface`.
+
     Raises:
         CommandError: If the file does not exist, or this master cannot run it.
     """
+    structure = structure or {}
     try:
-        interface = read_description(path)
+        interface = read_description(path, structure=structure)
     except ValidationError as error:
-        interface = _read_faulty(path, error)
+        interface = _read_faulty(path, error, structure)
     if (reason := explain_unsupported(interface)) is not None:
         raise CommandError(f"'{path}' {reason}.")
     for unit in interface.description.unitDefinitions:
@@ -148,13 +166,16 @@ def read_interface(path: Path) -> Interface:
     return interface
 
 
-def read_description(path: Path, validate: bool = True) -> Interface:
+def read_description(
+    path: Path, validate: bool = True, structure: Mapping[str, int] | None = None
+) -> Interface:
     """Read the model description of an FMU of any version and kind.
 
     Args:
         path: The FMU file.
         validate: Whether to check it against the standard. The variables of FMI 3.0 are split into elements
             only then, because the check needs them as they are.
+        structure: Values of structural parameters; see `Interface`.
 
     Raises:
         CommandError: If the file does not exist or cannot be read.
@@ -182,13 +203,13 @@ def read_description(path: Path, validate: bool = True) -> Interface:
             if not is_supported(v)
         }
         if is_version_3(description) and validate:
-            _split_arrays(description, path)
+            _split_arrays(description, path, structure or {})
     except (CommandError, ValidationError, ImportError, MemoryError):
         raise
     except Exception as error:  # zip and XML readers raise many types
         raise_machine_fault(error, f"'{path}'")
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return Interface(description, clocks, left_out)
+    return Interface(description, clocks, left_out, structure or {})
 
 
 _HARMLESS = re.compile(
@@ -200,14 +221,14 @@ _HARMLESS = re.compile(
 """Violations that cannot change a result."""
 
 
-def _read_faulty(path: Path, error: ValidationError) -> Interface:
+def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int]) -> Interface:
     """Return the interface of an FMU that violates the standard.
 
     Raises:
         CommandError: If it cannot be read, or a violation is not accepted.
     """
     try:
-        interface = read_description(path, validate=False)
+        interface = read_description(path, validate=False, structure=structure)
         problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
         _check_numbers(interface)
     except MemoryError:
@@ -218,7 +239,7 @@ def _read_faulty(path: Path, error: ValidationError) -> Interface:
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
     if is_version_3(interface.description):
         try:
-            _split_arrays(interface.description, path)
+            _split_arrays(interface.description, path, structure)
         except ValueError as more:
             raise CommandError(f"'{path}' is not a valid FMU: {more}.") from more
     grave = [p for p in problems if not _HARMLESS.search(p)]
@@ -287,6 +308,16 @@ def read_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
     return {name: read[file] for name, file in fmus.items()}
 
 
+def may_have_structure(path: Path) -> bool:
+    """Return whether an FMU file can have structural parameters, without reading all of its description."""
+    try:
+        _check_size(path)
+        with zipfile.ZipFile(path) as archive:
+            return b"structuralParameter" in archive.read(_DESCRIPTION)
+    except (CommandError, OSError, ValueError, RuntimeError, zipfile.BadZipFile):
+        return False  # the error is reported when the file is read
+
+
 def _check_size(path: Path) -> None:
     """Raise CommandError if the model description is missing or too large."""
     with zipfile.ZipFile(path) as archive:
@@ -298,9 +329,10 @@ def _check_size(path: Path) -> None:
 
 
 def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
-    """Mark variables that are differences, and FMI 3.0 FMUs that have directional derivatives.
+    """Mark variables that are differences, and FMI 3.0 FMUs that have directional derivatives; read limits.
 
-    fmpy (0.3.32) reads the attribute for differences for types only, and the flag of FMI 2.0 only.
+    fmpy (0.3.32) reads the attribute for differences for types only, the flag of FMI 2.0 only, and no
+    limits of unsigned integers.
     """
     with zipfile.ZipFile(path) as archive:
         root = parse_xml(archive.read(_DESCRIPTION))
@@ -308,17 +340,26 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]
         variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
+    for unsigned in root.xpath("ModelVariables/*[starts-with(name(), 'UInt')]"):
+        limited = variables[unsigned.get("name")]
+        limited.min, limited.max = unsigned.get("min"), unsigned.get("max")
     for kind, known in Interface(description).kinds.items() if is_version_3(description) else ():
         flag = root.find(kind).get("providesDirectionalDerivatives")
         known.providesDirectionalDerivative = flag in ("true", "1")
 
 
-def _split_arrays(description: ModelDescription, path: Path) -> None:
+def _split_arrays(description: ModelDescription, path: Path, structure: Mapping[str, int]) -> None:
     """Split the variables of FMI 3.0; CommandError if the FMU needs clocks that are not supported."""
     if (reason := explain_unsupported_clock(description)) is not None:
         raise CommandError(f"'{path}' {reason}.")
     own = description.coSimulation
-    split_arrays(description, keep_clocks=own is not None and bool(own.hasEventMode))
+    try:
+        split_arrays(description, structure, keep_clocks=own is not None and bool(own.hasEventMode))
+    except ValueError as error:
+        if not structure:
+            raise
+        values = join_names([f"{name} = {value}" for name, value in structure.items()])
+        raise CommandError(f"'{path}' cannot have {values}: {error}.") from error
 
 
 def first_problem(error: ValidationError) -> str:

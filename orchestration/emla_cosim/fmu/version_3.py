@@ -1,6 +1,7 @@
 """FMI 3.0 libraries: functions of a step, and fmpy's object with the methods of FMI 2.0's instances."""
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 from fmpy.fmi3 import FMU3Model, FMU3Slave
@@ -57,6 +58,10 @@ class Slave3(FMU3Slave):
             FmuLog.hear(environment, name, status, category, message)
 
         super().instantiate(loggingOn=loggingOn, logMessage=hear, **self.instance.instantiation)
+        if self.instance.configuration:
+            self.enterConfigurationMode()
+            self.instance.set_typed(self.instance.configuration)
+            self.exitConfigurationMode()
 
     def setupExperiment(self, **experiment: Any) -> None:
         """Keep tolerance and times for `enterInitializationMode`."""
@@ -96,6 +101,13 @@ class Slave3(FMU3Slave):
     def fmi2SetString(self, component: Any, references: Any, count: int, texts: Any) -> int:
         """Set Strings."""
         return self.fmi3SetString(component, references, count, texts, count)
+
+    def getString(self, vr: Sequence[int], nValues: int | None = None) -> list[str | None]:
+        """Return Strings; None for those that the FMU does not have, on which fmpy (0.3.32) fails."""
+        references, count = (ctypes.c_uint32 * len(vr))(*vr), nValues or len(vr)
+        texts = (ctypes.c_char_p * count)()
+        self.fmi3GetString(self.component, references, len(vr), texts, count)
+        return [None if text is None else text.decode("utf-8", "replace") for text in texts]
 
     def newDiscreteStates(self) -> Any:
         """Update the discrete states."""

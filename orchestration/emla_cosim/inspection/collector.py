@@ -20,7 +20,6 @@ from ..fmu.interface import (
     explain_unsupported,
     first_problem,
     read_description,
-    read_interfaces,
 )
 from ..master.grouping import find_groups
 from ..run.option_types import LoadOptions
@@ -32,6 +31,7 @@ from ..run.scenarios.single_fmu import make_component_name
 from ..study.loading import load
 from ..system.model import Component, System
 from ..system.resolution import resolve_system
+from ..system.structure import read_sized_interfaces
 from .fmu_header import read_fmu_info
 from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .system_info import Info
@@ -80,7 +80,7 @@ def info(
         faults.merge(scenario.accepted)
         told = progress or Progress()
         system, files = prepare_system(scenario.system, scenario.options, told)
-        found = _collect_system(scenario, system, files, read_interfaces(files))
+        found = _collect_system(scenario, system, files, read_sized_interfaces(system, files))
     told.advance(1)
     remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
     return replace(found, notes=(*found.notes, *remarks))
@@ -111,11 +111,11 @@ def _collect_system(
         read_fmu_info(file, _display_name(file, scenario.unpacked), of, unread.append)
         for file, of in used.items()
     )
-    said = [read_fmu_variables(of) for of in used.values()]
+    said = {id(of): read_fmu_variables(of) for of in interfaces.values()}
     rows = (
         v
         for c in system.components
-        for v in VariableRows(c, interfaces[c.name], said[places[files[c.name]]], wires).all()
+        for v in VariableRows(c, interfaces[c.name], said[id(interfaces[c.name])], wires).all()
     )
     components = (
         ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])

@@ -2,10 +2,14 @@
 
 import contextlib
 from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fmpy.model_description import ModelVariable
+
+from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
@@ -13,16 +17,18 @@ from ..fmu.clocks import is_triggered_input
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
+from ..fmu.structure import complete_start_values
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
+from ..system.structure import structure_of
 from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
-from .network import Link
+from .network import Link, TextLink
 from .observer import ObservedVariable, Observer
 
 
@@ -80,8 +86,12 @@ class Assembly:
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
         components = self._wired.components
-        inputs = {c.name: [x.input for x in self._wired.into(c.name)] for c in components}
-        outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
+        texts = [x for x in self._wired.connections if self._ends(x)[0].type == "String"]
+        exchanged = replace(
+            self._wired, connections=tuple(x for x in self._wired.connections if x not in texts)
+        )
+        inputs = {c.name: [x.input for x in exchanged.into(c.name)] for c in components}
+        outputs = {c.name: _outputs(self.files[c.name], exchanged, c.name) for c in components}
         self.instances: dict[str, DescribedInstance] = {}
         log = FmuLog()
         for number, name in enumerate(c.name for c in components):
@@ -94,7 +104,7 @@ class Assembly:
             self.instances[name] = instance
         for instance in self.instances.values():
             instance.ready()
-        links = _links(self._wired, self.files, inputs, outputs)
+        links = _links(exchanged, self.files, inputs, outputs)
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
         names, self._signals_shown = _signals(ordered, outputs)
@@ -103,6 +113,11 @@ class Assembly:
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
         self.network = connect(self.instances, arranged, self._groups, links, names, faults)
+        for x in texts:
+            output, input_ = self._ends(x)
+            self.network.texts.append(
+                TextLink(self.instances[x.source], output, self.instances[x.target], input_)
+            )
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
@@ -110,6 +125,11 @@ class Assembly:
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
+
+    def _ends(self, connection: Connection) -> tuple[ModelVariable, ModelVariable]:
+        """Return the variables of a connection: output and input."""
+        output, input_ = (self.files[name].variables[variable] for name, variable in connection.ends)
+        return output, input_
 
     def start(
         self,
@@ -264,11 +284,22 @@ class Assembly:
 
     def _typed(self, component: Component) -> list[TypedValue]:
         """Return the start values of a component in the names and units of its FMU."""
+        name, interface = component.name, self.files[component.name].interface
         converted = convert_to_fmu_terms(component)
         refuse_driven(converted, self._wired)
-        return convert_start_values(
-            component.name, self.files[component.name].interface, converted.parameters
-        )
+        structure, prepared = structure_of(component, interface), interface.structure
+        for own in {**structure, **prepared}:
+            if structure.get(own) != prepared.get(own):
+                raise CommandError(
+                    f"{name}.{own} cannot change between runs or variants: it is a structural parameter, "
+                    "and the prepared system has arrays that follow from it. Prepare another system.",
+                    variable=own,
+                )
+        values = convert_start_values(name, interface, converted.parameters)
+        values = [(v, x) for v, x in values if not interface.is_structural(str(v.name))]
+        if not structure:
+            return values
+        return complete_start_values(name, interface, values, [x.input for x in self._wired.into(name)])
 
 
 def _to_number(value: float | str) -> float:
@@ -296,7 +327,9 @@ def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[
         (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
         for i, (path, kind) in enumerate(dict.fromkeys(wanted.values()))
     }
-    return {name: opened[one] for name, one in wanted.items()}
+    files = {name: opened[one] for name, one in wanted.items()}
+    structures = {name: structure_of(system.component(name), file.interface) for name, file in files.items()}
+    return {name: file.with_structure(structures[name]) for name, file in files.items()}
 
 
 def _outputs(file: FmuFile, system: System, name: str) -> list[str]:

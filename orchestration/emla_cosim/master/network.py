@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,11 @@ from ..base.arrays import Indices, Vector
 from ..base.errors import CommandError, RunError, join_names
 from .instances.fmu_instance import FmuInstance
 from .observer import Observer
+
+if TYPE_CHECKING:
+    from fmpy.model_description import ModelVariable
+
+    from .instances.described_instance import DescribedInstance
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,15 @@ class Link:
     through: tuple[int, ...] = ()
 
 
+class TextLink(NamedTuple):
+    """A String output that drives a String input."""
+
+    source: "DescribedInstance"
+    output: "ModelVariable"
+    target: "DescribedInstance"
+    input: "ModelVariable"
+
+
 class Network:
     """FMU instances, one vector of all their outputs, and the signals that each instance reads.
 
@@ -64,6 +79,7 @@ class Network:
         followers: positions of instances that only pass on the values of one source.
         order: positions in a good order of stepping one after the other.
         observer: reads what recorders want besides the signals.
+        texts: connections of Strings, which are no signals.
     """
 
     def __init__(
@@ -98,6 +114,7 @@ class Network:
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
         self.followers = frozenset(followers)
         self.observer = Observer({})
+        self.texts: list[TextLink] = []
         self._use_order(order_with_followers(len(instances), links, followers))
 
     def _use_order(self, order: list[int]) -> None:
@@ -118,6 +135,19 @@ class Network:
         if self.transforms[i]:
             self.transform(i)
         instance.set_inputs()
+
+    def pass_texts(self) -> bool:
+        """Pass the present Strings along their connections; return whether an input has got another one.
+
+        An input that has the String already is not set, because setting it may cause an event.
+        """
+        texts = [link.source.value(link.output) for link in self.texts]
+        changed = False
+        for link, text in zip(self.texts, texts, strict=True):
+            if link.target.value(link.input) != text:
+                link.target.set_value(link.input, text)
+                changed = True
+        return changed
 
     def transform(self, i: int) -> None:
         """Apply factors and offsets to the signals that were copied into instance i's inputs."""

@@ -45,6 +45,9 @@ class SignalFigures:
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
+        if not self._names:  # only texts are recorded
+            self._rows += len(rows)
+            return
         taken = rows if self._columns is None else np.ascontiguousarray(rows[:, self._columns])
         with np.errstate(all="ignore"):
             found = np.stack((*_reduce_rows(taken), taken[-1]))

@@ -20,6 +20,7 @@ from ..inputs.input import table_endings
 from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
 from ..system.model import Component, System, Value
+from ..system.structure import is_structural
 
 _INDEX = re.compile(r"\[[0-9]+\]$")
 _ONE = SiUnit("1", (0,) * 8)
@@ -37,6 +38,31 @@ def file_values(file: Path, system: System, interfaces: Mapping[str, Interface])
     if file.name.lower().endswith(table_endings()):
         return _read_table_values(read_table(file, "the parameter table"), system, interfaces)
     return _read_parameter_set(file, system, interfaces)
+
+
+def structural_file_values(
+    file: Path, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, Value]:
+    """Read the values of structural parameters only, by full name; `file_values` checks all others.
+
+    Args:
+        file: The file.
+        system: The system.
+        interfaces: The model descriptions of the components with structural parameters.
+
+    Raises:
+        CommandError: If the file cannot be read, or a value does not fit its variable.
+    """
+    if not file.name.lower().endswith(table_endings()):
+        content = read_file(file, "the parameter set")
+        parameters = parse_parameter_set(content, str(file)).parameters
+        return {p.name: p.value for p in parameters if is_structural(system, interfaces, p.name)}
+    data, values = read_table(file, "the parameter table"), dict[str, Value]()
+    for position, header in enumerate(data.headers):
+        names = (header.name, header.suffix.name if header.suffix is not None else header.name)
+        if any(is_structural(system, interfaces, name) for name in names):
+            values |= _read_column_values(data, position, system, interfaces)
+    return values
 
 
 def _read_table_values(

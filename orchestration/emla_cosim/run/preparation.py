@@ -13,13 +13,19 @@ from ..base.wording import format_count
 from ..fmu.interface import KINDS, Interface, read_interface, read_interfaces
 from ..fmu.models import build, check_build_path, find_block
 from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
-from ..system.model import Replacement, System
+from ..system.model import Replacement, System, Value
 from ..system.signal_faults import add_fault_components, wire_faults
 from ..system.start_values import needs_interfaces, resolve_start_values, select_plain_names
+from ..system.structure import (
+    read_sized_interfaces,
+    read_structural_interfaces,
+    set_structure,
+    structure_of,
+)
 from ..system.vectors import connect_elements
 from .followers import following_values
 from .options import Options
-from .parameter_files import file_values
+from .parameter_files import file_values, structural_file_values
 from .replacement import replace_component
 
 
@@ -42,10 +48,11 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
+    system = _set_structure(system, fmus, options)
     system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
     looked_at = looked_at or options.kind
-    interfaces = read_interfaces(fmus) if looked_at else {}
+    interfaces = read_sized_interfaces(system, fmus) if looked_at else {}
     system = apply_parameter_files(system, options.parameters, interfaces)
     if tables:
         placed = wire_inputs(system, tables, interfaces, options.platform)
@@ -65,16 +72,35 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     for name, replacement in replacements.items():
         system = _replace_component(system, name, replacement, others[name], interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, others[name]
+        if sizes := structure_of(system.component(name), others[name]):
+            raise CommandError(
+                f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
+                "replacement keep their own sizes."
+            )
     return choose_kinds(system, options.kind, interfaces), fmus
 
 
 def _variable_names(system: System, fmus: Mapping[str, Path], name: str) -> Collection[str]:
     """Return the names of a component's variables; those of an FMU file are read."""
-    model = system.component(name).model
+    component = system.component(name)
+    model = component.model
     if not model:
-        return read_interface(fmus[name]).variables
+        interface = read_interface(fmus[name])
+        structure = structure_of(component, interface)
+        return (read_interface(fmus[name], structure) if structure else interface).variables
     block = find_block(model) if isinstance(model, str) else model
     return {scalar.name: None for scalar in block.layout().scalars}
+
+
+def _set_structure(system: System, fmus: Mapping[str, Path], options: Options) -> System:
+    """Return the system with the structural parameters that the options set: names depend on them."""
+    interfaces = read_structural_interfaces({c.name: fmus[c.name] for c in system.components if c.fmu})
+    if not interfaces:
+        return system
+    values: dict[str, Value] = {}
+    for file in options.parameters:
+        values |= structural_file_values(file, system, interfaces)
+    return set_structure(system, interfaces, values | select_plain_names(options.set))
 
 
 def choose_kinds(system: System, kinds: Mapping[str, str], interfaces: Mapping[str, Interface]) -> System:

@@ -232,7 +232,8 @@ class _FactorResolver:
             interface = self.interfaces[component.name]
             for own, variable in interface.variables.items():
                 name = f"{component.name}.{named.get(own, own)}"
-                free = interface.is_settable(own) and (component.name, own) not in driven
+                free = interface.is_settable(own) and not interface.is_structural(own)
+                free = free and (component.name, own) not in driven
                 if free and variable.type in types and matches_pattern(name, pattern):
                     found.append(name)
         return found
@@ -247,6 +248,12 @@ class _FactorResolver:
         component, variable = self.system.split(name)
         interface, own = self.interfaces[component.name], component.alias(variable).variable
         find_variable(component.name, interface.variables, own)
+        if interface.is_structural(own):
+            raise CommandError(
+                f"{self.label} is a structural parameter and cannot be varied: all variants have arrays of "
+                "the same sizes. Set it in the scenario or with --set.",
+                name=name,
+            )
         if not interface.is_settable(own):
             near = [n for n in interface.variables if n.endswith(f".{own}") and interface.is_settable(n)]
             meant = f"; did you mean {component.name}.{near[0]}?" if near else "."

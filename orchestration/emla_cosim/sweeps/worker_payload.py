@@ -18,7 +18,7 @@ from ..base.faults import accept_faults
 from ..base.files import hash_file
 from ..base.option import BUILDING, LEFT_OUT, PREPARING, options_of
 from ..base.progress import Progress
-from ..fmu.interface import Interface, read_interfaces
+from ..fmu.interface import Interface
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
@@ -28,6 +28,7 @@ from ..run.preparation import limit_to_data_end, prepare_system
 from ..run.run_record import RunDefinition
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
+from ..system.structure import read_sized_interfaces
 
 
 def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
@@ -76,7 +77,7 @@ class Preparation:
             faults.merge(scenario.accepted)
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
-            interfaces = read_interfaces(fmus)
+            interfaces = read_sized_interfaces(system, fmus)
         for remark in faults.remarks(scenario.unpacked):
             progress.note(f"Note: {remark}")
         progress.advance(1)

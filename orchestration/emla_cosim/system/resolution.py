@@ -120,6 +120,8 @@ def _explain_loss(source: SignalType, target: SignalType) -> str | None:
         return f"the input has no value {missing[0]}" if missing and target.items else None
     if source.kind == target.kind:
         return None
+    if "String" in (source.kind, target.kind):
+        return "a String can only become a String"
     if source.kind == "Real":
         return f"a Real can have values that no {target.kind} has"
     if target.kind in ("Real", "Integer"):
@@ -164,8 +166,8 @@ def _type(component: Component, interfaces: Mapping[str, Interface], name: str, 
             f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
             f"{variable.causality}."
         )
-    if variable.type == "String":
-        raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
+    if variable.type == "String" and variable.clocks:
+        raise CommandError(f"{component.name}.{name} is a clocked String, which cannot be connected.")
     if variable.type == CLOCK and causality == "input" and not is_triggered_input(variable):
         raise CommandError(
             f"{component.name}.{name} cannot be connected: it is a {variable.intervalVariability} clock, "

@@ -55,13 +55,14 @@ def resolve_start_values(
 
 
 def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
-    """Yield the full names of all variables that accept a start value."""
+    """Yield the full names of all variables that accept a start value; patterns set no sizes of arrays."""
     driven = {x.ends[1] for x in system.connections}
     for component in system.components:
         interface = interfaces[component.name]
         for name in _names(component, interface):
             variable = component.alias(name).variable
-            if interface.is_settable(variable) and (component.name, variable) not in driven:
+            free = interface.is_settable(variable) and not interface.is_structural(variable)
+            if free and (component.name, variable) not in driven:
                 yield f"{component.name}.{name}"
 
 

@@ -250,13 +250,15 @@ def test_mappings_apply_to_arrays(fmus: dict[str, Path], tmp_path: Path) -> None
         }  # fmt: skip
 
 
-def test_structural_parameters_keep_their_start_values(fmus: dict[str, Path], tmp_path: Path) -> None:
+def test_declared_sizes_must_be_those_that_follow_from_structural_parameters(
+    fmus: dict[str, Path], tmp_path: Path
+) -> None:
     same = binding(values("n", "2", "", "UInt64"))
     with read_ssp(written(tmp_path / "1", fmus, third("a", same))) as document:
-        assert (document.notes, document.system.component("a").parameters) == ([], {})
-    inner = third("a", binding(values("n", "3", "", "UInt64")))
-    with pytest.raises(CommandError, match=r"line \d+: 'n' = 3 changes .* a\.n, .* must be 2\."):
-        run(written(tmp_path / "2", fmus, inner))
+        assert (document.notes, document.system.component("a").parameters) == ([], {"n": 2})
+    other = third("a", binding(values("n", "3", "", "UInt64")))
+    with pytest.raises(CommandError, match=r"line \d+: dimension 2 of a\.u .* size 2, .* 2 x 3"):
+        run(written(tmp_path / "2", fmus, other))
 
 
 BLOB = connector("blob", "output", "Binary")

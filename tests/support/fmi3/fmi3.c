@@ -1,7 +1,8 @@
 /* An FMI 3.0 FMU with all numeric types, arrays, states, and steps that end the run, are discarded or return early.
 
    References: 0 time, 1 u[2,2], 2 y[2,2] = gain * u, 3 gain[2,2], 4 x (integral of u[1,1]), 5 end, 6 fault,
-   7 n (structural), 8 what a step adds to the Int64, 10 + 2 t the input of type t, 11 + 2 t the output: the same value. */
+   7 n (structural), 8 what a step adds to the Int64, 10 + 2 t the input of type t, 11 + 2 t the output: the same value,
+   40 text, 42 and 43 the String as input and output; NULL if it is empty. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +26,7 @@ typedef struct {
     fmi3Int64 int64, choice, stride;
     fmi3UInt64 uint64;
     fmi3Boolean boolean;
-    char text[64];
+    char text[64], passed[64];
 } Model;
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
@@ -142,13 +143,13 @@ ACCESS(Int64, int64)
 EXPORT fmi3Status fmi3GetString(fmi3Instance i, const fmi3ValueReference r[], size_t nr, fmi3String v[], size_t nv)
 {
     for (size_t k = 0; k < nv; k++)
-        v[k] = ((Model *)i)->text;
+        v[k] = r[k] == 40 ? ((Model *)i)->text : ((Model *)i)->passed[0] ? ((Model *)i)->passed : NULL;
     return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3SetString(fmi3Instance i, const fmi3ValueReference r[], size_t nr, const fmi3String v[], size_t nv)
 {
-    strncpy(((Model *)i)->text, v[0], 63);
+    strncpy(r[0] == 40 ? ((Model *)i)->text : ((Model *)i)->passed, v[0], 63);
     return fmi3OK;
 }
 

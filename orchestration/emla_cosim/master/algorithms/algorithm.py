@@ -77,12 +77,16 @@ class Algorithm(ABC):
     def step(self, time: float, step: float, span: Span | None = None) -> None:
         """Advance all FMU instances; the signals then have their values at the end of the step.
 
+        Strings pass along their connections before it.
+
         Args:
             time: start of the step, in s.
             step: step size in s.
             span: returns start and length, in s, of so many steps up to the end of this one. Default:
                 multiples of `step`.
         """
+        if self.network.texts:
+            self.network.pass_texts()
         self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 

@@ -59,6 +59,8 @@ CALLS = (
     "getNumberOfEventIndicators",
     "getIntervalDecimal",
     "getShiftDecimal",
+    "enterConfigurationMode",
+    "exitConfigurationMode",
     "setting inputs",
     "getting outputs",
 )

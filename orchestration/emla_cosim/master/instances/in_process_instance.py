@@ -128,6 +128,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.observe([], np.empty(0))
         self._start_values = StartValues(self._functions, self._arrays)
 
+    @property
+    def configuration(self) -> Sequence[TypedValue]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Return the values of structural parameters that it gets right after instantiation."""
+        return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
+
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
         """Convert any exception to CommandError, because fmpy raises bare ones."""
@@ -222,6 +227,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Leave initialization mode, and note which start values the FMU did not take."""
         super().exit_initialization()
         self._stepping = True
+        for variable, value in self.configuration:
+            if (present := self.value(variable)) != value:
+                raise RunError(
+                    f"{self.name}.{variable.name} is {present}: the FMU did not take the value {value}."
+                )
         status, present = self._start_values.read_numbers(self._component)
         if status == FATAL:
             raise self.error("reading start values", status)

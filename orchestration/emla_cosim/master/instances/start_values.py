@@ -76,6 +76,9 @@ class StartValues:
     def set_numbers(self, component: Any) -> tuple[TypedValue, int] | None:
         """Set all values but Strings; return the first one that the FMU rejects, with its status."""
         for i, setter in self._setters:
+            if getattr(self.all[i][0], "is_resized", False):  # its other elements have no start values
+                setter.values[setter.places] = self.all[i][1]
+        for i, setter in self._setters:
             setter.values[setter.places] = self.all[i][1]
             if (status := setter.function(component, *setter.arguments)) not in FINE:
                 return self.all[i], status

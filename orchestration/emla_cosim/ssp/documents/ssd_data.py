@@ -163,11 +163,15 @@ class Element:
 
 @dataclass(frozen=True)
 class ComponentElement(Element):
-    """An element with a source file: an FMU or another system, by the MIME types above."""
+    """An element with a source file: an FMU or another system, by the MIME types above.
+
+    `structure` has values of structural parameters of the FMU, by name, which come from parameter bindings.
+    """
 
     source: str = ""
     type: str = FMU
     implementation: str = "any"
+    structure: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
+from typing import Any
 
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation
@@ -49,7 +50,7 @@ class BoundValue:
 
 
 def resolve_bindings(
-    root: SystemElement, wiring: Wiring
+    root: SystemElement, wiring: Wiring, has_sizes: bool = True
 ) -> tuple[dict[Path_, dict[str, BoundValue]], list[str]]:
     """Return the start values of each FMU by path and variable, and notes about unused parameters.
 
@@ -57,17 +58,21 @@ def resolve_bindings(
     system applies. Among values of one system it is the one at the source of the connections: a variable
     that is connected to a parameter always has its value, as in OMSimulator.
 
+    Args:
+        root: The root system.
+        wiring: The FMUs, and the connections between them.
+        has_sizes: Whether arrays have their sizes already; only then are the shapes of values checked.
+
     Raises:
-        CommandError: If units do not match.
+        CommandError: If units or shapes do not match.
     """
-    collected = _CollectedBindings(wiring)
+    collected = _CollectedBindings(wiring, has_sizes)
     collected.element(root, ())
     values: dict[Path_, dict[str, BoundValue]] = {path: {} for path in wiring.fmus}
     overridden: list[str] = []
     for path, fmu in wiring.fmus.items():
         for name in fmu.interface.variables:
             if not fmu.interface.is_settable(name):
-                collected.refuse_structural((path, name))
                 continue
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
@@ -94,12 +99,12 @@ def _override(given: _GivenValue, node: Node, source: Node) -> str:
 class _CollectedBindings:
     """All bindings of a structure, by connector or variable."""
 
-    def __init__(self, wiring: Wiring) -> None:
-        self._wiring = wiring
+    def __init__(self, wiring: Wiring, has_sizes: bool) -> None:
+        self._wiring, self._has_sizes = wiring, has_sizes
         self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
-        self._names: dict[Path_ | str, tuple[Collection[str], set[str]]] = {}
+        self._names: dict[Any, tuple[Collection[str], set[str]]] = {}
 
     def element(self, element: Element, path: Path_) -> None:
         """Add the bindings of an element and its content; outer bindings override inner ones."""
@@ -120,25 +125,6 @@ class _CollectedBindings:
             )
         )
 
-    def refuse_structural(self, variable: Node) -> None:
-        """Check that no value changes a structural parameter, because arrays have its start value.
-
-        Raises:
-            CommandError: If one does.
-        """
-        interface = self._wiring.fmus[variable[0]].interface
-        described = interface.variables[variable[1]]
-        if described.causality != "structuralParameter":
-            return
-        for node in self._wiring.chain(variable):
-            given = self.given.get(node)
-            if given is not None and not _is_equal(given.parameter.value, described.start):
-                raise self._wiring.fault(
-                    f"'{given.parameter.name}' = {given.parameter.value} changes the structural parameter "
-                    f"{node_name(variable)}, which this master does not; it must be {described.start}.",
-                    given.parameter.place,
-                )
-
     def _binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
         values = binding.values
         if not isinstance(values, ParameterSet):
@@ -150,7 +136,7 @@ class _CollectedBindings:
             is_first = parameter.array is None or index == format_index([1] * len(parameter.array.sizes))
             for array, entry in targets(f"{binding.prefix}{parameter.document_name}"):
                 node = self._node(element, path, f"{array}{index}")
-                if is_first and (node is None or parameter.array is not None):
+                if self._has_sizes and is_first and (node is None or parameter.array is not None):
                     self._check_shape(element, path, array, parameter)
                 if node is not None:
                     matched.add(parameter.name)
@@ -185,7 +171,7 @@ class _CollectedBindings:
     def _known(self, path: Path_) -> tuple[Collection[str], set[str]]:
         """Return the names of the connectors of a system or the variables of an FMU, and of their arrays."""
         fmu = self._wiring.fmus.get(path)
-        key = path if fmu is None else fmu.component.source
+        key = path if fmu is None else (fmu.component.source, fmu.component.structure)
         if key not in self._names:
             names: Collection[str] = self._connectors.get(path, {})
             names = names if fmu is None else fmu.interface.variables
@@ -205,11 +191,7 @@ class _CollectedBindings:
         """Return the connector or variable of a hierarchical name, relative to an element."""
         if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
-            variable = interface.variables.get(name)
-            if variable is None:
-                return None
-            is_set = interface.is_settable(name) or variable.causality == "structuralParameter"
-            return (path, name) if is_set else None
+            return (path, name) if name in interface.variables and interface.is_settable(name) else None
         if (path, name) in self._wiring.connectors:
             return path, name
         if isinstance(element, SystemElement):
@@ -226,14 +208,6 @@ class _CollectedBindings:
         inside = self._inside[path]
         starts = (name[:i] for i, letter in enumerate(name) if letter == ".")
         return [e for _, e in sorted((inside[s] for s in starts if s in inside), key=itemgetter(0))]
-
-
-def _is_equal(value: Value, start: str | None) -> bool:
-    """Return whether a value is the start value in a model description."""
-    try:
-        return float(value) == float(start or "nan")
-    except ValueError:
-        return str(value) == start
 
 
 def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:

@@ -23,13 +23,15 @@ _SAME = {"Real": "Float64", "Integer": "Int32"}
 """Types of FMI 2.0 with another name in FMI 3.0; SSP 2.0 has both."""
 
 
-def collect_wiring(root: SystemElement, where: str, interface: Callable[[str], Interface]) -> Wiring:
+def collect_wiring(
+    root: SystemElement, where: str, interface: Callable[[ComponentElement], Interface]
+) -> Wiring:
     """Return the wiring of a loaded structure.
 
     Args:
         root: The root system.
         where: The name of the structure in error messages.
-        interface: Returns the interface of an FMU file.
+        interface: Returns the interface of a component's FMU.
 
     Raises:
         CommandError: If connectors or connections do not match.
@@ -43,14 +45,14 @@ def collect_wiring(root: SystemElement, where: str, interface: Callable[[str], I
 class _Elements:
     """Adds elements and their connectors to a wiring."""
 
-    def __init__(self, wiring: Wiring, interface: Callable[[str], Interface]) -> None:
+    def __init__(self, wiring: Wiring, interface: Callable[[ComponentElement], Interface]) -> None:
         self._wiring, self._interface = wiring, interface
 
     def add(self, element: Element, path: Path_) -> None:
         """Add an element and its content."""
         wiring = self._wiring
         if isinstance(element, ComponentElement):
-            wiring.fmus[path] = Fmu(path, element, self._interface(element.source))
+            wiring.fmus[path] = Fmu(path, element, self._interface(element))
         for connector in element.connectors:
             node = (path, connector.name)
             if node in wiring.connectors:

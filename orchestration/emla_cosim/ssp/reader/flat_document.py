@@ -12,11 +12,19 @@ from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS, Interface, read_interface
 from ...system.model import Alias, Component, Connection, System
 from ..documents.identifiers import parse_id
-from ..documents.ssd_data import ParameterBinding, ParameterSet, SsvParameter, Structure, TableTransformation
+from ..documents.ssd_data import (
+    ComponentElement,
+    ParameterBinding,
+    ParameterSet,
+    SsvParameter,
+    Structure,
+    TableTransformation,
+)
 from .binding import BoundValue, build_transformation, resolve_bindings
 from .collecting import collect_wiring
 from .package import Package, open_package
 from .structure_loader import load_structure
+from .structure_values import find_structures, read_structure
 from .whole_vectors import expand_vectors
 from .wiring import Fmu, Node, Path_, Wiring
 
@@ -69,10 +77,21 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 
 def _document(structure: Structure, package: Package) -> SspDocument:
-    interface = cache(_read_interface)
-    root = expand_vectors(structure.system, interface, package.name)
+    read = cache(_read_interface)
+
+    def interface(component: ComponentElement) -> Interface:
+        return read(component.source, component.structure)
+
+    root = find_structures(structure.system, package.name, interface)
+    root = expand_vectors(root, interface, package.name)
     wired = collect_wiring(root, package.name, interface)
     values, without_effect = resolve_bindings(root, wired)
+    for path, fmu in wired.fmus.items():
+        if read_structure(fmu, values[path]) != fmu.interface.structure:
+            raise wired.fault(
+                f"a structural parameter of '{'.'.join(path)}' gets its value through a connector. Set it by "
+                "its own name in a parameter binding."
+            )
     names, samples = _names(wired), set(structure.samples)
     components = (
         replace(_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
@@ -95,8 +114,8 @@ def _document(structure: Structure, package: Package) -> SspDocument:
     )
 
 
-def _read_interface(source: str) -> Interface:
-    return read_interface(Path(source))
+def _read_interface(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
+    return read_interface(Path(source), dict(structure))
 
 
 def _unknown_in_annotation(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:

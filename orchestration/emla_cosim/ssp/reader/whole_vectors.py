@@ -21,7 +21,9 @@ _Names = Mapping[str | None, Mapping[str, Connector]]
 """The connectors of each element, and of the system, by name."""
 
 
-def expand_vectors(system: SystemElement, interface: Callable[[str], Interface], where: str) -> SystemElement:
+def expand_vectors(
+    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
+) -> SystemElement:
     """Return a system with connectors and connections of elements in place of those of arrays.
 
     A connector is an array if the FMU has the variables `x[1]`, `x[2]` and no variable `x`; that of a system
@@ -29,7 +31,7 @@ def expand_vectors(system: SystemElement, interface: Callable[[str], Interface],
 
     Args:
         system: The system.
-        interface: Returns the interface of an FMU file.
+        interface: Returns the interface of a component's FMU.
         where: The name of the structure in error messages.
 
     Raises:
@@ -39,7 +41,7 @@ def expand_vectors(system: SystemElement, interface: Callable[[str], Interface],
 
 
 def _expand(
-    system: SystemElement, interface: Callable[[str], Interface], where: str
+    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
 ) -> tuple[SystemElement, Shapes]:
     elements: list[Element] = []
     shapes: dict[str | None, Shapes] = {}
@@ -47,7 +49,7 @@ def _expand(
         if isinstance(element, SystemElement):
             element, shapes[element.name] = _expand(element, interface, where)
         elif isinstance(element, ComponentElement):
-            shapes[element.name] = component_shapes(element, interface(element.source), where)
+            shapes[element.name] = component_shapes(element, interface(element), where)
             element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
         elif isinstance(element, DictionaryReference):
             shapes[element.name] = declared_shapes(element, where)

@@ -9,9 +9,10 @@ from fmublock.archive import write_archive
 
 from ...base.errors import CommandError, RunError
 from ...base.ownership import check_replaceable, refuse_others
-from ...fmu.interface import KINDS, MODEL_EXCHANGE, read_interfaces
+from ...fmu.interface import KINDS, MODEL_EXCHANGE
 from ...system.model import System
 from ...system.resolution import resolve_system
+from ...system.structure import read_sized_interfaces
 from ..documents.identifiers import format_id, make_identifier
 from ..documents.ssd_data import DEFAULT_SSD, Structure
 from ..documents.ssd_writer import format_structure
@@ -86,7 +87,7 @@ def write_ssp(
     """
     check_package(path, overwrite)
     fmus = {c.name: fmus[c.name] for c in system.components}
-    interfaces = read_interfaces(fmus)
+    interfaces = read_sized_interfaces(system, fmus)
     plain = resolve_system(system, interfaces)
     uris = _uris(fmus)
     version = select_version(plain, interfaces)

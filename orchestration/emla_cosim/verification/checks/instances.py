@@ -74,7 +74,8 @@ def _explain_not_run(subject: Subject) -> str:
         return f"It {reason}."
     for clock in description.modelVariables:
         if clock.type == CLOCK and clock.causality == "input" and (clock.clocks or is_triggered_input(clock)):
-            return f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks: such FMUs are not run."
+            said = f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks"
+            return f"{said}: such FMUs are not run."
     return ""
 
 
