@@ -172,7 +172,7 @@ def system_header(
     lines += _table("Group", "initial_groups", _groups(loops))
     lines += _table("double", "initial_guesses", [c_number(x) for g in loops for x in g.values])
     rows = [
-        f"{{{_text(v.name)}, '{v.letter(fmi)}', '{own_letter(v.own)}', {int(v.settable)}, {v.part}, "
+        f"{{{_text(v.name)}, '{v.letter(fmi)}', '{own_letter(v.own)}', {_settable(v)}, {v.part}, "
         f"{v.own.valueReference}, {place_in_array(v.own)}, {v.size}, {arrays.place(v.part, v.own)}, "
         f"{v.signal}}}"
         for v in variables
@@ -182,6 +182,14 @@ def system_header(
     lines += _table("Variable", "variables", rows)
     lines += _table("Start", "starts", [_start(v, x) for v, x in starts])
     return "\n".join(lines)
+
+
+def _settable(variable: ContainerVariable) -> int:
+    """Return when a host may set a variable; see shim/tables.h."""
+    if not variable.settable:
+        return 0
+    while_stepping = variable.causality == "input" or variable.variability == "tunable"
+    return 1 if while_stepping else 2
 
 
 class _Arrays:

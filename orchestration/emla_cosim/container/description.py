@@ -268,14 +268,15 @@ def _start(variable: ContainerVariable) -> str:
 def _add_structure(root: Element, variables: Sequence[ContainerVariable]) -> None:
     """Add outputs, which depend on no input at a communication point: an input acts from the next step on.
 
-    Initial values may depend on all inputs and parameters, through the connections.
+    Outputs that are no signals, such as Strings, are read from their part at once and may depend on anything.
+    So may initial values, through the connections.
     """
     structure = SubElement(root, "ModelStructure")
     outputs = [i for i, v in enumerate(variables, 1) if v.causality == "output"]
     if outputs:
         element = SubElement(structure, "Outputs")
         for i in outputs:
-            SubElement(element, "Unknown", index=str(i), dependencies="")
+            SubElement(element, "Unknown", {"index": str(i)} | _dependencies(variables[i - 1]))
     initial = [i for i, v in enumerate(variables, 1) if _is_initial_unknown(v)]
     if initial:
         element = SubElement(structure, "InitialUnknowns")
@@ -288,10 +289,15 @@ def _add_structure3(root: Element, variables: Sequence[ContainerVariable]) -> No
     structure = SubElement(root, "ModelStructure")
     for reference, variable in enumerate(variables):
         if variable.causality == "output":
-            SubElement(structure, "Output", valueReference=str(reference), dependencies="")
+            SubElement(structure, "Output", {"valueReference": str(reference)} | _dependencies(variable))
     for reference, variable in enumerate(variables):
         if _is_initial_unknown(variable):
             SubElement(structure, "InitialUnknown", valueReference=str(reference))
+
+
+def _dependencies(variable: ContainerVariable) -> dict[str, str]:
+    """Return the attribute for the dependencies of an output; without it, it may depend on everything."""
+    return {"dependencies": ""} if variable.signal >= 0 else {}
 
 
 def _is_initial_unknown(variable: ContainerVariable) -> bool:

@@ -73,7 +73,7 @@ typedef struct {
     const char *name;
     char type; /* for the host */
     char own;  /* that of the part */
-    char settable;
+    char settable; /* 0 never, 1 always, 2 until the end of initialization */
     int part; /* -1 for the time */
     fmi2ValueReference reference;
     int place, size; /* in its array; 0 and 1 for a scalar */

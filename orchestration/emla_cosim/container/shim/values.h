@@ -37,6 +37,8 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
         if (check_type(instance, vr[i], type) != StatusOK) return StatusError;
         if (!variables[vr[i]].settable)
             return report(instance, StatusError, "%s cannot be set.", variables[vr[i]].name);
+        if (variables[vr[i]].settable == 2 && instance->memory.phase == STEP)
+            return report(instance, StatusError, "%s cannot be set after initialization.", variables[vr[i]].name);
     }
     return StatusOK;
 }
