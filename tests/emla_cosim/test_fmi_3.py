@@ -237,12 +237,6 @@ def test_info_reads_elements(path: Path, emla: Emla) -> None:
     assert "Third.gain[2,2]" in shown
 
 
-def test_a_system_as_one_fmu_refuses_it(path: Path, emla: Emla, tmp_path: Path) -> None:
-    done = emla("export", str(path), str(tmp_path / "one.fmu"))
-    assert done.exit_code != 0
-    assert "cannot contain FMUs of FMI 3.0" in " ".join(done.output.split())
-
-
 def test_clocks_without_event_mode_are_refused(path: Path, tmp_path: Path) -> None:
     changed = tmp_path / "Third.fmu"
     clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'

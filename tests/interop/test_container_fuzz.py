@@ -8,32 +8,58 @@ Every call depends on a fixed seed. With other seeds and numbers of calls:
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import pytest
 
+import fmublock
+from emla_cosim.fmu.models import MODELS
 from emla_cosim.study.loading import load
+from emla_cosim.system.model import System
 from tests.emla_cosim.test_containers import without_sources
 from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
+from tests.support.container_calls import STEP, TYPES_3
+from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.sessions import ERROR
 
 pytestmark = [needs_cc, pytest.mark.long]
 
+TYPES = Path(__file__).parents[1] / "support" / "fmi3" / "fmi3.c"
 CALLS = os.environ.get("EMLA_FUZZ_CALLS", "20000")
 SEED = os.environ.get("EMLA_FUZZ_SEED", "1")
-LETTERS = {"Real": "R", "Float64": "R", "Integer": "I", "Int32": "I", "Boolean": "B", "String": "S"}
+LETTERS = {
+    "Real": "R",
+    "Integer": "I",
+    "String": "S",
+    **{name: letter for name, (letter, _) in TYPES_3.items()},
+}
 _FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-function"]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("system", ["lift", "hdrm-coupled"])
+@pytest.mark.parametrize("system", ["lift", "hdrm-coupled", "parts of FMI 3.0"])
 def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_path: Path) -> None:
-    """The joint has a plant without sources, so that a library is loaded; the machine has loops."""
-    plant = without_sources(fmu_folder / "EmlaPlant/EmlaPlant.fmu", tmp_path / "Plant.fmu")
-    replace = {"lift.plant": plant} if system == "lift" else {}
-    scenario = load(system, replace=replace, stop_time=0.1, fmus=fmu_folder)
+    """The joint has a plant without sources, so that a library is loaded; the machine has loops.
+
+    Parts of FMI 3.0 have all types and arrays; a plant is one of them.
+    """
+    source: Any = system
+    replace: dict[str, Path] = {}
+    if system == "lift":
+        replace["lift.plant"] = without_sources(
+            fmu_folder / "EmlaPlant/EmlaPlant.fmu", tmp_path / "Plant.fmu"
+        )
+    elif system == "parts of FMI 3.0":
+        third = build_handwritten_fmu(tmp_path / "Third.fmu", TYPES, platform=fmpy.platform_tuple)
+        plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
+        wires = [f"a.{kind}_out -> b.{kind}_in" for kind in ("Float32", "Int8", "UInt64", "Boolean")]
+        fmus = {"a": third, "b": third, "plant": plant}
+        source = System.of(fmus, [*wires, "a.y -> b.u", "a.x -> plant.u_q", "plant.x_L -> a.u[1,1]"])
+    scenario = load(source, replace=replace, step_size=STEP, stop_time=0.1, fmus=fmu_folder)
     fmu, folder = scenario.export(tmp_path / "system.fmu", fmi=fmi), tmp_path / "fuzzed fmu"
     fmpy.extract(str(fmu), str(folder))
     library, sources = folder / "system.so", folder / "sources"
@@ -42,7 +68,7 @@ def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_pa
     command = ["cc", *_FLAGS, *SANITIZERS["address"], *shared, "-I", headers, *mains, "-o", str(library)]
     subprocess.run([*command, "-lm", "-ldl"], cwd=sources, check=True)
     description, resources = fmpy.read_model_description(str(fmu)), folder / "resources"
-    letters = LETTERS | {"Enumeration": "E" if fmi == 3 else "I"}
+    letters = defaultdict(lambda: "?", LETTERS | {"Enumeration": "E" if fmi == 3 else "I"})
     run = subprocess.run(
         [
             *without_randomization(),

@@ -1,7 +1,8 @@
 """Random calls of the functions of a system as one FMU, with arrays of exactly the announced sizes.
 
 Arguments: version of FMI, library, GUID or token, location of the resources, letters of the variables' types
-(R, I, E, B, S), seed, number of calls. Prints how often each function returned each status.
+(R, I, E, B, S, those of TYPES_3, and ? for others), seed, number of calls. Prints how often each function
+returned each status.
 """
 
 import ctypes
@@ -21,7 +22,11 @@ TYPES_3 = {
     "Int32": ("I", c_int32),
     "Int64": ("E", c_int64),
     "Boolean": ("B", c_bool),
-    "UInt8": ("-", ctypes.c_uint8),
+    "Float32": ("r", ctypes.c_float),
+    "Int8": ("b", ctypes.c_int8),
+    "UInt8": ("c", ctypes.c_uint8),
+    "UInt16": ("t", ctypes.c_uint16),
+    "UInt64": ("U", ctypes.c_uint64),
 }
 OTHERS_3 = ("EnterEventMode", "EnterStepMode", "EnterConfigurationMode", "EnterContinuousTimeMode")
 

@@ -11,8 +11,10 @@ from fmublock.description import FMI3_TYPES, add_log_categories, add_unit, descr
 from fmublock.recipe import Producer
 from fmublock.units import parse_unit
 
+from ..base.errors import CommandError
 from ..base.units import SiUnit
 from ..base.version import __version__
+from ..fmu.elements import ElementVariable
 from .plan import ContainerPlan, Library
 from .variables import ContainerVariable, time_name
 
@@ -41,13 +43,14 @@ def describe_container(
         library = plan.libraries[plan.parts[variable.part].library]
         attributes = _attributes(reference, variable)
         if fmi == 3:
-            tag = FMI3_TYPES.get(str(variable.own.type), str(variable.own.type))
-            kind = SubElement(model_variables, tag, attributes)
+            kind = SubElement(model_variables, _tag3(variable.own), attributes)
         else:
             element = SubElement(model_variables, "ScalarVariable", attributes)
             kind = SubElement(element, str(variable.own.type))
         _set_type_attributes(kind, variable, library, units, enumerations)
         _set_start(kind, variable, fmi)
+        if fmi == 2 and variable.own.type == "Integer":
+            _fit_into_integer(kind, variable)
     if fmi == 3:
         _add_time(model_variables, time_name(variables), units)
     root.extend(place for place in (units.element(), types) if len(place))
@@ -101,6 +104,13 @@ def _interface3(plan: ContainerPlan, identifier: str) -> dict[str, str]:
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
     return {"modelIdentifier": identifier, **texts, "fixedInternalStepSize": repr(plan.times.step)}
+
+
+def _tag3(own: ModelVariable) -> str:
+    """Return the element of a variable in FMI 3.0."""
+    if isinstance(own, ElementVariable) and own.type != "Enumeration":
+        return own.data_type
+    return FMI3_TYPES.get(str(own.type), str(own.type))
 
 
 class _Units:
@@ -217,6 +227,24 @@ def _set_start(kind: Element, variable: ContainerVariable, fmi: int) -> None:
         kind.set("start", _start(variable))
 
 
+def _fit_into_integer(kind: Element, variable: ContainerVariable) -> None:
+    """Check the start value of an Integer of FMI 2.0, and leave out limits that it cannot reach.
+
+    Raises:
+        CommandError: The part has a wider type, and this start value does not fit.
+    """
+    for name in ("min", "max", "start"):
+        text = kind.get(name)
+        if text is None or -(2**31) <= int(text) < 2**31:
+            continue
+        if name == "start":
+            raise CommandError(
+                f"{variable.name} = {text} does not fit into an Integer of FMI 2.0; use --fmi 3.",
+                variable=variable.name,
+            )
+        del kind.attrib[name]
+
+
 def _add_time(place: Element, name: str, units: _Units) -> None:
     """Add the time, which FMI 3.0 requires."""
     attributes = {"name": name, "valueReference": str(len(place)), "description": "Time"}
@@ -240,14 +268,15 @@ def _start(variable: ContainerVariable) -> str:
 def _add_structure(root: Element, variables: Sequence[ContainerVariable]) -> None:
     """Add outputs, which depend on no input at a communication point: an input acts from the next step on.
 
-    Initial values may depend on all inputs and parameters, through the connections.
+    Outputs that are no signals, such as Strings, are read from their part at once and may depend on anything.
+    So may initial values, through the connections.
     """
     structure = SubElement(root, "ModelStructure")
     outputs = [i for i, v in enumerate(variables, 1) if v.causality == "output"]
     if outputs:
         element = SubElement(structure, "Outputs")
         for i in outputs:
-            SubElement(element, "Unknown", index=str(i), dependencies="")
+            SubElement(element, "Unknown", {"index": str(i)} | _dependencies(variables[i - 1]))
     initial = [i for i, v in enumerate(variables, 1) if _is_initial_unknown(v)]
     if initial:
         element = SubElement(structure, "InitialUnknowns")
@@ -260,10 +289,15 @@ def _add_structure3(root: Element, variables: Sequence[ContainerVariable]) -> No
     structure = SubElement(root, "ModelStructure")
     for reference, variable in enumerate(variables):
         if variable.causality == "output":
-            SubElement(structure, "Output", valueReference=str(reference), dependencies="")
+            SubElement(structure, "Output", {"valueReference": str(reference)} | _dependencies(variable))
     for reference, variable in enumerate(variables):
         if _is_initial_unknown(variable):
             SubElement(structure, "InitialUnknown", valueReference=str(reference))
+
+
+def _dependencies(variable: ContainerVariable) -> dict[str, str]:
+    """Return the attribute for the dependencies of an output; without it, it may depend on everything."""
+    return {"dependencies": ""} if variable.signal >= 0 else {}
 
 
 def _is_initial_unknown(variable: ContainerVariable) -> bool:

@@ -1,7 +1,7 @@
 """What a system as one FMU consists of: its FMUs, and how the master steps them."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from ..master.algorithms.strong import Strong
 from ..master.algorithms.tasks import Operation
 from ..master.assembly import Assembly
 from ..master.instances.described_instance import DescribedInstance
+from ..master.instances.event_mode_instance import handles_events
 from ..master.network import Network
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
@@ -35,6 +36,14 @@ _MAIN_STEMS = ("fmi2_container", "fmi3_container")
 
 _BUILDER = "fmublock"
 """End of the name of the tool that builds these."""
+
+
+_NOT_IN_STEPS: Mapping[str, Callable[[FmuFile], bool]] = {
+    "clocks": lambda file: bool(file.interface.clocks),
+    "event mode (hasEventMode)": lambda file: file.has_capability("hasEventMode"),
+    "early return (mightReturnEarlyFromDoStep)": handles_events,
+}
+"""What FMUs of FMI 3.0 do in runs and not in an FMU of a system."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,11 @@ class Library:
     folder: str
     source: str | None
     content: Mapping[str, bytes]
+
+    @property
+    def fmi(self) -> int:
+        """Return its version of FMI, 2 or 3."""
+        return 3 if is_version_3(self.file.description) else 2
 
     def files_in(self, folder: str) -> dict[str, bytes]:
         """Return the files in one of its folders, by their path there."""
@@ -152,17 +166,20 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
         raise CommandError(
             f"{join_names(others)} would run as Model Exchange; an FMU of a system needs co-simulation FMUs."
         )
-    newer = [name for name, file in assembly.files.items() if is_version_3(file.description)]
-    if newer:
-        raise CommandError(
-            f"an FMU of a system cannot contain FMUs of FMI 3.0; {join_names(newer)} has that version. "
-            "Use an FMU of FMI 2.0, which also fits with --fmi 3."
-        )
+    for what, has in _NOT_IN_STEPS.items():
+        owners = [name for name, file in assembly.files.items() if has(file)]
+        if owners:
+            raise CommandError(
+                f"an FMU of a system cannot step FMUs with {what}; {join_names(owners)} has it."
+            )
     texts = [f"{x.target.name}.{x.input.name}" for x in assembly.network.texts]
     if texts:
         raise CommandError(
             f"an FMU of a system cannot pass on Strings; {join_names(texts)} has a connection."
         )
+    sizes = [f"{name}.{own}" for name, file in assembly.files.items() for own in file.interface.structure]
+    if sizes:
+        raise CommandError(f"an FMU of a system cannot change structural parameters such as {sizes[0]}.")
     python = [n for n, f in assembly.files.items() if (f.folder / "resources/slavemodule.txt").exists()]
     if python:
         raise CommandError(

@@ -10,10 +10,38 @@ from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
 from ..base.patterns import matches_pattern
+from ..fmu.elements import ElementVariable
 from .plan import ContainerPlan
 
 LETTERS = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B", "String": "S"}
-"""The types of variables as letters in C."""
+"""The types of variables of FMI 2.0 as letters in C."""
+
+_LETTERS_3 = {
+    "Float64": "R",
+    "Float32": "r",
+    "Int8": "b",
+    "UInt8": "c",
+    "Int16": "s",
+    "UInt16": "t",
+    "Int32": "I",
+    "UInt32": "u",
+    "Int64": "E",
+    "UInt64": "U",
+    "Boolean": "B",
+    "String": "S",
+}
+"""Those of FMI 3.0."""
+
+
+def own_letter(variable: ModelVariable) -> str:
+    """Return the type of a variable of a part as a letter in C; see shim/part_types.h."""
+    if isinstance(variable, ElementVariable):
+        return _LETTERS_3[variable.data_type]
+    return LETTERS[str(variable.type)]
+
+
+_LEFT_OUT = ("independent", "structuralParameter")
+"""Causalities of variables that the FMU does not show: the size of arrays does not change in it."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +66,16 @@ class ContainerVariable:
     changed: bool
     signal: int
 
+    def letter(self, fmi: int) -> str:
+        """Return its type in C for a host of this version of FMI."""
+        if fmi == 2:
+            return LETTERS[str(self.own.type)]
+        return "E" if self.own.type == "Enumeration" else own_letter(self.own)
+
     @property
-    def letter(self) -> str:
-        """Return its type in C: R, I, B or S."""
-        return LETTERS[str(self.own.type)]
+    def size(self) -> int:
+        """Return the number of elements of its array; 1 for a scalar."""
+        return self.own.size if isinstance(self.own, ElementVariable) else 1
 
     @property
     def variability(self) -> str:
@@ -87,7 +121,7 @@ def list_variables(
         signal_of = {v.name: first + k for k, v in enumerate(part.instance.written)}
         values = {v.name: value for v, value in part.starts}
         for own in part.instance.file.variables.values():
-            if own.name in driven or own.causality == "independent":
+            if own.name in driven or own.causality in _LEFT_OUT or own.type not in LETTERS:
                 continue
             signal = signal_of.get(own.name, -1)
             own_name = plan.known[part.name].get(own.name, own.name)
@@ -114,9 +148,9 @@ def time_name(variables: Sequence[ContainerVariable]) -> str:
 
 
 def _full_name(part: str, name: str) -> str:
-    """Return the name of a variable in the container; the derivative of a.x is der(a.x)."""
-    inner = re.fullmatch(r"der\((.*)\)", name)
-    return f"{part}.{name}" if inner is None else f"der({part}.{inner[1]})"
+    """Return the name of a variable in the container; the derivative of a.x[1] is der(a.x[1])."""
+    inner = re.fullmatch(r"der\((.*)\)(\[[\d,]+\])?", name)
+    return f"{part}.{name}" if inner is None else f"der({part}.{inner[1]}{inner[2] or ''})"
 
 
 def _shown(variable: ContainerVariable, kept: Collection[str]) -> ContainerVariable:

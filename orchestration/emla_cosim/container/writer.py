@@ -10,7 +10,7 @@ from fmublock.archive import content_guid, key_comment, read_built, write_archiv
 from fmublock.compiling import compile_libraries, is_for, rename_folders, sources
 from fmublock.errors import BuildError
 from fmublock.fmi3_description import build_description
-from fmublock.platforms import host_platform
+from fmublock.platforms import binaries_folder, host_platform, platform_of
 
 from ..base.errors import CommandError, RunError
 from ..base.ownership import check_replaceable, refuse_others
@@ -135,7 +135,7 @@ def write_container(
 def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
     if library.source is not None:
         return
-    have = sorted({p.split("/")[0] for p in library.files_in("binaries")})
+    have = sorted({platform_of(p.split("/")[0]) for p in library.files_in("binaries")})
     missing = [p for p in platforms if p not in have]
     if missing:
         raise CommandError(
@@ -169,7 +169,8 @@ def _content(
         else:
             content[f"resources/{folder}/modelDescription.xml"] = library.content["modelDescription.xml"]
             for platform in platforms:
-                content |= _moved(library, f"binaries/{platform}", f"resources/{folder}/binaries/{platform}")
+                binaries = f"binaries/{binaries_folder(platform, library.fmi)}"
+                content |= _moved(library, binaries, f"resources/{folder}/binaries/{platform}")
         content |= _moved(library, "resources", f"resources/{folder}/resources")
         content |= _moved(library, "documentation/licenses", f"documentation/licenses/{folder}")
     if fmi == 3 and all(x.source for x in plan.libraries):

@@ -1,7 +1,7 @@
 /* A system of FMUs, the parts, which this code steps as the master of emla_cosim does.
  *
  * guid.h, functions.h and system.h are generated for the system. The order of all floating-point operations is
- * that of the master, so that the results have the same bits. The parts have the functions of FMI 2.0; the
+ * that of the master, so that the results have the same bits. Each part has the functions of FMI 2.0 or 3.0; the
  * host sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
  */
 #include "fmi2FunctionTypes.h"
@@ -12,6 +12,8 @@
 
 #include "functions.h"
 
+#include "part_types.h"
+
 #include "tables.h"
 
 #include "system.h"
@@ -19,6 +21,8 @@
 #include "instance.h"
 
 #include "library.h"
+
+#include "part_versions.h"
 
 #include "parts.h"
 

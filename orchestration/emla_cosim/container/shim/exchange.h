@@ -38,71 +38,62 @@ static void compute_inputs(Instance *instance, int i, double time, double length
     }
 }
 
-/* Set the inputs of one type; TYPES are called one after the other, as the master does. */
-static fmi2Status set_typed(Instance *instance, int i, char type) {
-    const Part *part = &parts[i];
-    fmi2ValueReference references[ROOM(MOST_INPUTS)];
-    double reals[ROOM(MOST_INPUTS)];
-    int whole[ROOM(MOST_INPUTS)];
-    size_t n = 0;
-    for (int j = part->first_input; j < part->first_input + part->n_inputs; j++) {
-        if (inputs[j].type != type) continue;
-        const double value = type == 'R' ? instance->inputs[j] : rint(instance->inputs[j]);
-        references[n] = inputs[j].reference;
-        reals[n] = value;
-        whole[n] = type == 'B' ? value != 0.0 : (int)fmax(INT_MIN, fmin(value, INT_MAX));
-        n++;
+/* Set the inputs of one call. */
+static fmi2Status set_typed(Instance *instance, int i, const Call *call) {
+    const int whole = call->type != 'R' && call->type != 'r';
+    double *values = call->elements < 0 ? instance->numbers : &instance->memory.elements[call->elements];
+    for (int k = call->first_item; k < call->first_item + call->n_items; k++) {
+        const int j = call_items[k];
+        const double value = whole ? rint(instance->inputs[j]) : instance->inputs[j];
+        if (libraries[parts[i].library].fmi == 3 && !fits(call->type, value)) {
+            report(instance, StatusError, "%s = %.17g does not fit into an input of %s, whose type is %s.",
+                   signals[inputs[j].signal].name, value, parts[i].name, type_name(call->type));
+            return fmi2Error;
+        }
+        values[call_places[k]] = value;
     }
-    if (n == 0) return fmi2OK;
-    const fmi2Component c = instance->parts[i];
-    if (type == 'R') return CALL(instance, i, SetReal)(c, references, n, reals);
-    if (type == 'I') return CALL(instance, i, SetInteger)(c, references, n, whole);
-    return CALL(instance, i, SetBoolean)(c, references, n, whole);
+    return version_of(i)->set(instance, i, call->type, &call_references[call->first_reference],
+                              (size_t)call->n_references, values, (size_t)call->n_values);
 }
 
-static fmi2Status get_typed(Instance *instance, int i, char type) {
-    const Part *part = &parts[i];
-    fmi2ValueReference references[ROOM(MOST_OUTPUTS)];
-    double reals[ROOM(MOST_OUTPUTS)];
-    int whole[ROOM(MOST_OUTPUTS)], places[ROOM(MOST_OUTPUTS)];
-    size_t n = 0;
-    for (int s = part->first_output; s < part->first_output + part->n_outputs; s++) {
-        if (signals[s].type != type) continue;
-        references[n] = signals[s].reference;
-        places[n++] = s;
-    }
-    if (n == 0) return fmi2OK;
-    const fmi2Component c = instance->parts[i];
-    const fmi2Status status = type == 'R'   ? CALL(instance, i, GetReal)(c, references, n, reals)
-                              : type == 'I' ? CALL(instance, i, GetInteger)(c, references, n, whole)
-                                            : CALL(instance, i, GetBoolean)(c, references, n, whole);
-    if (is_bad(status)) return status;
-    for (size_t k = 0; k < n; k++)
-        instance->memory.now.signals[places[k]] =
-            type == 'R' ? reals[k] : type == 'I' ? (double)whole[k] : (double)(whole[k] != 0);
+static fmi2Status get_typed(Instance *instance, int i, const Call *call) {
+    const fmi2Status status =
+        version_of(i)->get(instance, i, call->type, &call_references[call->first_reference],
+                           (size_t)call->n_references, instance->numbers, (size_t)call->n_values);
+    for (int k = call->first_item; k < call->first_item + call->n_items && !is_bad(status); k++)
+        instance->memory.now.signals[call_items[k]] = instance->numbers[call_places[k]];
     return status;
 }
 
-static const char TYPES[] = "RIB";
+static fmi2Status set_all_types(Instance *instance, int i) {
+    fmi2Status status = fmi2OK;
+    for (int k = parts[i].first_set; k < parts[i].first_set + parts[i].n_sets && !is_bad(status); k++)
+        status = set_typed(instance, i, &calls[k]);
+    return status;
+}
+
+static fmi2Status get_all_types(Instance *instance, int i) {
+    fmi2Status status = fmi2OK;
+    for (int k = parts[i].first_get; k < parts[i].first_get + parts[i].n_gets && !is_bad(status); k++)
+        status = get_typed(instance, i, &calls[k]);
+    return status;
+}
 
 /* Set the inputs of a part for the step from `time` of this length. */
 static Status set_inputs(Instance *instance, int i, double time, double length) {
     const Part *part = &parts[i];
-    const fmi2Component c = instance->parts[i];
-    if (part->n_inputs == 0) return StatusOK;
+    const size_t n = (size_t)part->n_inputs;
+    if (n == 0) return StatusOK;
     compute_inputs(instance, i, time, length);
-    fmi2Status status = fmi2OK;
-    if (part->typed)
-        for (const char *type = TYPES; *type && !is_bad(status); type++) status = set_typed(instance, i, *type);
-    else
-        status = CALL(instance, i, SetReal)(c, &input_references[part->first_input], (size_t)part->n_inputs,
-                                            &instance->inputs[part->first_input]);
+    fmi2Status status = part->typed
+                            ? set_all_types(instance, i)
+                            : version_of(i)->set(instance, i, 'R', &input_references[part->first_input], n,
+                                                 &instance->inputs[part->first_input], n);
     if (is_bad(status)) return blame(instance, i, "the setting of its inputs", status);
     if (part->mode != LINE) return StatusOK;
     static const fmi2Integer orders[ROOM(MOST_INPUTS)] = FIRST_ORDERS;
-    status = CALL(instance, i, SetRealInputDerivatives)(c, &input_references[part->first_input],
-                                                        (size_t)part->n_inputs, orders,
-                                                        &instance->derivatives[part->first_input]);
+    status = CALL(instance, i, SetRealInputDerivatives)(instance->parts[i], &input_references[part->first_input], n,
+                                                        orders, &instance->derivatives[part->first_input]);
     return is_bad(status) ? blame(instance, i, "fmi2SetRealInputDerivatives", status) : StatusOK;
 }
 
@@ -113,8 +104,7 @@ static Status pass_inputs(Instance *instance, int i) {
     for (int j = part->first_input; j < part->first_input + part->n_inputs; j++)
         instance->inputs[j] =
             inputs[j].factor * instance->memory.now.signals[inputs[j].signal] + inputs[j].offset;
-    fmi2Status status = fmi2OK;
-    for (const char *type = TYPES; *type && !is_bad(status); type++) status = set_typed(instance, i, *type);
+    const fmi2Status status = set_all_types(instance, i);
     return is_bad(status) ? blame(instance, i, "the setting of its inputs", status) : StatusOK;
 }
 
@@ -122,13 +112,11 @@ static Status pass_inputs(Instance *instance, int i) {
 static Status get_outputs(Instance *instance, int i) {
     const Part *part = &parts[i];
     if (part->n_outputs == 0) return StatusOK;
-    fmi2Status status = fmi2OK;
-    if (part->typed)
-        for (const char *type = TYPES; *type && !is_bad(status); type++) status = get_typed(instance, i, *type);
-    else
-        status = CALL(instance, i, GetReal)(instance->parts[i], &output_references[part->first_output],
-                                            (size_t)part->n_outputs,
-                                            &instance->memory.now.signals[part->first_output]);
+    const size_t n = (size_t)part->n_outputs;
+    const fmi2Status status =
+        part->typed ? get_all_types(instance, i)
+                    : version_of(i)->get(instance, i, 'R', &output_references[part->first_output], n,
+                                         &instance->memory.now.signals[part->first_output], n);
     return is_bad(status) ? blame(instance, i, "the reading of its outputs", status) : StatusOK;
 }
 
@@ -143,22 +131,18 @@ static void shift(Exchange *now, int i, double time) {
 
 /* Do the step of a part. StatusDiscard is passed on: a shorter step may succeed. */
 static Status step_part(Instance *instance, int i, double time, double length) {
-    const fmi2Boolean no_way_back = parts[i].saved ? fmi2False : fmi2True;
-    const fmi2Component c = instance->parts[i];
-    const fmi2Status status = CALL(instance, i, DoStep)(c, time, length, no_way_back);
+    int ends = 0;
+    const int no_way_back = !parts[i].saved && !instance->goes_back;
+    const fmi2Status status = version_of(i)->step(instance, i, time, length, no_way_back, &ends);
     if (!is_bad(status)) return StatusOK;
-    if (status == fmi2Discard) {
-        fmi2Boolean asks = fmi2False;
-        if (CALL(instance, i, GetBooleanStatus)(c, fmi2Terminated, &asks) == fmi2OK && asks != fmi2False) {
-            instance->memory.ended = 1;
-            report(instance, StatusDiscard, "%s asks to end the simulation at t = %.9g s.", parts[i].name, time);
-        } else {
-            report(instance, StatusOK, "%s discarded the step from t = %.9g s of %.3g s.", parts[i].name, time,
-                   length);
-        }
-        return StatusDiscard;
+    if (status != fmi2Discard) return blame(instance, i, "a step", status);
+    if (ends) {
+        instance->memory.ended = 1;
+        report(instance, StatusDiscard, "%s asks to end the simulation at t = %.9g s.", parts[i].name, time);
+    } else {
+        report(instance, StatusOK, "%s discarded the step from t = %.9g s of %.3g s.", parts[i].name, time, length);
     }
-    return blame(instance, i, "fmi2DoStep", status);
+    return StatusDiscard;
 }
 
 static int find_not_finite(const Exchange *now) {

@@ -97,6 +97,13 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefi
 
 /* ---- the types ------------------------------------------------------------------------- */
 
+enum {
+#define LETTER(letter, Name, lowest, limit) LETTER_##Name = letter,
+    WHOLE_TYPES(LETTER) OTHER_TYPES(LETTER)
+};
+
+#define OTHER_TYPE(Name, Type) GET_AND_SET(Name, Type, LETTER_##Name, (Type), AS_DOUBLE)
+
 #include "fmi3_values.h"
 
 /* ---- co-simulation --------------------------------------------------------------------- */

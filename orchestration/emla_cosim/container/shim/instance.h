@@ -31,6 +31,7 @@ typedef struct {
     double jacobians[ROOM(N_JACOBIANS)];
     double chosen[ROOM(N_VARIABLES)]; /* start values of numbers */
     unsigned char is_chosen[ROOM(N_VARIABLES)];
+    double elements[ROOM(N_ELEMENTS)]; /* of arrays that are set, because they are set as a whole */
     double tolerance; /* of the solvers; 0 for those of the parts */
     int ended;        /* a part asked to end the simulation */
 } Memory;
@@ -52,6 +53,8 @@ typedef struct Instance {
     Functions functions[ROOM(N_LIBRARIES)];
     void *handles[ROOM(N_LIBRARIES)];
     double inputs[ROOM(N_INPUTS)], derivatives[ROOM(N_INPUTS)];
+    double numbers[ROOM(MOST_VALUES)];   /* those of a call, */
+    double converted[ROOM(MOST_VALUES)]; /* and in the type of the part: no type is larger */
     char *name;
     char *location; /* URI of the resources, or NULL */
     fmi2CallbackFunctions callbacks[ROOM(N_PARTS)];
@@ -60,6 +63,7 @@ typedef struct Instance {
     Environment environment;
     unsigned logged; /* categories that are switched on, as bits */
     int settled;     /* whether initial values agree with the values that were set */
+    int goes_back;   /* whether the host saved a state */
 } Instance;
 
 #include "messages.h"
@@ -72,21 +76,19 @@ static int is_sender(fmi2ComponentEnvironment environment) {
     return address >= 4096 && address % sizeof(void *) == 0 && sender->self == sender;
 }
 
-/* Pass on a message of a part. */
-static void pass_on(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
-                    fmi2String category, fmi2String format, ...) {
+/* Whether a message of a part with this environment and status is passed on. */
+static int hears(void *environment, Status status) {
+    return is_sender(environment) && is_logged(((const Sender *)environment)->owner, status);
+}
+
+/* Pass on a message of a part, with its name. */
+static void relay(void *environment, Status status, const char *text) {
     const Sender *sender = environment;
-    char text[2 * MESSAGE_LENGTH], message[3 * MESSAGE_LENGTH];
-    va_list arguments;
-    (void)name, (void)category;
-    if (format == NULL || !is_sender(environment) || !is_logged(sender->owner, (Status)status)) return;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    char message[3 * MESSAGE_LENGTH];
     const char *part = parts[sender->part].name;
     const int is_named = strncmp(text, part, strlen(part)) == 0;
     snprintf(message, sizeof message, "%s%s%s", is_named ? "" : part, is_named ? "" : ": ", text);
-    deliver(sender->owner, (Status)status, message);
+    deliver(sender->owner, status, message);
 }
 
 static const char *phase_name(int phase) {
@@ -114,12 +116,10 @@ static int is_bad(fmi2Status status) { return status > fmi2Warning || status < f
 
 /* Report what a part answered. After an error the instance can only be reset or set to a
    state, after fmi2Fatal not even that. */
-static Status blame(Instance *instance, int part, const char *call, fmi2Status status) {
-    static const char *const names[] = {"StatusOK", "StatusWarning", "StatusDiscard", "StatusError", "StatusFatal",
-                                        "fmi2Pending"};
-    const char *name = status >= fmi2OK && status <= fmi2Pending ? names[status] : "an unknown status";
-    const int fatal = status == fmi2Fatal;
+static Status blame(Instance *instance, int part, const char *what, fmi2Status status) {
+    static const char *const names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
+    const int is_known = status >= fmi2OK && status <= fmi2Pending, fatal = status == fmi2Fatal;
     instance->memory.phase = fatal ? DEAD : FAILED;
-    return report(instance, fatal ? StatusFatal : StatusError, "%s answered %s with %s.", parts[part].name, call,
-                  name);
+    return report(instance, fatal ? StatusFatal : StatusError, "%s answered %s with fmi%d%s.", parts[part].name,
+                  what, libraries[parts[part].library].fmi, is_known ? names[status] : "Status that does not exist");
 }

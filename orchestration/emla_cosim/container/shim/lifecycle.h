@@ -25,6 +25,7 @@ static void begin_memory(Instance *instance) {
     instance->memory.phase = INSTANTIATED;
     instance->memory.stop_time = HUGE_VAL;
     instance->memory.start_time = START_TIME;
+    memcpy(instance->memory.elements, first_elements, sizeof instance->memory.elements);
     instance->settled = 0;
     for (int i = 0; i < N_STARTS; i++)
         if (starts[i].text == NULL) {
@@ -38,8 +39,7 @@ static Status set_chosen(Instance *instance) {
     for (int v = 0; v < N_VARIABLES; v++) {
         const Variable *variable = &variables[v];
         if (!instance->memory.is_chosen[v]) continue;
-        const fmi2Status status = set_number(instance, variable->part, variable->reference, variable->type,
-                                             instance->memory.chosen[v]);
+        const fmi2Status status = set_number(instance, variable, instance->memory.chosen[v]);
         if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
     }
     return StatusOK;
@@ -50,8 +50,8 @@ static Status begin_parts(Instance *instance) {
     for (int i = 0; i < N_STARTS; i++) {
         const Variable *variable = &variables[starts[i].variable];
         if (starts[i].text == NULL) continue;
-        const fmi2Status status = CALL(instance, variable->part, SetString)(
-            instance->parts[variable->part], &variable->reference, 1, &starts[i].text);
+        const fmi2Status status =
+            version_of(variable->part)->set_text(instance, variable->part, variable->reference, starts[i].text);
         if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
     }
     return StatusOK;
@@ -111,20 +111,24 @@ static Status set_experiment(Instance *instance, Boolean toleranceDefined, doubl
     return StatusOK;
 }
 
+static Experiment experiment_of(const Memory *memory, int i) {
+    const double tolerance = memory->tolerance > 0.0 ? memory->tolerance : parts[i].tolerance;
+    return (Experiment){tolerance, memory->start_time, memory->stop_time};
+}
+
 static Status enter_initialization(Instance *instance) {
     Memory *memory = &instance->memory;
     for (int i = 0; i < N_PARTS; i++) {
-        const double tolerance = memory->tolerance > 0.0 ? memory->tolerance : parts[i].tolerance;
-        const fmi2Boolean stops = isfinite(memory->stop_time) ? fmi2True : fmi2False;
-        const fmi2Status status = CALL(instance, i, SetupExperiment)(
-            instance->parts[i], tolerance > 0.0 ? fmi2True : fmi2False, tolerance, memory->start_time, stops,
-            stops ? memory->stop_time : 0.0);
+        const Experiment experiment = experiment_of(memory, i);
+        if (version_of(i)->set_up == NULL) continue;
+        const fmi2Status status = version_of(i)->set_up(instance, i, &experiment);
         if (is_bad(status)) return blame(instance, i, "fmi2SetupExperiment", status);
     }
     if (set_chosen(instance) != StatusOK) return failed(instance); /* some FMUs forget values in fmi2SetupExperiment */
     for (int i = 0; i < N_PARTS; i++) {
-        const fmi2Status status = CALL(instance, i, EnterInitializationMode)(instance->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2EnterInitializationMode", status);
+        const Experiment experiment = experiment_of(memory, i);
+        const fmi2Status status = version_of(i)->enter(instance, i, &experiment);
+        if (is_bad(status)) return blame(instance, i, "the begin of initialization", status);
     }
     memory->phase = INITIALIZATION;
     memory->clock = make_clock(memory->start_time);
@@ -154,7 +158,7 @@ Status FMI(ExitInitializationMode)(Handle c) {
         if (pass_inputs(instance, i) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, ExitInitializationMode)(instance->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2ExitInitializationMode", status);
+        if (is_bad(status)) return blame(instance, i, "the end of initialization", status);
     }
     for (int i = 0; i < N_PARTS; i++)
         if (get_outputs(instance, i) != StatusOK) return failed(instance);
@@ -176,7 +180,7 @@ Status FMI(Terminate)(Handle c) {
     if (require(instance, STEP, "terminate") != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, Terminate)(instance->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2Terminate", status);
+        if (is_bad(status)) return blame(instance, i, "its termination", status);
     }
     instance->memory.phase = TERMINATED;
     return StatusOK;

@@ -1,12 +1,7 @@
 /* Instances of the parts. */
 
-#define CALL(instance, part, name) ((instance)->functions[parts[part].library].name)
-
-static void *allocate(size_t n, size_t size) { return calloc(n, size); }
-
 static Status make_part(Instance *instance, int i) {
     const Library *library = &libraries[parts[i].library];
-    fmi2CallbackFunctions *callbacks = &instance->callbacks[i];
     char *location = NULL;
     if (instance->location != NULL) {
         const size_t room = strlen(instance->location) + strlen(library->folder) + sizeof "//resources";
@@ -17,13 +12,7 @@ static Status make_part(Instance *instance, int i) {
     instance->senders[i].self = &instance->senders[i];
     instance->senders[i].owner = instance;
     instance->senders[i].part = i;
-    callbacks->logger = pass_on;
-    callbacks->allocateMemory = allocate;
-    callbacks->freeMemory = free;
-    callbacks->stepFinished = NULL;
-    callbacks->componentEnvironment = &instance->senders[i];
-    instance->parts[i] = CALL(instance, i, Instantiate)(parts[i].name, fmi2CoSimulation, library->guid, location,
-                                                        callbacks, fmi2False, fmi2True);
+    instance->parts[i] = version_of(i)->instantiate(instance, i, location);
     free(location);
     if (instance->parts[i] != NULL) return StatusOK;
     return report(instance, StatusError, "%s cannot be instantiated.", parts[i].name);
@@ -49,32 +38,23 @@ static void free_parts(Instance *instance) {
     }
 }
 
-/* Set a number of a part, in the part's own unit. */
-static fmi2Status set_number(Instance *instance, int part, fmi2ValueReference reference, char type,
-                             double value) {
-    const fmi2Component c = instance->parts[part];
-    if (type == 'R') return CALL(instance, part, SetReal)(c, &reference, 1, &value);
-    if (type == 'I' || type == 'E') {
-        const fmi2Integer whole = (fmi2Integer)value;
-        return CALL(instance, part, SetInteger)(c, &reference, 1, &whole);
-    }
-    const fmi2Boolean truth = value != 0.0 ? fmi2True : fmi2False;
-    return CALL(instance, part, SetBoolean)(c, &reference, 1, &truth);
+/* Set a number of a part, in the part's own unit. An array is set as a whole. */
+static fmi2Status set_number(Instance *instance, const Variable *variable, double value) {
+    double *array = variable->elements < 0 ? &value : &instance->memory.elements[variable->elements];
+    const double before = array[variable->place];
+    array[variable->place] = value;
+    const fmi2Status status = version_of(variable->part)
+                                  ->set(instance, variable->part, variable->own, &variable->reference, 1, array,
+                                        (size_t)variable->size);
+    if (is_bad(status)) array[variable->place] = before;
+    return status;
 }
 
 /* Get a number of a part, in the part's own unit. */
-static fmi2Status get_number(Instance *instance, int part, fmi2ValueReference reference, char type,
-                             double *value) {
-    const fmi2Component c = instance->parts[part];
-    if (type == 'R') return CALL(instance, part, GetReal)(c, &reference, 1, value);
-    if (type == 'I' || type == 'E') {
-        fmi2Integer whole = 0;
-        const fmi2Status status = CALL(instance, part, GetInteger)(c, &reference, 1, &whole);
-        *value = (double)whole;
-        return status;
-    }
-    fmi2Boolean truth = fmi2False;
-    const fmi2Status status = CALL(instance, part, GetBoolean)(c, &reference, 1, &truth);
-    *value = truth != fmi2False ? 1.0 : 0.0;
+static fmi2Status get_number(Instance *instance, const Variable *variable, double *value) {
+    const fmi2Status status = version_of(variable->part)
+                                  ->get(instance, variable->part, variable->own, &variable->reference, 1,
+                                        instance->numbers, (size_t)variable->size);
+    if (!is_bad(status)) *value = instance->numbers[variable->place];
     return status;
 }

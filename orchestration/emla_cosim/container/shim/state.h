@@ -32,12 +32,13 @@ Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
     const int is_new = *FMUState == NULL;
     State *state = is_new ? calloc(1, sizeof *state) : *FMUState;
     if (state == NULL) return report(instance, StatusError, "out of memory.");
+    instance->goes_back = 1;
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, GetFMUstate)(instance->parts[i], &state->parts[i]);
         if (!is_bad(status)) continue;
         FmuState whole = state;
         if (is_new) FMI(FreeFMUState)(instance, &whole);
-        return blame(instance, i, "fmi2GetFMUstate", status);
+        return blame(instance, i, "the saving of its state", status);
     }
     state->memory = instance->memory;
     *FMUState = state;
@@ -51,7 +52,7 @@ Status FMI(SetFMUState)(Handle c, FmuState FMUState) {
     if (check_state(instance, state) != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
         const fmi2Status status = CALL(instance, i, SetFMUstate)(instance->parts[i], state->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2SetFMUstate", status);
+        if (is_bad(status)) return blame(instance, i, "the restoring of its state", status);
     }
     instance->memory = state->memory;
     instance->settled = 0;
@@ -83,7 +84,7 @@ static uint64_t checksum(const unsigned char *bytes, size_t size) {
 static Status size_of_part(Instance *instance, const State *state, int i, size_t *size) {
     const fmi2Status status =
         CALL(instance, i, SerializedFMUstateSize)(instance->parts[i], state->parts[i], size);
-    return is_bad(status) ? blame(instance, i, "fmi2SerializedFMUstateSize", status) : StatusOK;
+    return is_bad(status) ? blame(instance, i, "the question for the size of its state", status) : StatusOK;
 }
 
 Status FMI(SerializedFMUStateSize)(Handle c, FmuState FMUState, size_t *size) {
@@ -120,7 +121,7 @@ Status FMI(SerializeFMUState)(Handle c, FmuState FMUState, Byte serializedState[
         next += sizeof written;
         const fmi2Status status =
             CALL(instance, i, SerializeFMUstate)(instance->parts[i], state->parts[i], next, own);
-        if (is_bad(status)) return blame(instance, i, "fmi2SerializeFMUstate", status);
+        if (is_bad(status)) return blame(instance, i, "the serializing of its state", status);
         next += own;
     }
     const uint64_t hash = checksum((const unsigned char *)serializedState, needed - sizeof hash);

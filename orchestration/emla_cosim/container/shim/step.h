@@ -9,7 +9,7 @@ static Status operate(Instance *instance, const Operation *operation, double k, 
         begin = point(&instance->memory.clock, k + 1.0 - multiple);
         span = point(&instance->memory.clock, k + 1.0) - begin;
     }
-    if (operation->call == SET) return set_inputs(instance, i, begin, span);
+    if (operation->call == SET_INPUTS) return set_inputs(instance, i, begin, span);
     if (operation->call == STEP_PART) return step_part(instance, i, begin, span);
     shift(&instance->memory.now, i, time + length);
     return get_outputs(instance, i);

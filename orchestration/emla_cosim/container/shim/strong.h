@@ -14,7 +14,7 @@ static Status save_begin(Instance *instance, const Group *group) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
         const int i = members[m];
         const fmi2Status status = CALL(instance, i, GetFMUstate)(instance->parts[i], &instance->begin[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2GetFMUstate", status);
+        if (is_bad(status)) return blame(instance, i, "the saving of its state", status);
     }
     instance->kept = instance->memory.now;
     return StatusOK;
@@ -24,7 +24,7 @@ static Status restore_parts(Instance *instance, const Group *group) {
     for (int m = group->first_member; m < group->first_member + group->n_members; m++) {
         const int i = members[m];
         const fmi2Status status = CALL(instance, i, SetFMUstate)(instance->parts[i], instance->begin[i]);
-        if (is_bad(status)) return blame(instance, i, "fmi2SetFMUstate", status);
+        if (is_bad(status)) return blame(instance, i, "the restoring of its state", status);
     }
     return StatusOK;
 }

@@ -8,6 +8,7 @@ typedef struct {
     const char *folder;         /* of its files, in the resources */
     const char *file;           /* of its library there, without folder and suffix; NULL if compiled in */
     const Functions *functions; /* NULL if not compiled in */
+    int fmi;                    /* its version of FMI */
 } Library;
 
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step */
@@ -18,18 +19,18 @@ typedef struct {
     int library;
     int first_input, n_inputs;   /* its connected inputs */
     int first_output, n_outputs; /* its signals */
+    int first_set, n_sets;       /* in calls[]: those that set its inputs, */
+    int first_get, n_gets;       /* and those that get its signals */
     int mode;
     int multiple;    /* it does so many communication steps at once */
     int rare;        /* whether it reads inputs more rarely than each step */
-    int typed;       /* whether it exchanges other types than Real */
+    int typed;       /* whether it exchanges other types than Real (Float64), or arrays */
     int saved;       /* whether a group restores its states */
     double tolerance; /* of its solver; 0 for its own */
 } Part;
 
 /* A connected input: factor * signal + offset. */
 typedef struct {
-    fmi2ValueReference reference;
-    char type; /* R Real, I Integer or enumeration, B Boolean, S String */
     int signal;
     int moves;    /* whether signal and input are continuous */
     double factor, offset, start;
@@ -37,15 +38,22 @@ typedef struct {
 
 /* A signal: an output that is exchanged. */
 typedef struct {
-    fmi2ValueReference reference;
-    char type;
     int part;
     int smooth; /* whether it is continuous */
     double floor; /* lower bound of its size */
     const char *name;
 } Signal;
 
-enum { SET, STEP_PART, GET }; /* calls of a step */
+/* A call that sets inputs, or gets signals, of one type. */
+typedef struct {
+    char type;
+    int first_reference, n_references; /* in call_references[] */
+    int first_item, n_items;           /* in call_items[], the inputs or signals, and call_places[] */
+    int n_values;                      /* of the call, which has whole arrays */
+    int elements;                      /* place of its array in the memory; -1 without one */
+} Call;
+
+enum { SET_INPUTS, STEP_PART, GET_OUTPUTS }; /* what a step does */
 
 typedef struct {
     int call, part;
@@ -63,11 +71,14 @@ typedef struct {
 /* A variable of this FMU: that of a part. */
 typedef struct {
     const char *name;
-    char type; /* as that of an input; in FMI 3.0 that of an enumeration is E */
-    char settable;
+    char type; /* for the host */
+    char own;  /* that of the part */
+    char settable; /* 0 never, 1 always, 2 until the end of initialization */
     int part; /* -1 for the time */
     fmi2ValueReference reference;
-    int signal; /* its signal, or -1 */
+    int place, size; /* in its array; 0 and 1 for a scalar */
+    int elements;    /* place of its array in the memory; -1 for a scalar, or if no element is set */
+    int signal;      /* its signal, or -1 */
 } Variable;
 
 /* A start value that differs from that of the part. */

@@ -6,7 +6,7 @@ static Status check_type(const Instance *instance, ValueReference reference, cha
     const char own = variables[reference].type;
     if (own == type) return StatusOK;
     return report(instance, StatusError, "%s is of type %s.", variables[reference].name,
-                  own == 'S' ? "String" : TYPE_NAME(own));
+                  type_name(own));
 }
 
 /* Check that the host has as many values as variables, which are scalars. */
@@ -37,6 +37,8 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
         if (check_type(instance, vr[i], type) != StatusOK) return StatusError;
         if (!variables[vr[i]].settable)
             return report(instance, StatusError, "%s cannot be set.", variables[vr[i]].name);
+        if (variables[vr[i]].settable == 2 && instance->memory.phase == STEP)
+            return report(instance, StatusError, "%s cannot be set after initialization.", variables[vr[i]].name);
     }
     return StatusOK;
 }
@@ -50,17 +52,20 @@ static Status get_value(Instance *instance, const Variable *variable, double *va
     else if (variable->signal >= 0 && instance->memory.phase & (STEP | TERMINATED))
         *value = instance->memory.now.signals[variable->signal];
     else
-        status = get_number(instance, variable->part, variable->reference, variable->type, value);
+        status = get_number(instance, variable, value);
     if (is_bad(status))
         return report(instance, (Status)status, "%s cannot be read.", variable->name);
-    return StatusOK;
+    if (fits_exactly(variable->type, *value)) return StatusOK;
+    return report(instance, StatusError, "%s = %.17g does not fit into its type, %s.", variable->name, *value,
+                  type_name(variable->type));
 }
 
 static Status set_value(Instance *instance, ValueReference reference, double value) {
     const Variable *variable = &variables[reference];
-    if (variable->type == 'E' && fabs(value) > INT_MAX)
-        return report(instance, StatusError, "%s = %.9g is no item of its Enumeration.", variable->name, value);
-    const fmi2Status status = set_number(instance, variable->part, variable->reference, variable->type, value);
+    if (!fits_exactly(variable->own, value))
+        return report(instance, StatusError, "%s = %.17g does not fit into the type of %s, %s.", variable->name,
+                      value, parts[variable->part].name, type_name(variable->own));
+    const fmi2Status status = set_number(instance, variable, value);
     if (is_bad(status)) return report(instance, (Status)status, "%s = %.9g was refused.", variable->name, value);
     instance->settled = 0;
     if (instance->memory.phase == INSTANTIATED) {
@@ -99,9 +104,8 @@ Status FMI(GetString)(Handle c, const ValueReference vr[], size_t nvr, String va
     if (prepare_get(instance, vr, nvr, 'S', values, COUNT_OF(n, nvr)) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         const Variable *variable = &variables[vr[i]];
-        const fmi2Component part = instance->parts[variable->part];
         const fmi2Status status =
-            CALL(instance, variable->part, GetString)(part, &variable->reference, 1, &values[i]);
+            version_of(variable->part)->get_text(instance, variable->part, variable->reference, &values[i]);
         if (is_bad(status)) return report(instance, (Status)status, "%s cannot be read.", variable->name);
     }
     return StatusOK;
@@ -112,10 +116,9 @@ Status FMI(SetString)(Handle c, const ValueReference vr[], size_t nvr, const Str
     if (prepare_set(instance, vr, nvr, 'S', values, COUNT_OF(n, nvr)) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         const Variable *variable = &variables[vr[i]];
-        const fmi2Component part = instance->parts[variable->part];
         if (values[i] == NULL) return report(instance, StatusError, "the text for %s is NULL.", variable->name);
         const fmi2Status status =
-            CALL(instance, variable->part, SetString)(part, &variable->reference, 1, &values[i]);
+            version_of(variable->part)->set_text(instance, variable->part, variable->reference, values[i]);
         if (is_bad(status)) return report(instance, (Status)status, "%s was refused.", variable->name);
         instance->settled = 0;
     }

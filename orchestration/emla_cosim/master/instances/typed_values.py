@@ -1,9 +1,9 @@
 """Map variables of several types to one vector: Booleans are 0 or 1, Enumerations their values."""
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from fmpy.model_description import ModelVariable
@@ -58,6 +58,38 @@ class TypeGroup:
                 raise ValueRangeError(f"{name} is {kind} and cannot be {values[i]:.17g}")
 
 
+class PlannedCall(NamedTuple):
+    """A FMI call for values of one type.
+
+    Attributes:
+        type: The type in the names of FMI functions.
+        members: The positions of its variables.
+        references: Value references, one per array.
+        places: The positions of the members in the memory of the call, which holds whole arrays.
+        size: The number of values in that memory.
+    """
+
+    type: str
+    members: list[int]
+    references: NDArray[np.uint32]
+    places: NDArray[np.intp]
+    size: int
+
+
+def plan_calls(access: str, variables: Sequence[ModelVariable]) -> Iterator[PlannedCall]:
+    """Yield the FMI calls that get or set variables: one per type, and one per array that is set.
+
+    There is none for Clocks: they tick in event mode, and have no value between ticks.
+
+    Args:
+        access: `get` or `set`.
+        variables: The variables of a vector.
+    """
+    for type_, elements in by_type(variables):
+        for members in _by_call(access, variables, elements) if type_ != CLOCK else ():
+            yield PlannedCall(type_, members, *_memory_of([variables[i] for i in members]))
+
+
 class TypedValues:
     """Get or set variables with one FMI call per type, and one per array that is set.
 
@@ -77,30 +109,26 @@ class TypedValues:
         arrays: dict[int, NDArray[Any]] | None = None,
     ) -> None:
         self.groups = list[TypeGroup]()
-        for type_, elements in by_type(variables):
-            if type_ == CLOCK:  # it ticks in event mode, and has no value between ticks
-                continue
-            for members in _by_call(access, variables, elements):
-                first = variables[members[0]]
-                references, places, size = _memory_of([variables[i] for i in members])
-                values = np.zeros(size, dtype=value_type(first))
-                counts = (size,) if isinstance(first, ElementVariable) else ()
-                if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
-                    reference, memory = int(first.valueReference), start_memory(first)
-                    values = memory if arrays is None else arrays.setdefault(reference, memory)
-                self.groups.append(
-                    TypeGroup(
-                        call=f"{access}{type_}",
-                        elements=np.array(members, dtype=np.intp),
-                        references=references,
-                        values=values,
-                        places=slice(None) if np.array_equal(places, np.arange(size)) else places,
-                        boolean=type_ == "Boolean",
-                        function=functions[f"{access}{type_}"],
-                        arguments=(_pointer(references), len(references), _pointer(values), *counts),
-                        integers=_integers([variables[i] for i in members]),
-                    )
+        for type_, members, references, places, size in plan_calls(access, variables):
+            first = variables[members[0]]
+            values = np.zeros(size, dtype=value_type(first))
+            counts = (size,) if isinstance(first, ElementVariable) else ()
+            if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
+                reference, memory = int(first.valueReference), start_memory(first)
+                values = memory if arrays is None else arrays.setdefault(reference, memory)
+            self.groups.append(
+                TypeGroup(
+                    call=f"{access}{type_}",
+                    elements=np.array(members, dtype=np.intp),
+                    references=references,
+                    values=values,
+                    places=slice(None) if np.array_equal(places, np.arange(size)) else places,
+                    boolean=type_ == "Boolean",
+                    function=functions[f"{access}{type_}"],
+                    arguments=(_pointer(references), len(references), _pointer(values), *counts),
+                    integers=_integers([variables[i] for i in members]),
                 )
+            )
 
     def set(self, component: Any, vector: Vector) -> int:
         """Set all variables, rounded to the nearest value of their type, and return the worst status.
