@@ -1,6 +1,5 @@
 """FMI 3.0 co-simulation FMUs in systems, also together with FMI 2.0."""
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from emla_cosim.fmu.models import MODELS
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
 from fmublock import Block, Input, Output
+from tests.support.broken.editing import DESCRIPTION, read_files, written
 from tests.support.commands import Emla
 from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.paths import ALL_TYPES
@@ -56,6 +56,13 @@ class Twice(Block):
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("fmi3") / "Third.fmu"
     return build_handwritten_fmu(file, SOURCE, platform=fmpy.platform_tuple)
+
+
+def with_description(path: Path, changed: Path, old: str, new: str) -> Path:
+    """The FMU with one text in its model description in place of another."""
+    files = read_files(path.read_bytes())
+    files[DESCRIPTION] = files[DESCRIPTION].replace(old.encode(), new.encode())
+    return written(changed, files.items())
 
 
 def run(system: System, **options: Any) -> ec.Result:
@@ -150,6 +157,78 @@ def test_loops_of_strings_settle(path: Path) -> None:
     assert set(run(system, signals=["a.String_out"])["a.String_out"]) == {""}
 
 
+def checksum(time: float) -> int:
+    """The checksum of the bytes that `Binary_source` has at a time in s; see tests/support/fmi3."""
+    count = round(8.0 * time)
+    data = bytes(0 if i == 1 else 250 + count for i in range(count % 4))
+    return 1000 * len(data) + sum((i + 1) * byte for i, byte in enumerate(data))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
+    ids=str,
+)
+def test_binary_values_pass_through_connections(path: Path, options: dict[str, Any]) -> None:
+    connections = ["a.Binary_source -> b.Binary_in", "b.Binary_out -> c.Binary_in", "a.x -> b.u[1,1]"]
+    system, names = System.of(dict.fromkeys("abc", path), connections), ["b.checksum", "c.checksum"]
+    with ec.load(system, step_size=STEP, stop_time=0.625, **options).prepare() as simulation:
+        found = [simulation.run(signals=names) for _ in range(2)]
+    sent = [checksum(time) for time in found[0]["time"]]
+    assert len(set(sent)) > 3 and 0 in sent[1:], "there are values of several sizes, also without bytes"
+    for result in found:
+        assert list(result["b.checksum"]) == [sent[0], *sent[:-1]], "a value is held during a step"
+        assert list(result["c.checksum"]) == [sent[0], sent[0], *sent[:-2]]
+
+
+def test_a_resumed_run_has_its_binary_values(path: Path, tmp_path: Path) -> None:
+    def part(stop: float, **options: Any) -> list[int]:
+        system = System.of({"a": path, "b": path}, ["a.Binary_source -> b.Binary_in"])
+        options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, **options}
+        with ec.load(system, signals=["b.checksum"], **options).prepare() as simulation:
+            return list(simulation.run()["b.checksum"])
+
+    whole = part(0.75)
+    part(0.375, checkpoint=tmp_path / "c")
+    rest = part(0.75, resume=tmp_path / "c")
+    assert len(rest) > 1 and rest == whole[-len(rest) :]
+
+
+@pytest.mark.parametrize(
+    ("connection", "options", "words"),
+    [
+        ("a.Binary_source -> b.u[1,1]", {}, "a Binary can only become a Binary"),
+        ("a.String_out -> b.Binary_in", {}, "a String can only become a String"),
+        (
+            "a.Binary_source -> b.Binary_in",
+            {"set": {"a.end": 0.25}},
+            r"a.Binary_source has 9 bytes, but b.Binary_in takes 8 at the most \(maxSize\)",
+        ),
+        ("a.Binary_source -> b.Binary_in", {"signals": ["a.Binary_source"]}, "a.Binary_source"),
+        ("a.Binary_source -> b.Binary_in", {"set": {"b.Binary_in": "00"}}, "b.Binary_in"),
+        (
+            "a.Binary_source -> b.Binary_in",
+            {"set": {"a.Binary_in": "00"}},
+            "a.Binary_in is Binary and cannot be",
+        ),
+    ],
+)
+def test_what_binary_values_cannot_do(
+    path: Path, connection: str, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises((CommandError, RunError), match=words):
+        result = run(System.of({"a": path, "b": path}, [connection]), **options)
+        raise RunError(result.problem or "nothing")
+
+
+def test_the_meaning_of_binary_values_must_be_the_same(path: Path, tmp_path: Path) -> None:
+    other = with_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
+    system = System.of({"a": path, "b": other}, ["a.Binary_source -> b.Binary_in"])
+    with pytest.raises(CommandError, match="the mimeType application/test and application/other, which must"):
+        run(system)
+    assert run(system, lenient=True)["b.checksum"][0] == 0
+
+
 @pytest.mark.parametrize(
     ("value", "source", "fits"), [(127, "Int16", True), (128, "Int16", False), (-129, "Int32", False)]
 )
@@ -223,7 +302,7 @@ def test_states_come_back(path: Path, tmp_path: Path) -> None:
         ("a.Float32_in", 1e39, "out of range"),
         ("a.n", 3, "cannot be started: fmi3EnterConfigurationMode"),
         ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
-        ("a.blob", 1, "no variable"),
+        ("a.blob", 1, "is Binary and cannot be set"),
     ],
 )
 def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:
@@ -238,14 +317,8 @@ def test_info_reads_elements(path: Path, emla: Emla) -> None:
 
 
 def test_clocks_without_event_mode_are_refused(path: Path, tmp_path: Path) -> None:
-    changed = tmp_path / "Third.fmu"
     clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(changed, "w") as new:
-        for name in old.namelist():
-            text = old.read(name)
-            if name == "modelDescription.xml":
-                text = text.replace(b"</ModelVariables>", clock.encode() + b"</ModelVariables>")
-            new.writestr(name, text)
+    changed = with_description(path, tmp_path / "Third.fmu", "</ModelVariables>", f"{clock}</ModelVariables>")
     with pytest.raises(CommandError, match="has the clock 'tick' but no event mode"):
         read_interface(changed)
 

@@ -172,10 +172,11 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
             raise CommandError(
                 f"an FMU of a system cannot step FMUs with {what}; {join_names(owners)} has it."
             )
-    texts = [f"{x.target.name}.{x.input.name}" for x in assembly.network.texts]
-    if texts:
+    opaque = [f"{x.target.name}.{x.input.name}" for x in assembly.network.opaque_links]
+    if opaque:
         raise CommandError(
-            f"an FMU of a system cannot pass on Strings; {join_names(texts)} has a connection."
+            f"an FMU of a system cannot pass on Strings or Binary values; {join_names(opaque)} has a "
+            "connection."
         )
     sizes = [f"{name}.{own}" for name, file in assembly.files.items() for own in file.interface.structure]
     if sizes:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -22,6 +22,9 @@ _GENERAL = {
     "Enumeration": "Enumeration",
 }
 """The types that are supported, each with its type in FMI 2.0."""
+
+BINARY = "Binary"
+"""The type of values that a run passes on unchanged, and does not record."""
 
 _MEMORY: dict[str, type[Any]] = {
     "Real": np.float64,
@@ -44,6 +47,8 @@ class ElementVariable(ModelVariable):
         size: The number of elements of its array.
         array_start: The start values of the whole array, as numbers; empty for Strings.
         is_resized: Whether a structural parameter gives its array another shape than the model description.
+        mime_type: The meaning of a Binary variable.
+        most_bytes: The largest size of a Binary variable in bytes; None without a limit.
     """
 
     data_type: str = ""
@@ -51,6 +56,8 @@ class ElementVariable(ModelVariable):
     size: int = 1
     array_start: tuple[float, ...] = ()
     is_resized: bool = False
+    mime_type: str = ""
+    most_bytes: int | None = None
 
 
 def declared_type(variable: ModelVariable) -> str:
@@ -66,23 +73,23 @@ def is_version_3(description: ModelDescription) -> bool:
 
 
 def split_arrays(
-    description: ModelDescription, structure: Mapping[str, int] | None = None, keep_clocks: bool = False
+    description: ModelDescription, structure: Mapping[str, int] | None = None, keep: Collection[str] = ()
 ) -> None:
     """Replace the variables of an FMI 3.0 model description by their elements.
 
-    Binary variables and arrays of Strings are left out, and Clocks unless they are kept.
+    Clocks, Binary variables and arrays of Strings are left out.
 
     Args:
         description: The model description.
         structure: Values of structural parameters, by name; the others have their start values.
-        keep_clocks: Whether to keep Clocks.
+        keep: Types of scalars to keep all the same: Clock, Binary.
 
     Raises:
         ValueError: If an array is too large, or has a wrong number of start values.
     """
     resized = _resize(description, structure or {})
     elements = {
-        id(v): [_clock(v)] if v.type == "Clock" and keep_clocks else list(_split(v, id(v) in resized))
+        id(v): [_whole(v)] if v.type in keep and not v.shape else list(_split(v, id(v) in resized))
         for v in description.modelVariables
     }
     description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
@@ -157,10 +164,12 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
         )
 
 
-def _clock(variable: ModelVariable) -> ElementVariable:
-    """Return a Clock as a variable that changes at its ticks."""
+def _whole(variable: ModelVariable) -> ElementVariable:
+    """Return a Clock or Binary variable, which is no number, as a discrete variable without a start value."""
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
-    return ElementVariable(**{**fields, "variability": "discrete", "start": None}, data_type="Clock")
+    return ElementVariable(
+        **{**fields, "variability": "discrete", "start": None}, data_type=str(variable.type)
+    )
 
 
 def _split_unknown(unknown: Unknown, elements: dict[int, list[ElementVariable]]) -> Iterator[Unknown]:

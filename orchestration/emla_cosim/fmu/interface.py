@@ -20,7 +20,7 @@ from ..base.units import BASE_UNITS, SiUnit
 from ..base.untrusted_xml import parse_xml
 from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
-from .elements import WIDE, ElementVariable, is_supported, is_version_3, split_arrays
+from .elements import BINARY, WIDE, ElementVariable, is_supported, is_version_3, split_arrays
 
 _DESCRIPTION = "modelDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
@@ -40,14 +40,14 @@ class Interface:
     Attributes:
         description: The model description.
         clocks: Names of its Clock variables; `description` has them only if the FMU has event mode.
-        left_out: Types of all variables that `description` leaves out, by name.
+        without_value: Types of variables that cannot be set, by name: Clocks, Binary, arrays of Strings.
         structure: Values of structural parameters that differ from their start values, by name; arrays have
             the sizes that follow from them.
     """
 
     description: ModelDescription
     clocks: tuple[str, ...] = ()
-    left_out: Mapping[str, str] = field(default_factory=dict)
+    without_value: Mapping[str, str] = field(default_factory=dict)
     structure: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
@@ -93,7 +93,7 @@ class Interface:
     def is_settable(self, name: str) -> bool:
         """Return whether a variable accepts a start value."""
         variable = self.variables[name]
-        if variable.type == CLOCK:
+        if variable.type in (CLOCK, BINARY):
             return False
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
         return (free or self.is_structural(name)) and variable.variability != "constant"
@@ -197,7 +197,7 @@ def read_description(
             raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
         _add_what_fmpy_lacks(description, path)
         clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
-        left_out = {
+        without_value = {
             str(v.name): f"array of {v.type}s" if v.shape else str(v.type)
             for v in (description.modelVariables if is_version_3(description) else ())
             if not is_supported(v)
@@ -209,7 +209,7 @@ def read_description(
     except Exception as error:  # zip and XML readers raise many types
         raise_machine_fault(error, f"'{path}'")
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return Interface(description, clocks, left_out, structure or {})
+    return Interface(description, clocks, without_value, structure or {})
 
 
 _HARMLESS = re.compile(
@@ -353,13 +353,29 @@ def _split_arrays(description: ModelDescription, path: Path, structure: Mapping[
     if (reason := explain_unsupported_clock(description)) is not None:
         raise CommandError(f"'{path}' {reason}.")
     own = description.coSimulation
+    has_events = own is not None and bool(own.hasEventMode)
     try:
-        split_arrays(description, structure, keep_clocks=own is not None and bool(own.hasEventMode))
+        split_arrays(description, structure, keep=(BINARY, CLOCK) if has_events else (BINARY,))
+        _read_binary_attributes(description, path)
     except ValueError as error:
         if not structure:
             raise
         values = join_names([f"{name} = {value}" for name, value in structure.items()])
         raise CommandError(f"'{path}' cannot have {values}: {error}.") from error
+
+
+def _read_binary_attributes(description: ModelDescription, path: Path) -> None:
+    """Read meaning and largest size of Binary variables, which fmpy (0.3.32) does not read."""
+    binary = {v.name: v for v in description.modelVariables if v.type == BINARY}
+    if not binary:
+        return
+    with zipfile.ZipFile(path) as archive:
+        root = parse_xml(archive.read(_DESCRIPTION))
+    for element in root.iterfind("ModelVariables/Binary"):
+        variable, most = binary.get(element.get("name")), element.get("maxSize")
+        if isinstance(variable, ElementVariable):
+            variable.mime_type = element.get("mimeType", "application/octet-stream")
+            variable.most_bytes = None if most is None else int(most)
 
 
 def first_problem(error: ValidationError) -> str:

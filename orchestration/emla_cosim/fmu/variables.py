@@ -10,7 +10,7 @@ from fmpy.model_description import ModelVariable
 from ..base.errors import CommandError
 from ..base.wording import format_number as in_digits
 from .clocks import CLOCK
-from .elements import number_range
+from .elements import BINARY, number_range
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]
@@ -83,7 +83,7 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
         ]
         meant = f"; did you mean {' or '.join(near)}?" if near else "."
         why = "a constant of the FMU" if variable.variability == "constant" else "computed by the FMU"
-        why = "a clock" if variable.type == CLOCK else why
+        why = {CLOCK: "a clock", BINARY: "Binary"}.get(str(variable.type), why)
         raise CommandError(f"{name} is {why} and cannot be set{meant}")
     if variable.type == "String":
         return str(value)

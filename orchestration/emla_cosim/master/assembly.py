@@ -14,6 +14,7 @@ from ..base.files import temporary_folder
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import is_triggered_input
+from ..fmu.elements import BINARY
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
@@ -28,7 +29,7 @@ from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
-from .network import Link, TextLink
+from .network import Link, OpaqueLink
 from .observer import ObservedVariable, Observer
 
 
@@ -86,9 +87,9 @@ class Assembly:
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
         components = self._wired.components
-        texts = [x for x in self._wired.connections if self._ends(x)[0].type == "String"]
+        opaque = [x for x in self._wired.connections if self._ends(x)[0].type in ("String", BINARY)]
         exchanged = replace(
-            self._wired, connections=tuple(x for x in self._wired.connections if x not in texts)
+            self._wired, connections=tuple(x for x in self._wired.connections if x not in opaque)
         )
         inputs = {c.name: [x.input for x in exchanged.into(c.name)] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], exchanged, c.name) for c in components}
@@ -113,10 +114,10 @@ class Assembly:
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
         self.network = connect(self.instances, arranged, self._groups, links, names, faults)
-        for x in texts:
+        for x in opaque:
             output, input_ = self._ends(x)
-            self.network.texts.append(
-                TextLink(self.instances[x.source], output, self.instances[x.target], input_)
+            self.network.opaque_links.append(
+                OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
@@ -181,7 +182,8 @@ class Assembly:
             for variable in self.files[component.name].variables.values():
                 own = known.get(str(variable.name), (variable.name,))[0]
                 name = f"{component.name}.{own}"
-                if name not in signals and variable.causality != "independent":
+                is_recorded = variable.causality != "independent" and variable.type != BINARY
+                if name not in signals and is_recorded:
                     found[name] = ObservedVariable(name, component.name, variable)
         return found
 

@@ -48,8 +48,8 @@ class Link:
     through: tuple[int, ...] = ()
 
 
-class TextLink(NamedTuple):
-    """A String output that drives a String input."""
+class OpaqueLink(NamedTuple):
+    """A String or Binary output that drives an input of the same type."""
 
     source: "DescribedInstance"
     output: "ModelVariable"
@@ -79,7 +79,7 @@ class Network:
         followers: positions of instances that only pass on the values of one source.
         order: positions in a good order of stepping one after the other.
         observer: reads what recorders want besides the signals.
-        texts: connections of Strings, which are no signals.
+        opaque_links: connections of Strings and Binary values, which are no signals.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class Network:
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
         self.followers = frozenset(followers)
         self.observer = Observer({})
-        self.texts: list[TextLink] = []
+        self.opaque_links: list[OpaqueLink] = []
         self._use_order(order_with_followers(len(instances), links, followers))
 
     def _use_order(self, order: list[int]) -> None:
@@ -136,16 +136,25 @@ class Network:
             self.transform(i)
         instance.set_inputs()
 
-    def pass_texts(self) -> bool:
-        """Pass the present Strings along their connections; return whether an input has got another one.
+    def pass_opaque_values(self) -> bool:
+        """Pass the present Strings and Binary values on; return whether an input has got another one.
 
-        An input that has the String already is not set, because setting it may cause an event.
+        An input that has the value already is not set, because setting it may cause an event.
+
+        Raises:
+            RunError: A Binary value is larger than its input allows.
         """
-        texts = [link.source.value(link.output) for link in self.texts]
+        values = [link.source.value(link.output) for link in self.opaque_links]
         changed = False
-        for link, text in zip(self.texts, texts, strict=True):
-            if link.target.value(link.input) != text:
-                link.target.set_value(link.input, text)
+        for link, value in zip(self.opaque_links, values, strict=True):
+            if link.target.value(link.input) != value:
+                most = getattr(link.input, "most_bytes", None)
+                if most is not None and len(value) > most:
+                    raise RunError(
+                        f"{link.source.name}.{link.output.name} has {len(value)} bytes, but "
+                        f"{link.target.name}.{link.input.name} takes {most} at the most (maxSize)."
+                    )
+                link.target.set_value(link.input, value)
                 changed = True
         return changed
 

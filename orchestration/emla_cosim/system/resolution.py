@@ -11,6 +11,7 @@ from ..base.faults import accept_if_lenient, convert_documents_units
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import CLOCK, is_triggered_input
+from ..fmu.elements import BINARY, ElementVariable
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
@@ -99,12 +100,26 @@ def _transformation(
             raise CommandError(f"{message}.")
         fault = "an Integer sets an Enumeration by its number, and nothing checks that it has this value"
         accept_if_lenient(str(connection), fault, message)
+    _accept_meaning(connection, interfaces)
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
         raise CommandError(f"the connection {connection} has the transformation {transformation}.")
     return transformation
+
+
+def _accept_meaning(connection: Connection, interfaces: Mapping[str, Interface]) -> None:
+    """Raise CommandError if the ends of a connection are Binary with another `mimeType`, unless lenient."""
+    output, input_ = (interfaces[component].variables[name] for component, name in connection.ends)
+    meanings = [v.mime_type for v in (output, input_) if isinstance(v, ElementVariable)]
+    if len(set(meanings)) > 1:
+        accept_if_lenient(
+            str(connection),
+            f"the mimeType of the output is {meanings[0]}, that of the input {meanings[1]}",
+            f"the connection {connection} joins Binary variables with the mimeType {meanings[0]} and "
+            f"{meanings[1]}, which must be the same",
+        )
 
 
 def _explain_loss(source: SignalType, target: SignalType) -> str | None:
@@ -120,8 +135,9 @@ def _explain_loss(source: SignalType, target: SignalType) -> str | None:
         return f"the input has no value {missing[0]}" if missing and target.items else None
     if source.kind == target.kind:
         return None
-    if "String" in (source.kind, target.kind):
-        return "a String can only become a String"
+    for kind in ("String", BINARY):
+        if kind in (source.kind, target.kind):
+            return f"a {kind} can only become a {kind}"
     if source.kind == "Real":
         return f"a Real can have values that no {target.kind} has"
     if target.kind in ("Real", "Integer"):
@@ -166,8 +182,10 @@ def _type(component: Component, interfaces: Mapping[str, Interface], name: str, 
             f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
             f"{variable.causality}."
         )
-    if variable.type == "String" and variable.clocks:
-        raise CommandError(f"{component.name}.{name} is a clocked String, which cannot be connected.")
+    if variable.type in ("String", BINARY) and variable.clocks:
+        raise CommandError(
+            f"{component.name}.{name} is a clocked {variable.type}, which cannot be connected."
+        )
     if variable.type == CLOCK and causality == "input" and not is_triggered_input(variable):
         raise CommandError(
             f"{component.name}.{name} cannot be connected: it is a {variable.intervalVariability} clock, "

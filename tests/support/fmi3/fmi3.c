@@ -2,7 +2,8 @@
 
    References: 0 time, 1 u[2,2], 2 y[2,2] = gain * u, 3 gain[2,2], 4 x (integral of u[1,1]), 5 end, 6 fault,
    7 n (structural), 8 what a step adds to the Int64, 10 + 2 t the input of type t, 11 + 2 t the output: the same value,
-   40 text, 42 and 43 the String as input and output; NULL if it is empty. */
+   40 text, 42 and 43 the String as input and output; NULL if it is empty; 44 and 45 the Binary as input and output,
+   46 a Binary of 0 to 3 bytes, or of 9 from the time `end` on, 47 a checksum of the input. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -15,7 +16,7 @@ enum { DISCARD = 1, TERMINATE = 2, EARLY = 3, EVENT = 4 };
 
 typedef struct {
     fmi3Float64 time, u[4], gain[4], x, end;
-    fmi3Int32 fault;
+    fmi3Int32 fault, checksum;
     fmi3Float32 float32;
     fmi3Int8 int8;
     fmi3UInt8 uint8;
@@ -27,6 +28,8 @@ typedef struct {
     fmi3UInt64 uint64;
     fmi3Boolean boolean;
     char text[64], passed[64];
+    fmi3Byte bytes[8];
+    size_t size;
 } Model;
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
@@ -135,7 +138,7 @@ TYPE(UInt32, uint32, 22)
 TYPE(UInt64, uint64, 26)
 TYPE(Boolean, boolean, 28)
 
-static fmi3Int32 *int32_of(Model *m, fmi3ValueReference r) { return r == 6 ? &m->fault : r / 2 == 10 ? &m->int32 : NULL; }
+static fmi3Int32 *int32_of(Model *m, fmi3ValueReference r) { return r == 6 ? &m->fault : r == 47 ? &m->checksum : r / 2 == 10 ? &m->int32 : NULL; }
 ACCESS(Int32, int32)
 static fmi3Int64 *int64_of(Model *m, fmi3ValueReference r) { return r / 2 == 12 ? &m->int64 : r / 2 == 15 ? &m->choice : r == 8 ? &m->stride : NULL; }
 ACCESS(Int64, int64)
@@ -150,6 +153,35 @@ EXPORT fmi3Status fmi3GetString(fmi3Instance i, const fmi3ValueReference r[], si
 EXPORT fmi3Status fmi3SetString(fmi3Instance i, const fmi3ValueReference r[], size_t nr, const fmi3String v[], size_t nv)
 {
     strncpy(r[0] == 40 ? ((Model *)i)->text : ((Model *)i)->passed, v[0], 63);
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3GetBinary(fmi3Instance i, const fmi3ValueReference r[], size_t nr, size_t sizes[], fmi3Binary v[],
+                         size_t nv)
+{
+    static fmi3Byte source[9]; /* which the next call changes */
+    Model *m = i;
+    int count = (int)(8.0 * m->time + 0.5);
+    for (size_t k = 0; k < 9; k++)
+        source[k] = (fmi3Byte)(k == 1 ? 0 : 250 + count);
+    for (size_t k = 0; k < nv; k++) {
+        sizes[k] = r[k] != 46 ? m->size : m->end > 0.0 && m->time >= m->end ? 9 : (size_t)count % 4;
+        v[k] = r[k] != 46 ? m->bytes : sizes[k] ? source : NULL;
+    }
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3SetBinary(fmi3Instance i, const fmi3ValueReference r[], size_t nr, const size_t sizes[],
+                         const fmi3Binary v[], size_t nv)
+{
+    Model *m = i;
+    if (r[0] != 44 || sizes[0] > sizeof m->bytes)
+        return fmi3Error;
+    m->size = sizes[0];
+    memcpy(m->bytes, v[0], sizes[0]);
+    m->checksum = 1000 * (fmi3Int32)m->size;
+    for (size_t k = 0; k < m->size; k++)
+        m->checksum += (fmi3Int32)(k + 1) * m->bytes[k];
     return fmi3OK;
 }
 
@@ -181,7 +213,6 @@ ABSENT(fmi3EnterStepMode)
 ABSENT(fmi3EvaluateDiscreteStates)
 ABSENT(fmi3ExitConfigurationMode)
 ABSENT(fmi3GetAdjointDerivative)
-ABSENT(fmi3GetBinary)
 ABSENT(fmi3GetClock)
 ABSENT(fmi3GetContinuousStateDerivatives)
 ABSENT(fmi3GetContinuousStates)
@@ -199,7 +230,6 @@ ABSENT(fmi3GetShiftFraction)
 ABSENT(fmi3GetVariableDependencies)
 ABSENT(fmi3InstantiateModelExchange)
 ABSENT(fmi3InstantiateScheduledExecution)
-ABSENT(fmi3SetBinary)
 ABSENT(fmi3SetClock)
 ABSENT(fmi3SetContinuousStates)
 ABSENT(fmi3SetIntervalDecimal)

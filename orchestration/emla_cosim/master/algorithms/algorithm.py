@@ -77,7 +77,7 @@ class Algorithm(ABC):
     def step(self, time: float, step: float, span: Span | None = None) -> None:
         """Advance all FMU instances; the signals then have their values at the end of the step.
 
-        Strings pass along their connections before it.
+        Strings and Binary values pass along their connections before it.
 
         Args:
             time: start of the step, in s.
@@ -85,8 +85,8 @@ class Algorithm(ABC):
             span: returns start and length, in s, of so many steps up to the end of this one. Default:
                 multiples of `step`.
         """
-        if self.network.texts:
-            self.network.pass_texts()
+        if self.network.opaque_links:
+            self.network.pass_opaque_values()
         self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 

@@ -13,8 +13,8 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     """Initialize all instances; signals then hold the initial outputs.
 
     Instances get their inputs in the order in which initial values depend on each other. Loops are
-    solved, with the start values of the inputs as first guess. Strings are exchanged until they stay the
-    same. Values are exchanged once more after initialization mode.
+    solved, with the start values of the inputs as first guess. Strings and Binary values are
+    exchanged until they stay the same. Values are exchanged once more after initialization mode.
 
     Args:
         network: Instances with start values.
@@ -30,7 +30,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     for i in range(len(network.instances)):
         network.assume_inputs(i)  # start values replace signals that are not known yet
     settle_initial_values(network, Scale(network))
-    _settle_texts(network)
+    _settle_opaque_values(network)
     for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
     for instance in network.instances:
@@ -53,19 +53,21 @@ def settle_initial_values(network: Network, scale: Scale) -> None:
         _settle(network, group, cut, scale)
 
 
-def _settle_texts(network: Network) -> None:
-    """Exchange Strings, and the numbers that may depend on them, until no String changes.
+def _settle_opaque_values(network: Network) -> None:
+    """Exchange Strings and Binary values, and the numbers that may depend on them, until none changes.
 
     Raises:
-        RunError: Strings still change when each has passed all instances.
+        RunError: Values still change when each has passed all instances.
     """
-    for _ in range(len(network.instances) + 1 if network.texts else 0):
-        if not network.pass_texts():
+    for _ in range(len(network.instances) + 1 if network.opaque_links else 0):
+        if not network.pass_opaque_values():
             return
         settle_initial_values(network, Scale(network))
-    if network.texts and network.pass_texts():
-        names = join_names([f"{x.target.name}.{x.input.name}" for x in network.texts])
-        raise RunError(f"the initial Strings do not settle: {names} still change. Remove a connection.")
+    if network.opaque_links and network.pass_opaque_values():
+        names = join_names([f"{x.target.name}.{x.input.name}" for x in network.opaque_links])
+        raise RunError(
+            f"the initial values of {names} do not settle: they still change. Remove a connection."
+        )
 
 
 def find_initial_loops(network: Network) -> list[tuple[list[int], Indices]]:

@@ -59,6 +59,8 @@ CALLS = (
     "getNumberOfEventIndicators",
     "getIntervalDecimal",
     "getShiftDecimal",
+    "getBinary",
+    "setBinary",
     "enterConfigurationMode",
     "exitConfigurationMode",
     "setting inputs",

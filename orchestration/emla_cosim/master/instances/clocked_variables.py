@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...fmu.clocks import CLOCK, clocks_of
+from ...fmu.elements import BINARY
 from .typed_values import TypedValues
 
 
@@ -32,7 +33,9 @@ class ClockedVariables:
         self.variables = [
             v
             for v in variables.values()
-            if is_clocked(v) and v.causality in ("output", "local") and v.type not in ("String", CLOCK)
+            if is_clocked(v)
+            and v.causality in ("output", "local")
+            and v.type not in ("String", BINARY, CLOCK)
         ]
         self.values = np.full(len(self.variables), math.nan)
         self._places = {v.name: i for i, v in enumerate(self.variables)}

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import fmi3Binary
 from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
-from ...fmu.elements import ElementVariable, place_in_array
+from ...fmu.elements import BINARY, ElementVariable, place_in_array
 from ...fmu.file import FmuFile
 from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
@@ -175,6 +176,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         reference = _ONE(variable.valueReference)
         if variable.type == "String":
             status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
+        elif variable.type == BINARY:
+            status = self.status("fmi3SetBinary", reference, 1, *_in_memory(value), 1)
         elif isinstance(variable, ElementVariable):
             (group,) = TypedValues("set", [variable], self._functions, self._arrays).groups
             group.values[group.places] = value
@@ -509,10 +512,18 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(name, status)
 
 
+def _in_memory(value: bytes) -> tuple[Any, Any]:
+    """Return size and address of a Binary value, as arguments of fmi3SetBinary."""
+    memory = (ctypes.c_uint8 * max(len(value), 1)).from_buffer_copy(value or b"\0")
+    return (ctypes.c_size_t * 1)(len(value)), (fmi3Binary * 1)(ctypes.cast(memory, fmi3Binary))
+
+
 def _python_value(variable: ModelVariable, value: Any) -> Any:
     """Return a value from an FMU in the type of its variable; no text is an empty one."""
     if variable.type == "String":
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
+    if variable.type == BINARY:
+        return bytes(value or b"")
     return bool(value) if variable.type == "Boolean" else value
 
 

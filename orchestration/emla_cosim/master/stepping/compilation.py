@@ -47,7 +47,7 @@ def _compile(algorithm: Algorithm, make: Callable[[Sequence[EntryPoints]], _K]) 
     Returns None if the algorithm or an instance does not support it, or if numba is missing. A host that
     has compiled the loop before needs no numba.
     """
-    if not isinstance(algorithm, COMPILED) or algorithm.network.texts:
+    if not isinstance(algorithm, COMPILED) or algorithm.network.opaque_links:
         return None
     points = [instance.entry_points() for instance in algorithm.network.instances]
     known = [p for p in points if p is not None]

@@ -148,10 +148,10 @@ class _CollectedBindings:
             fmu = self._wiring.fmus.get(owner)
             known, arrays = self._known(owner)
             target = node_name((owner, inside))
-            if fmu is not None and inside in fmu.interface.left_out and inside not in known:
+            if fmu is not None and inside in fmu.interface.without_value:
                 raise self._wiring.fault(
                     f"the parameter '{parameter.document_name}' sets {target} of the type "
-                    f"{fmu.interface.left_out[inside]}, which this master does not set.",
+                    f"{fmu.interface.without_value[inside]}, which this master does not set.",
                     parameter.place,
                 )
             if inside not in known and inside not in arrays:

@@ -68,7 +68,7 @@ class _Elements:
         """Raise CommandError if a connector and the FMU's variable differ."""
         name = f"the connector {node_name((fmu.path, connector.name))}"
         variable = fmu.interface.variables.get(connector.name)
-        if variable is None and connector.name in fmu.interface.left_out:
+        if variable is None and connector.name in fmu.interface.without_value:
             return  # a connection of it is refused
         if variable is None:
             raise self._wiring.fault(
@@ -147,8 +147,8 @@ class _Level:
             return _ConnectionEnd(node, gives=True, takes=True)
         if isinstance(owner, ComponentElement):
             interface = self._wiring.fmus[(*self._path, owner.name)].interface
-            if name in interface.left_out and name not in interface.variables:
-                kind = interface.left_out[name]
+            if name in interface.without_value and name not in interface.variables:
+                kind = interface.without_value[name]
                 raise self._fault(
                     connection,
                     f"joins '{owner.name}.{name}' of the type {kind}, which this master does not connect",
