@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelVariable, SimpleType
 from scipy.linalg import expm
 
+from emla_cosim.fmu.elements import ElementVariable
 from emla_cosim.fmu.unpack import unpack
 from emla_cosim.sandbox import child
 from emla_cosim.verification.examination import examine_fmu
@@ -20,6 +22,7 @@ from emla_cosim.verification.host.fresh_process import EndedError, in_fresh_proc
 from emla_cosim.verification.host.hosted_instance import CallError
 from emla_cosim.verification.host.instance_runs import OutputTrajectory, run_alone
 from emla_cosim.verification.host.integration import Integration
+from emla_cosim.verification.host.other_values import other_of
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
@@ -30,6 +33,38 @@ def _subject(folder: Path, fault: Fault = Fault.NONE) -> Subject:
     path = build_good_fmu(folder, fault)
     unpack(path, folder / "fmu")
     return Subject(path, (folder / "fmu").resolve())
+
+
+@pytest.mark.parametrize(
+    ("type_", "start", "other"),
+    [("UInt8", 255, 254), ("Int8", 127, 126), ("UInt64", 2**64 - 1, 2**64 - 2), ("Int8", -128, -127)],
+)
+def test_other_values_fit_into_the_type(type_: str, start: int, other: int) -> None:
+    variable = ElementVariable("n", 1, type="Integer", start=str(start), data_type=type_)
+    assert other_of(variable) == other
+
+
+def test_other_values_of_reals_are_near_the_start_value() -> None:
+    for type_ in ("Float32", "Float64"):
+        assert other_of(ElementVariable("x", 1, type="Real", start="2", data_type=type_)) == pytest.approx(
+            2.2
+        )
+
+
+def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
+    declared = SimpleType("Angle", "Real", min="-1", max="1")
+    subject: Any = SimpleNamespace(
+        of_causality=lambda _: [ModelVariable("u", 1, type="Real", start="0.99", declaredType=declared)],
+        description=SimpleNamespace(defaultExperiment=None),
+        most_steps=100,
+    )
+    assert (
+        -1.0 <= min(make_experiment(subject).inputs["u"]) < max(make_experiment(subject).inputs["u"]) == 1.0
+    )
+
+
+def test_other_values_of_fmi_2_fit_into_32_bits() -> None:
+    assert other_of(ModelVariable("n", 1, type="Integer", start=str(2**31 - 1))) == 2**31 - 2
 
 
 def _exact(course: Experiment) -> np.ndarray:

@@ -13,7 +13,8 @@ from ..check import check
 from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.other_values import Values, limits_of, other_of, others, settable, start_of
+from ..host.limits import limits_of
+from ..host.other_values import Values, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned

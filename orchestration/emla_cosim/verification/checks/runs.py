@@ -6,11 +6,12 @@ import time
 import numpy as np
 
 from ..check import check
-from ..host.experiment import make_experiment, parse_number, span
+from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
+from ..host.limits import limits_of
 from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
@@ -122,7 +123,7 @@ def ranges(subject: Subject) -> CheckOutcome:
 
 def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTrajectory) -> str:
     variable = subject.variables[name]
-    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
+    low, high = limits_of(variable)
     slack = _UNCERTAIN * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
     wrong = (values < low - slack) | (values > high + slack)
     if not wrong.any():

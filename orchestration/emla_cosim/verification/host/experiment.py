@@ -9,6 +9,7 @@ from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ..subject import Subject
+from .limits import limits_of, parse_number
 
 MOST_STEPS = 100
 """Most steps of one run. References reveal later problems."""
@@ -50,19 +51,10 @@ def span(subject: Subject) -> tuple[float, float, int]:
     return start, step, max(1, round((stop - start) / step))
 
 
-def parse_number(value: Any, otherwise: float) -> float:
-    """Convert an attribute to a number; return `otherwise` if it is not finite."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return otherwise
-    return number if math.isfinite(number) else otherwise
-
-
 def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
     """Return a sine around the start value, a tenth of the range wide, with a different period per input."""
     middle = parse_number(variable.start, 0.0)
-    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
+    low, high = limits_of(variable)
     typical = abs(parse_number(variable.nominal, middle or 1.0))
     width = 0.1 * (high - low if math.isfinite(high - low) else typical)
     periods = 2.0 + 0.5 * (index % 7)

@@ -6,11 +6,12 @@ from typing import Any
 
 from fmpy.model_description import ModelVariable
 
+from ...fmu.elements import number_range
 from ...fmu.instance import kind_of
 from ..subject import Subject
-from .experiment import parse_number
 from .fresh_process import EndedError, in_fresh_process
 from .hosted_instance import CallError
+from .limits import limits_of, parse_number
 
 MOST = 300
 """Most variables that a check changes or reads."""
@@ -52,7 +53,9 @@ def other_of(variable: ModelVariable) -> Any:
         return next((value for value in items_of(variable) if value != start), None)
     low, high = limits_of(variable)
     if variable.type == "Integer":
-        return next((value for value in (start + 1, start - 1) if low <= value <= high), None)
+        least, most = number_range(variable)
+        values = (v for v in (start + 1, start - 1) if low <= v <= high and least <= v <= most)
+        return next(values, None)
     width = high - low if math.isfinite(high - low) else abs(parse_number(variable.nominal, start or 1.0))
     step = 0.1 * width
     return next((v for v in (start + step, start - step) if low <= v <= high and v != start), None)
@@ -62,16 +65,6 @@ def items_of(variable: ModelVariable) -> list[int]:
     """Return the values of the items of an Enumeration."""
     declared = variable.declaredType
     return [int(item.value or 0) for item in declared.items or ()] if declared is not None else []
-
-
-def limits_of(variable: ModelVariable) -> tuple[float, float]:
-    """Return min and max of a variable or its type, infinite if there are none."""
-    declared = variable.declaredType
-    ends = [
-        getattr(variable, name) if getattr(variable, name) is not None else getattr(declared, name, None)
-        for name in ("min", "max")
-    ]
-    return parse_number(ends[0], -math.inf), parse_number(ends[1], math.inf)
 
 
 def settable(

@@ -11,9 +11,10 @@ from ...base.arrays import Vector
 from ..subject import Subject
 from . import declared_dependencies
 from .declared_dependencies import Dependency
-from .experiment import make_experiment, parse_number
+from .experiment import make_experiment
 from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
+from .limits import limits_of, parse_number
 
 _STEPS = 20
 """Steps of the run for Model Exchange."""
@@ -41,7 +42,8 @@ class Point:
         """Return the typical magnitude of a known, from which step sizes derive."""
         variable = self.instance.subject.variables[known]
         nominal = abs(parse_number(variable.nominal, 0.0))
-        width = 0.1 * (parse_number(variable.max, math.inf) - parse_number(variable.min, -math.inf))
+        low, high = limits_of(variable)
+        width = 0.1 * (high - low)
         return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
 
     def evaluate_shifted(self, changes: dict[str, float]) -> Vector:

@@ -7,7 +7,8 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
-from ..host.experiment import parse_number
+from ...fmu.elements import number_range
+from ..host.limits import limits_of, parse_number
 from ..subject import Subject
 
 
@@ -50,7 +51,7 @@ def excite_inputs(subject: Subject, shape: str, times: Vector) -> dict[str, Vect
 def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     if variable.type == "Boolean":
         return (wave > 0.5).astype(float)
-    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
+    low, high = limits_of(variable)
     start = parse_number(variable.start, 0.0)
     if variable.type == "Enumeration" and variable.declaredType is not None:
         values = [int(str(item.value)) for item in variable.declaredType.items or []]
@@ -61,4 +62,4 @@ def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     if variable.type == "Integer":
         width = max(width, 1.0)  # less would be rounded to nothing
     found = np.clip(middle + width * wave, low, high)
-    return found if variable.type == "Real" else np.round(found)
+    return found if variable.type == "Real" else np.round(np.clip(found, *number_range(variable)))
