@@ -47,8 +47,9 @@ def declared_shapes(element: Element, where: str) -> Shapes:
         CommandError: A dimension has the size of a connector that does not exist, or the array is too large.
     """
     found: Shapes = {}
+    known = {c.name for c in element.connectors}
     for connector in element.connectors:
-        _check_size_connectors(connector, {c.name for c in element.connectors}, element, where)
+        _check_size_connectors(connector, known, element, where)
         sizes = [d.size for d in connector.dimensions if d.size is not None]
         if sizes and len(sizes) == len(connector.dimensions):
             if (count := math.prod(sizes)) > _LARGEST:
