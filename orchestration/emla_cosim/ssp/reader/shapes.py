@@ -28,11 +28,12 @@ def component_shapes(element: Element, interface: Interface, where: str) -> Shap
         CommandError: A declared dimension is not that of the variable.
     """
     found: Shapes = {}
+    known = {c.name for c in element.connectors} | set(interface.variables)
     for connector in element.connectors:
         if indices := sort_indices(find_indices(connector.name, interface.variables)):
             found[connector.name] = indices
         if connector.dimensions and (indices or connector.name in interface.variables):
-            _check_dimensions(connector, element, interface, indices, where)
+            _check_dimensions(connector, element, interface, known, indices, where)
     return found
 
 
@@ -91,11 +92,15 @@ def _by(sizes: tuple[int, ...]) -> str:
 
 
 def _check_dimensions(
-    connector: Connector, element: Element, interface: Interface, indices: list[str], where: str
+    connector: Connector,
+    element: Element,
+    interface: Interface,
+    known: set[str],
+    indices: list[str],
+    where: str,
 ) -> None:
     """Raise CommandError if a declared dimension is not that of the FMU's variable."""
     name = _name(element, connector)
-    known = {c.name for c in element.connectors} | set(interface.variables)
     _check_size_connectors(connector, known, element, where)
     sizes = find_sizes(indices)
     actual = _format(sizes) if sizes else "is a scalar" if not indices else "has other indices than 1 to n"
