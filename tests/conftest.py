@@ -128,6 +128,12 @@ def few_objects_to_look_at() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def begin_in_the_root() -> None:
+    """A test may have left this process in a folder that is gone, from which no reference can be recorded."""
+    os.chdir(ROOT)
+
+
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for what all processes of a test run have in common."""
     base = tmp_path_factory.getbasetemp()
