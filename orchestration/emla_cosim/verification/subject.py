@@ -12,7 +12,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.untrusted_xml import parse_xml
-from ..fmu.clocks import InputClock, read_input_clocks
+from ..fmu.clocks import CLOCK, InputClock, read_input_clocks
 from ..fmu.elements import split_arrays
 from ..fmu.interface import Interface
 from ..fmu.shared_library import find_library
@@ -107,6 +107,15 @@ class Subject:
         if self.version != 3:
             return []
         return read_input_clocks(self.folder, self.path)
+
+    @cached_property
+    def output_clocks(self) -> list[int]:
+        """The value references of the Clocks that the FMU ticks itself, output and local ones."""
+        return [
+            int(v.valueReference)
+            for v in self.read_description().modelVariables
+            if v.type == CLOCK and v.causality != "input"
+        ]
 
     @property
     def variables(self) -> dict[str, ModelVariable]:

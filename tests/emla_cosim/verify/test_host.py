@@ -19,7 +19,7 @@ from emla_cosim.sandbox import child
 from emla_cosim.verification.examination import examine_fmu
 from emla_cosim.verification.host.experiment import Experiment, make_experiment
 from emla_cosim.verification.host.fresh_process import EndedError, in_fresh_process
-from emla_cosim.verification.host.hosted_instance import CallError
+from emla_cosim.verification.host.hosted_instance import CallError, HostedInstance
 from emla_cosim.verification.host.instance_runs import OutputTrajectory, run_alone
 from emla_cosim.verification.host.integration import Integration
 from emla_cosim.verification.host.other_values import other_of
@@ -27,6 +27,7 @@ from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import Fault, build_good_fmu
+from tests.support.trigger_fmu import build_trigger_fmu
 
 
 def _subject(folder: Path, fault: Fault = Fault.NONE) -> Subject:
@@ -61,6 +62,25 @@ def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
     assert (
         -1.0 <= min(make_experiment(subject).inputs["u"]) < max(make_experiment(subject).inputs["u"]) == 1.0
     )
+
+
+def _levels(subject: Subject) -> list[float]:
+    """The number of ticks of an output clock, which belongs to it, after each step of 0.05 s."""
+    instance = HostedInstance(subject)
+    instance.initialize({"period": 0.1}, 0.0)
+    found = []
+    for k in range(10):
+        instance.step(0.05 * k, 0.05)
+        found.append(instance.get(["level"])[0])
+    instance.close()
+    return found
+
+
+def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
+    path = build_trigger_fmu(tmp_path / "Triggers.fmu")
+    unpack(path, tmp_path / "fmu")
+    found = in_fresh_process(_levels, Subject(path, (tmp_path / "fmu").resolve()))
+    assert found == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
 
 
 def test_other_values_of_fmi_2_fit_into_32_bits() -> None:

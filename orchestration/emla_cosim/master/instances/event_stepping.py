@@ -125,10 +125,6 @@ class EventStepping(ABC):
         """Return the triggered input clocks that have to tick, by value reference."""
         return ()
 
-    def _find_output_ticks(self) -> list[int]:
-        """Return the output clocks that tick, by value reference."""
-        return []
-
     def _ticks_forever(self, clock: int) -> Exception:
         """Return the error for an output clock that still ticks after the last update."""
         return self._stuck(f"getClock reported a tick of clock {clock}", MOST_UPDATES)
@@ -157,6 +153,10 @@ class EventStepping(ABC):
             clocks: Value references of the input clocks.
             found: Those of output clocks that are known to tick.
         """
+
+    @abstractmethod
+    def _find_output_ticks(self) -> list[int]:
+        """Return the output and local clocks that tick, by value reference."""
 
     @abstractmethod
     def _update(self) -> DiscreteUpdate:

@@ -100,6 +100,7 @@ class HostedEvents(EventStepping):
         self._memory = np.empty(2 + SIZE * len(clocks))
         self._schedule = ClockSchedule(clocks, self._memory[2:])
         self._clocked = [v for v in subject.variables.values() if has_mode and is_clocked(v)]
+        self._output_clocks = subject.output_clocks if has_mode else []
         self.steps = self.events = self.returns = 0
         self.early: float | None = None
         self.ticks = {clock.reference: 0 for clock in clocks}
@@ -209,15 +210,22 @@ class HostedEvents(EventStepping):
         self._pending.clear()
 
     def _tick(self, clocks: Sequence[int], found: Sequence[int]) -> None:
-        if not clocks:
-            return
-        with self._instance.calling():
-            self.fmu.setClock(clocks, [True] * len(clocks))
+        if clocks:
+            with self._instance.calling():
+                self.fmu.setClock(clocks, [True] * len(clocks))
         variables = self._instance.subject.variables
         self._instance.set_now({n: v for n, v in self._inputs.items() if belongs(variables[n], clocks)})
-        self._keep([v for v in self._clocked if belongs(v, clocks)])
+        ticking = {*clocks, *found, *self._find_output_ticks()}
+        self._keep([v for v in self._clocked if belongs(v, [*ticking])])
         for clock in clocks:
             self.ticks[clock] += 1
+
+    def _find_output_ticks(self) -> list[int]:
+        if not self._output_clocks:
+            return []
+        with self._instance.calling():
+            active = self.fmu.getClock(self._output_clocks)
+        return [clock for clock, ticks in zip(self._output_clocks, active, strict=True) if ticks]
 
     def _keep(self, variables: Sequence[ModelVariable]) -> None:
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
