@@ -12,6 +12,7 @@ from fmpy.fmi1 import FMICallException
 import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.fmi_3_calls import NUMBER_TYPES
 from emla_cosim.fmu.models import MODELS
 from tests.emla_cosim.test_containers import STEP, Host, assert_same, load, outputs
 from tests.emla_cosim.test_containers_fmi3 import Host as Host3
@@ -214,18 +215,7 @@ def test_values_of_a_host(pair: Path, tmp_path: Path) -> None:
     host = Host3(pair, tmp_path)
     fmu, reference = host.fmu, host.references
     kinds = {v.name: v.type for v in fmpy.read_model_description(str(pair)).modelVariables}
-    for kind in (
-        "Float32",
-        "Int8",
-        "UInt8",
-        "Int16",
-        "UInt16",
-        "Int32",
-        "UInt32",
-        "Int64",
-        "UInt64",
-        "Boolean",
-    ):
+    for kind in (*NUMBER_TYPES[1:], "Boolean"):  # Float64 is set below
         assert kinds[f"a.{kind}_in"] == kind
         if kind not in ("UInt64", "Int64", "Int32", "Int16"):  # which b could not take
             getattr(fmu, f"set{kind}")([reference[f"a.{kind}_in"]], [1])

@@ -14,7 +14,7 @@ from fmublock.units import parse_unit
 from ..base.errors import CommandError
 from ..base.units import SiUnit
 from ..base.version import __version__
-from ..fmu.elements import ElementVariable
+from ..fmu.elements import declared_type
 from .plan import ContainerPlan, Library
 from .variables import ContainerVariable, time_name
 
@@ -43,7 +43,8 @@ def describe_container(
         library = plan.libraries[plan.parts[variable.part].library]
         attributes = _attributes(reference, variable)
         if fmi == 3:
-            kind = SubElement(model_variables, _tag3(variable.own), attributes)
+            declared = declared_type(variable.own)
+            kind = SubElement(model_variables, FMI3_TYPES.get(declared, declared), attributes)
         else:
             element = SubElement(model_variables, "ScalarVariable", attributes)
             kind = SubElement(element, str(variable.own.type))
@@ -104,13 +105,6 @@ def _interface3(plan: ContainerPlan, identifier: str) -> dict[str, str]:
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
     return {"modelIdentifier": identifier, **texts, "fixedInternalStepSize": repr(plan.times.step)}
-
-
-def _tag3(own: ModelVariable) -> str:
-    """Return the element of a variable in FMI 3.0."""
-    if isinstance(own, ElementVariable) and own.type != "Enumeration":
-        return own.data_type
-    return FMI3_TYPES.get(str(own.type), str(own.type))
 
 
 class _Units:

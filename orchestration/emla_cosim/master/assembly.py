@@ -18,7 +18,7 @@ from ..fmu.elements import BINARY
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
-from ..fmu.structure import complete_start_values
+from ..fmu.structure import complete_start_values, convert_structure
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
@@ -289,7 +289,8 @@ class Assembly:
         name, interface = component.name, self.files[component.name].interface
         converted = convert_to_fmu_terms(component)
         refuse_driven(converted, self._wired)
-        structure, prepared = structure_of(component, interface), interface.structure
+        structure = convert_structure(name, interface, converted.parameters)
+        prepared = interface.structure
         for own in {**structure, **prepared}:
             if structure.get(own) != prepared.get(own):
                 raise CommandError(

@@ -40,7 +40,8 @@ def read_sized_interfaces(system: System, fmus: Mapping[str, Path]) -> dict[str,
 
 def read_structural_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
     """Return the model descriptions, with their own sizes, of components with structural parameters."""
-    return read_interfaces({name: file for name, file in fmus.items() if may_have_structure(file)})
+    able = {file for file in set(fmus.values()) if may_have_structure(file)}
+    return read_interfaces({name: file for name, file in fmus.items() if file in able})
 
 
 def is_structural(system: System, interfaces: Mapping[str, Interface], name: str) -> bool:

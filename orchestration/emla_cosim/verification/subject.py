@@ -128,6 +128,11 @@ class Subject:
         names = _KINDS if self.version == 3 else _KINDS[:2]
         return [name for name in names if self.tree.find(name) is not None]
 
+    @property
+    def run_kinds(self) -> list[str]:
+        """The kinds as which the FMU runs: models with Clocks are not integrated."""
+        return [kind for kind in self.kinds if not (kind == "ModelExchange" and self.has_clocks)]
+
     def find_kind_element(self, kind: str) -> Any:
         """Return fmpy's element of the model description for a kind, or None."""
         return getattr(self.description, f"{kind[0].lower()}{kind[1:]}")

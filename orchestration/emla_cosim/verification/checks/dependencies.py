@@ -70,7 +70,7 @@ def _together(one: Look, other: Look) -> Look:
 
 def _of_model(subject: Subject) -> Look:
     """Observe the model. Return nothing if it does not run, which another check reports."""
-    if "ModelExchange" not in subject.kinds or subject.has_clocks:
+    if "ModelExchange" not in subject.run_kinds:
         return {}, 0, 0
     try:
         return in_fresh_process(_look_at_model, subject)
@@ -117,7 +117,7 @@ def _excluded_of_all_types(subject: Subject) -> Pairs:
         ("CoSimulation", _at_communication),
         ("ModelExchange", _at_first_event),
     ):
-        if kind in subject.kinds and not (kind == "ModelExchange" and subject.has_clocks):
+        if kind in subject.run_kinds:
             with suppress(CallError, EndedError):
                 found.update(in_fresh_process(do, subject))
     return found

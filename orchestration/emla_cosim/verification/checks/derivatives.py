@@ -75,7 +75,7 @@ def directional(subject: Subject) -> CheckOutcome:
         if not error.call.startswith(_FUNCTION):
             raise
         return noted(f"In initialization mode {error}")
-    if "ModelExchange" in claimed and not subject.has_clocks:
+    if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
         found += _of_model(subject)
     if not found:
         return skipped("No directional derivative of a Real output by a Real input can be requested.")
