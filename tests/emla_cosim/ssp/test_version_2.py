@@ -304,6 +304,7 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
         ((third("a", "", connector("stride", "parameter", "Int8")),),
          "type Int8, but the variable is of type Int64"),
         ((third("a", binding(values("gain", "1 2 3", TWO_BY_TWO))),), "gives 'gain' 3 values; it needs 4"),
+        ((third("a", binding(values("gain", "1 2", '<ssc:Dimension size="0"/>'))),), "has the size 0"),
         ((third("a", binding(values("gain", "1 2 3", ""))),), 'add <ssc:Dimension size="3"/>'),
         ((third("a", binding(values("gain", "1 2", '<ssc:Dimension size="2"/>'))),),
          "dimensions 2, but a.gain .* 2 x 2"),

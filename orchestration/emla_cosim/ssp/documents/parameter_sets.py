@@ -90,6 +90,10 @@ def _sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int,
         raise CommandError(
             f"{place}: each Dimension of the parameter '{name}' must have a size, and no sizeConnector."
         )
+    if 0 in sizes:
+        raise CommandError(
+            f"{place}: a Dimension of the parameter '{name}' has the size 0; arrays need at least one element."
+        )
     if not sizes and count > 1:
         text = f"gives '{name}' {count} values, but no dimension"
         accept_if_lenient(
@@ -98,8 +102,7 @@ def _sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int,
             f'{place} {text}; add <ssc:Dimension size="{count}"/>',
         )
         return (count,)
-    if count != math.prod(sizes) or not count:
-        needed = math.prod(sizes) or "at least 1"
+    if count != (needed := math.prod(sizes)):
         raise CommandError(f"{place} gives '{name}' {format_count(count, 'value')}; it needs {needed}.")
     return sizes
 
