@@ -92,7 +92,7 @@ def _sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int,
         )
     if 0 in sizes:
         raise CommandError(
-            f"{place}: a Dimension of the parameter '{name}' has the size 0; arrays need at least one element."
+            f"{place}: a Dimension of the parameter '{name}' has the size 0; arrays need an element at least."
         )
     if not sizes and count > 1:
         text = f"gives '{name}' {count} values, but no dimension"
