@@ -18,6 +18,7 @@ from ..fmu.interface import Interface
 from ..fmu.shared_library import find_library
 from .declarations import Declarations, read_declarations
 from .declarations_3 import read_declarations_3
+from .messages import shorten_sentence
 from .settings import Settings
 
 DESCRIPTION = "modelDescription.xml"
@@ -85,6 +86,17 @@ class Subject:
         if self.version == 3:
             split_arrays(found)
         return found
+
+    @cached_property
+    def description_problem(self) -> str:
+        """Why `description` cannot be read, as a sentence; empty if it can."""
+        try:
+            _ = self.description
+        except MemoryError:
+            raise
+        except Exception as error:
+            return f"The model description cannot be read: {shorten_sentence(str(error)).rstrip('.')}."
+        return ""
 
     @cached_property
     def declared(self) -> Declarations:

@@ -141,10 +141,6 @@ def loads(subject: Subject) -> CheckOutcome:
             sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
             others = find_dependencies_file(subject)
             return blocked(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
-    try:
-        _ = subject.description
-    except MemoryError:
-        raise
-    except Exception as error:
-        return blocked(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
+    if subject.description_problem:
+        return blocked(subject.description_problem)
     return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")

@@ -78,6 +78,8 @@ def _build_and_run(subject: Subject) -> SanitizedRun:
         return SanitizedRun("The FMU has no sources that it lists.", has_sources=False)
     if not all(sources.is_c for sources in sets.values()):
         return SanitizedRun("Not all of its sources are C.")
+    if subject.description_problem:
+        return SanitizedRun(subject.description_problem)
     with tempfile.TemporaryDirectory(dir=subject.folder.parent) as scratch:
         return _build_and_run_all(subject, sets, Path(scratch))
 
