@@ -129,9 +129,11 @@ def few_objects_to_look_at() -> None:
 
 
 @pytest.fixture(autouse=True)
-def begin_in_the_root() -> None:
-    """A test may have left this process in a folder that is gone, from which no reference can be recorded."""
+def stay_in_the_root() -> Iterator[None]:
+    """A test that leaves this process in a folder that is removed then makes others fail."""
     os.chdir(ROOT)
+    yield
+    assert Path.cwd() == ROOT
 
 
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
