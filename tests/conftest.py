@@ -2,6 +2,7 @@
 
 import gc
 import os
+import time
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, chdir, nullcontext
 from importlib import import_module
@@ -16,7 +17,7 @@ from fmublock.cache import VARIABLE
 from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.long import heed
+from tests.support.long import MARK, heed
 from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
@@ -119,6 +120,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((i for i, x in enumerate(LONGEST) if is_one_of(item.path.as_posix(), [x])), len(LONGEST))
 
     items.sort(key=rank)
+
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip long tests for which a slow machine has no time left."""
+    if item.get_closest_marker(MARK) and time.time() > float(os.environ.get("EMLA_LONG_TESTS_END", "inf")):
+        pytest.skip("The time for long tests is over (EMLA_LONG_TESTS_END).")
 
 
 @pytest.fixture(scope="module", autouse=True)
