@@ -138,12 +138,12 @@ HEAVY = {
 }
 """Packages that take long to import, or much memory."""
 
-MANY_RUNS = {"dask", "jinja2", "scipy"}
+MANY_RUNS = {"dask", "jinja2"}
 TAKEN = {
     "sweep": MANY_RUNS,
     "compare": MANY_RUNS | {"networkx"},
     "tune": MANY_RUNS,
-    "identify": MANY_RUNS,
+    "identify": MANY_RUNS | {"scipy"},
     "trajectory": {"casadi", "scipy"},
 }
 """Those that a command takes with it before it does anything; the others none."""

@@ -14,6 +14,7 @@ TOP = ROOT / "orchestration/emla_cosim"
 START = "`emla --help`, completion and errors must not wait for what one command needs"
 ON_DEMAND = "loads a library that is slow to import and that most calls do not need"
 NOTHING = "pytest loads the plugin everywhere; without --fmu it must cost nothing"
+SELDOM = "reads or writes documents that most runs do not have; importing it takes part of every start"
 BY_VALUE = "Dask sends the function by value, so that workers without the package can start"
 RESULT = "a result is data; its methods that show or compare it reach what does that when they are called"
 
@@ -38,7 +39,13 @@ LATE = {
     "identification.folder": (ON_DEMAND, {"identification.page"}),
     "master.stepping.forwarding": (ON_DEMAND, {"master.stepping.compiled_functions"}),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel", "master.stepping.trial_kernel"}),
-    "run.scenarios.scenario": (ON_DEMAND, {"c_code.writer", "container.writer"}),
+    "run.preparation": (SELDOM, {"run.parameter_files"}),
+    "run.replacement": (SELDOM, {"ssp.documents.parameter_sets", "ssp.documents.ssd_data"}),
+    "run.scenarios.loading": (SELDOM, {"ssp.reader.flat_document"}),
+    "run.scenarios.scenario": (
+        ON_DEMAND,
+        {"c_code.writer", "container.writer", "ssp.writer.package_writer"},
+    ),
     "master.stepping.profiler": (ON_DEMAND, {"master.stepping.kernel"}),
     "recorders.signal_figures": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (

@@ -73,11 +73,14 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
             continue
         gathered.texts[path] = _read(file, None if module.split(".")[0] == _OWN else block.origin)
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-        for name in _list_imports(gathered.texts[path], package, file):
-            if search.find(name) is not None:
-                waiting.append(name)
-            elif search.is_foreign(name):
-                gathered.foreign.setdefault(module, set()).add(name.split(".")[0])
+        for name, inside in _list_imports(gathered.texts[path], package, file):
+            found = search.find(name)
+            # a file, unlike a package, has no modules inside
+            for one in [name] if found is not None and found.name != "__init__.py" else [name, *inside]:
+                if search.find(one) is not None:
+                    waiting.append(one)
+                elif search.is_foreign(one):
+                    gathered.foreign.setdefault(module, set()).add(one.split(".")[0])
     return gathered
 
 
@@ -98,7 +101,8 @@ class _Search:
         self._files = files
         self._roots: dict[str, Path] = {_OWN: _OWN_ROOT} if follow_own else {}
         self._beside: list[Path] = []
-        installed = {Path(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
+        self._found: dict[str, Path | None] = {}
+        installed = _installed_folders()
         for module, file in files.items():
             if "." in module:
                 self._roots[module.split(".")[0]] = file.parents[module.count(".")]
@@ -107,6 +111,11 @@ class _Search:
 
     def find(self, module: str) -> Path | None:
         """Return the file of a module, if it belongs to the block."""
+        if module not in self._found:
+            self._found[module] = self._find(module)
+        return self._found[module]
+
+    def _find(self, module: str) -> Path | None:
         if module in self._files:
             return self._files[module]
         top = module.split(".")[0]
@@ -124,9 +133,16 @@ class _Search:
         return top not in _ELSEWHERE and self.find(top) is None
 
 
+@cache
+def _installed_folders() -> frozenset[Path]:
+    """Return the folders of installed packages."""
+    return frozenset(Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
+
+
 def _file_of(block: type[Block]) -> Path:
     file = None if block.origin.file is None else Path(block.origin.file)
-    if file is None or not file.is_file() or block.__qualname__ not in _classes(_read(file, block.origin)):
+    outline = None if file is None or not file.is_file() else _outline(_read(file, block.origin))
+    if file is None or not isinstance(outline, _Outline) or block.__qualname__ not in outline.classes:
         raise BuildError(
             f"{block.__name__} is not defined at the top of a Python file, whose text could go into an FMU."
         )
@@ -149,55 +165,65 @@ def _read(file: Path, origin: Origin | None) -> str:
         raise BuildError(f"'{file}' is not encoded as UTF-8.") from None
 
 
-def _list_imports(text: str, package: str, file: Path) -> Iterator[str]:
-    """Yield the names of modules that a text imports; for `from a import b` both a and a.b."""
-    try:
-        statements = _import_statements(text)
-    except SyntaxError as error:
-        raise BuildError(f"'{file}' is not valid Python: {error.msg} in line {error.lineno}.") from None
-    for level, base, names in statements:
+def _list_imports(text: str, package: str, file: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield the modules that a text imports, and what may be modules inside: a.b of `from a import b`."""
+    outline = _outline(text)
+    if isinstance(outline, SyntaxError):
+        raise BuildError(f"'{file}' is not valid Python: {outline.msg} in line {outline.lineno}.")
+    for level, base, names in outline.imports:
         if level < 0:
-            yield from names
+            yield from ((name, []) for name in names)
             continue
         base = importlib.util.resolve_name("." * level + base, package) if level else base
-        yield base
-        yield from (f"{base}.{name}" for name in names)
+        yield base, [f"{base}.{name}" for name in names]
+
+
+@dataclass(frozen=True)
+class _Outline:
+    """The classes at the top of a text, and its imports.
+
+    An import is the number of dots before the module (-1 for `import a`), the module, and the names.
+    """
+
+    classes: frozenset[str]
+    imports: Sequence[tuple[int, str, tuple[str, ...]]]
 
 
 @cache
-def _classes(text: str) -> frozenset[str]:
-    """Return the names of the classes at the top of a text; none if it is not valid Python."""
+def _outline(text: str) -> _Outline | SyntaxError:
+    """Return the outline of a text, or why it is not valid Python."""
     try:
         body = ast.parse(text).body
-    except SyntaxError:
-        return frozenset()
-    return frozenset(node.name for node in body if isinstance(node, ast.ClassDef))
+    except SyntaxError as error:
+        return error
+    classes = frozenset(node.name for node in body if isinstance(node, ast.ClassDef))
+    return _Outline(classes, list(_import_statements(body)))
 
 
-@cache
-def _import_statements(text: str) -> Sequence[tuple[int, str, tuple[str, ...]]]:
-    """Return the imports of a text: dots before the module (-1 for `import a`), module, and names."""
-    found = []
-    for node in _nodes(ast.parse(text)):
-        names = tuple(alias.name for alias in getattr(node, "names", ()) if isinstance(alias, ast.alias))
-        if isinstance(node, ast.ImportFrom):
-            found.append((node.level, node.module or "", names))
-        elif isinstance(node, ast.Import):
-            found.append((-1, "", names))
-    return found
-
-
-def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield all statements except those that only type checkers see."""
-    yield tree
-    for child in ast.iter_child_nodes(tree):
-        if not isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+def _import_statements(block: Sequence[ast.AST]) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+    """Yield the imports of statements, except for those that only type checkers see."""
+    for node in block:
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names = tuple(alias.name for alias in node.names)
+            is_from = isinstance(node, ast.ImportFrom)
+            yield (node.level, node.module or "", names) if is_from else (-1, "", names)
             continue
-        if isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
-            for other in child.orelse:
-                yield from _nodes(other)
-        else:
-            yield from _nodes(child)
+        hidden = isinstance(node, ast.If) and _is_for_type_checkers(node.test)
+        for name in ("orelse",) if hidden else _BLOCKS:
+            if inner := getattr(node, name, None):
+                yield from _import_statements(inner)
+
+
+_BLOCKS = ("body", "handlers", "orelse", "finalbody", "cases")
+"""Attributes of statements that hold statements."""
+
+
+def _is_for_type_checkers(test: ast.expr) -> bool:
+    """Return whether a condition is false when a program runs, because it has TYPE_CHECKING."""
+    if isinstance(test, ast.BoolOp) and isinstance(test.op, ast.And):
+        return any(_is_for_type_checkers(value) for value in test.values)
+    name = test.attr if isinstance(test, ast.Attribute) else getattr(test, "id", "")
+    return name == "TYPE_CHECKING"
 
 
 def _rewrite_imports(text: str, package: str, roots: set[str]) -> str:

@@ -530,6 +530,22 @@ def test_what_is_not_needed_is_not_imported(code: str, absent: set[str]) -> None
     assert not imported & (absent | {"matplotlib", "casadi", "numba", "networkx", "polars"})
 
 
+_TEXTS = """
+import sys
+from emla_cosim.cli.app import app
+texts = ["--set", "a.b=1", "--stop-time", "10 ms", "--no-plots", "--threads", "auto"]
+try:
+    app(["run", "nothing.toml", *texts])
+except SystemExit as ended:
+    print(ended.code, "emla_cosim.run.simulation" in sys.modules, "pydantic" in sys.modules)
+"""
+
+
+def test_options_that_are_texts_load_no_converter() -> None:
+    done = subprocess.run([sys.executable, "-c", _TEXTS], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2", "True", "False"], done.stderr
+
+
 _IMPORTS = """
 import gc, os, threading
 from emla_cosim.cli.imports import quick_imports

@@ -25,6 +25,43 @@ def test_everything_a_block_imports_is_gathered() -> None:
     }  # fmt: skip
 
 
+CONDITIONAL = """
+
+def never_called():
+    if TYPE_CHECKING:
+        import seen_by_checkers
+    elif not TYPE_CHECKING:
+        import in_elif
+    if typing.TYPE_CHECKING and True:
+        import seen_by_others
+    else:
+        import in_else
+    try:
+        with open("x"), open("y"):
+            import in_try
+    except (OSError, ImportError):
+        import in_handler
+    finally:
+        import in_finally
+    match 1:
+        case 1:
+            import in_case
+    for _ in ():
+        from in_loop import name
+    else:
+        import after_loop
+"""
+
+
+def test_imports_are_found_wherever_they_may_run(tmp_path: Path) -> None:
+    block = "from fmublock import Block, Output\n\n\nclass Mine(Block):\n    y = Output()\n"
+    (tmp_path / "mine.py").write_text(block + CONDITIONAL)
+    foreign = gather_sources(load_block(f"{tmp_path / 'mine.py'}:Mine")).foreign["mine"]
+    assert foreign == {
+        "in_elif", "in_else", "in_try", "in_handler", "in_finally", "in_case", "in_loop", "after_loop",
+    }  # fmt: skip
+
+
 def test_moved_sources_import_each_other_and_not_what_is_installed() -> None:
     moved = move_into_package(gather_sources(Toy, "instance").texts, "Toy_123")
     assert "from Toy_123.fmublock import (" in moved["Toy_123/tests/support/toy.py"]

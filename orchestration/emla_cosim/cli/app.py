@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from .conversion import PlainCommand
 from .imports import quick_imports
 
 COMMANDS = {
@@ -68,7 +69,7 @@ class _LazyCommand(TyperCommand):
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
         examples = "\n\n".join(("Examples:", *getattr(module, "EXAMPLES", ())))
         epilog = examples if hasattr(module, "EXAMPLES") else None
-        alone.command(self.name, help=self.help, epilog=epilog)(
+        alone.command(self.name, cls=PlainCommand, help=self.help, epilog=epilog)(
             _bind_command(module, quiet=self.name not in ANSWERS)
         )
         command = typer.main.get_command(alone)

@@ -7,6 +7,7 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -262,6 +263,7 @@ def _recipe(
         raise CommandError(f"{name}: {error}", model=name) from error
 
 
+@cache
 def producer(license_name: str | None = None) -> Producer:
     """Return the generator name, version and license that our FMUs contain."""
     from importlib.metadata import version  # slow to import

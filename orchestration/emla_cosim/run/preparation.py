@@ -25,7 +25,6 @@ from ..system.structure import (
 from ..system.vectors import connect_elements
 from .followers import following_values
 from .options import Options
-from .parameter_files import file_values, structural_file_values
 from .replacement import replace_component
 
 
@@ -98,8 +97,11 @@ def _set_structure(system: System, fmus: Mapping[str, Path], options: Options) -
     if not interfaces:
         return system
     values: dict[str, Value] = {}
-    for file in options.parameters:
-        values |= structural_file_values(file, system, interfaces)
+    if options.parameters:
+        from .parameter_files import structural_file_values
+
+        for file in options.parameters:
+            values |= structural_file_values(file, system, interfaces)
     return set_structure(system, interfaces, values | select_plain_names(options.set))
 
 
@@ -164,8 +166,11 @@ def apply_parameter_files(
     system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
 ) -> System:
     """Return the system with the values of parameter files; later files override earlier ones."""
-    for file in files:
-        system = system.with_parameters(file_values(file, system, interfaces))
+    if files:
+        from .parameter_files import file_values
+
+        for file in files:
+            system = system.with_parameters(file_values(file, system, interfaces))
     return system
 
 

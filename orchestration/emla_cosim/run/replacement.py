@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from fmpy.model_description import ModelVariable
 
@@ -10,10 +11,11 @@ from ..base.errors import CommandError
 from ..base.files import read_file
 from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
 from ..fmu.interface import Interface
-from ..ssp.documents.parameter_sets import parse_mapping
-from ..ssp.documents.ssd_data import MappingEntry, TableTransformation
 from ..system.model import Alias, Component, Connection, Replacement, System
 from ..system.resolution import convert_to_fmu_terms, find_transformation
+
+if TYPE_CHECKING:
+    from ..ssp.documents.ssd_data import MappingEntry
 
 
 def replace_component(
@@ -72,10 +74,13 @@ def _reconnect(
     return replace(connection, transformation=between)
 
 
-def _entries(replacement: Replacement, original: Interface, other: Interface) -> dict[str, MappingEntry]:
+def _entries(replacement: Replacement, original: Interface, other: Interface) -> "dict[str, MappingEntry]":
     path = replacement.mapping
     if path is None:
         return {}
+    from ..ssp.documents.parameter_sets import parse_mapping
+    from ..ssp.documents.ssd_data import TableTransformation
+
     content = read_file(path, "the mapping")
     entries: dict[str, MappingEntry] = {}
     for entry in parse_mapping(content, str(path)):
@@ -103,7 +108,7 @@ class _VariableMatcher:
         component: Component,
         original: Interface,
         other: Interface,
-        entries: Mapping[str, MappingEntry],
+        entries: "Mapping[str, MappingEntry]",
     ) -> None:
         self._original, self._other, self._entries = original, other, entries
         self._taken = {entry.target for entry in entries.values()}

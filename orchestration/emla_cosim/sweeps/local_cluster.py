@@ -22,6 +22,7 @@ from fmublock.leftovers import make_temporary_folder
 
 from ..base.errors import RunError
 from ..sandbox.processes import count_cores, make_environment, watch_parent
+from .idle_processes import start_processes
 
 
 class ClusterAddress(NamedTuple):
@@ -38,6 +39,11 @@ _CONFIG = {
     "distributed.worker.profile.enabled": False,  # sampling costs time
     "distributed.worker.memory.target": False,  # there is nothing to spill
     "distributed.worker.memory.spill": False,
+    "distributed.admin.tick.interval": "1s",  # Dask looks 50 times a second whether its loop is late
+    "distributed.admin.system-monitor.interval": "10s",  # only the dashboard shows it
+    "distributed.scheduler.work-stealing": False,  # there is one worker
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.diagnostics.nvml": False,
 }
 
 
@@ -86,6 +92,9 @@ def main() -> None:
     os.environ["TMPDIR"] = tempfile.tempdir = folder  # also for the workers, which may be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
     answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may write to standard output
+    threads = int(sys.argv[1]) or count_cores()
+    with contextlib.suppress(OSError):  # the worker tries again, and reports it
+        start_processes(threads)
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
@@ -93,7 +102,7 @@ def main() -> None:
     security = Security.temporary()
     with LocalCluster(
         n_workers=1,
-        threads_per_worker=int(sys.argv[1]) or count_cores(),
+        threads_per_worker=threads,
         processes=False,
         protocol="tls://",
         host="127.0.0.1",

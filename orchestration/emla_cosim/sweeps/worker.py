@@ -20,7 +20,8 @@ from typing import Any
 from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, RunError
-from ..sandbox.server import Server, ServerEndedError
+from ..sandbox.server import ServerEndedError
+from .idle_processes import IDLE, TURN, WorkerProcess, end_idle, start_processes
 from .variant_messages import ANSWER, OUTCOME, PAYLOAD, READY
 
 _LOOK = 0.2
@@ -127,42 +128,10 @@ def make_call(key: str) -> Callable[[str, Any], bytes]:
     return call
 
 
-class _Process(Server):
-    """A process that runs variants."""
-
-    key: str | None = None
-    """The sweep that it has open."""
-
-    def __init__(self) -> None:
-        super().__init__(f"{__package__}.variant_process")
-
-    def call(self, name: str, *arguments: Any, patience: float | None = None) -> Any:
-        """Return the answer to a request. Raise what the process raised, or ServerEndedError."""
-        self.send((name, *arguments))
-        kind, content = self.receive(patience)
-        if kind != ANSWER:
-            raise pickle.loads(content)
-        return content
-
-
-_IDLE: list[_Process] = []
-"""Processes that wait for the next chunk, of any sweep. They end with the worker."""
-
-_TURN = threading.Lock()
-
-
-def _end_idle() -> None:
-    """End the processes that no sweep uses."""
-    with _TURN:
-        for process in [p for p in _IDLE if p.key is None]:
-            _IDLE.remove(process)
-            process.close()
-
-
 class _RunningChunk:
     """A chunk that runs, as the thread that watches it sees it."""
 
-    def __init__(self, process: _Process, request: ChunkRequest) -> None:
+    def __init__(self, process: WorkerProcess, request: ChunkRequest) -> None:
         self._process, self._request = process, request
         self._turn = threading.Lock()
         self._began: float | None = None
@@ -214,7 +183,7 @@ class SweepProcesses:
         """Write the files. Raise CommandError for another version, and OSError if they cannot be written."""
         self._worker, self._key = worker, key
         self._running: set[_RunningChunk] = set()
-        self._used: set[_Process] = set()
+        self._used: set[WorkerProcess] = set()
         self._closed = threading.Event()
         self._files: dict[str, str] = {}
         if (here := version("emla-cosim")) != needed:
@@ -230,8 +199,7 @@ class SweepProcesses:
             place.write_bytes(file)
             self._files[sha] = f"{sha[:16]}/{name}"
         Path(self._folder, PAYLOAD).write_bytes(content)
-        with _TURN:  # they load while the first one prepares the scenario
-            _IDLE.extend(_Process() for _ in range(worker.state.nthreads - len(_IDLE)))
+        start_processes(worker.state.nthreads)
         threading.Thread(target=self._watch, daemon=True).start()
 
     def describe(self, group: int) -> bytes:
@@ -256,36 +224,36 @@ class SweepProcesses:
             return pickle.dumps(self._run(process, request))
 
     @contextlib.contextmanager
-    def _process(self, alone: bool = False) -> Iterator[_Process]:
+    def _process(self, alone: bool = False) -> Iterator[WorkerProcess]:
         """Take an idle process, or start one, and open the sweep in it.
 
         Args:
             alone: Whether to replace the idle process by one that ends afterwards.
         """
-        with _TURN:
-            found = next((p for p in _IDLE if p.key == self._key), _IDLE[-1] if _IDLE else None)
+        with TURN:
+            found = next((p for p in IDLE if p.key == self._key), IDLE[-1] if IDLE else None)
             if found is not None:
-                _IDLE.remove(found)
+                IDLE.remove(found)
         if alone and found is not None:
             found.close()
             found = None
         try:
-            found = self._open(found or _Process())
+            found = self._open(found or WorkerProcess())
         except ServerEndedError:  # it was idle and did not survive; a new one tells why
-            found = self._open(_Process())
-        with _TURN:
+            found = self._open(WorkerProcess())
+        with TURN:
             self._used.add(found)
         try:
             yield found
         finally:
-            with _TURN:
+            with TURN:
                 self._used.discard(found)
                 if found.is_alive() and not alone and not self._closed.is_set():
-                    _IDLE.append(found)
+                    IDLE.append(found)
                 else:
                     found.close()
 
-    def _open(self, process: _Process) -> _Process:
+    def _open(self, process: WorkerProcess) -> WorkerProcess:
         try:
             process.call("open", self._folder, self._files)
         except BaseException:
@@ -294,7 +262,7 @@ class SweepProcesses:
         process.key = self._key
         return process
 
-    def _run(self, process: _Process, request: ChunkRequest) -> ChunkAnswer:
+    def _run(self, process: WorkerProcess, request: ChunkRequest) -> ChunkAnswer:
         running = _RunningChunk(process, request)
         self._running.add(running)
         try:
@@ -338,17 +306,17 @@ class SweepProcesses:
     def close(self) -> None:
         """End processes that still run variants, close the sweep in idle ones, and remove the files."""
         self._closed.set()
-        with _TURN:
+        with TURN:
             for process in self._used:
                 process.kill()
-            for process in [p for p in _IDLE if p.key == self._key]:
+            for process in [p for p in IDLE if p.key == self._key]:
                 try:
                     process.call("close", patience=_CLOSE_S)
                     process.key = None
                 except Exception:  # an FMU does not end
-                    _IDLE.remove(process)
+                    IDLE.remove(process)
                     process.close()
         shutil.rmtree(self._folder, ignore_errors=True)
-        timer = threading.Timer(_IDLE_S, _end_idle)
+        timer = threading.Timer(_IDLE_S, end_idle)
         timer.daemon = True
         timer.start()

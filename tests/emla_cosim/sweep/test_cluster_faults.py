@@ -25,7 +25,7 @@ from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.base.progress import Progress
 from emla_cosim.recorders.metrics import METRICS
-from emla_cosim.sweeps import executor, worker, worker_payload
+from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.stored import read_sweep
 from tests.support.clusters import CODE, At, family, outside_cluster, shared_cluster
@@ -373,7 +373,7 @@ def count_lost_processes() -> int:
     for child in psutil.Process().children():
         with suppress(psutil.Error):  # it has just ended
             found += "emla_cosim.sweeps.variant_process" in child.cmdline()
-    return found - len(worker._IDLE)
+    return found - len(idle_processes.IDLE)
 
 
 def set_slow_s(seconds: float) -> None:

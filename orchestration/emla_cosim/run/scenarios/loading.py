@@ -5,14 +5,13 @@ import weakref
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...base.errors import CommandError, join_names
 from ...base.faults import accept_faults
 from ...base.files import read_text
 from ...base.option import FileOrObject
 from ...fmu.interface import read_interface
-from ...ssp.reader.flat_document import SspDocument, read_ssp
 from ...system.model import System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
@@ -22,6 +21,9 @@ from .recorded import load_recorded_run
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import make_single_fmu
+
+if TYPE_CHECKING:
+    from ...ssp.reader.flat_document import SspDocument
 
 _SSP = (".ssp", ".ssd")
 _FMU = ".fmu"
@@ -172,6 +174,8 @@ def _load_ssp(
     path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of an SSP, with the options of a scenario file."""
+    from ...ssp.reader.flat_document import read_ssp
+
     _refuse_of_built_in(read, given)
     held = ResourceHolder()
     of_file = Options().updated(read.options, f"the scenario '{read.where}'", read.folder)
@@ -200,7 +204,7 @@ def _package_origin(path: Path) -> RunOrigin:
     return read_origin(path, file.read_bytes() if _is_file(file) else None)
 
 
-def _times(document: SspDocument, options: Options) -> tuple[dict[str, float], list[str]]:
+def _times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
     """Return the times of an SSP as options, and remarks on those that it does not have."""
     times, notes = Times(document.start_time, document.stop_time, document.step_size), list[str]()
     chosen = ((times.stop, options.stop_time), (times.step, options.step_size))

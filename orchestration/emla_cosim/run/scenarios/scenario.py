@@ -8,8 +8,8 @@ from typing import Any, Unpack
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.faults import accept_faults
 from ...base.progress import Progress
+from ...master.stepping.timing import CommunicationPoints
 from ...recorders.metrics import TRACKED
-from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.model import System
 from ..lost_values import describe_lost_values
 from ..option_types import PrepareOptions
@@ -162,10 +162,11 @@ class Scenario:
 
             check_code(Path(file), chosen.overwrite)
         else:
+            from ...ssp.writer.package_writer import check_package
+
             check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
         times = run_times(chosen, self.name)
-        experiment = SystemTimes(times.start, times.stop, times.step)
         with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
             faults.merge(self.accepted)
             system, fmus = prepare_system(self.system, chosen, told)
@@ -177,11 +178,25 @@ class Scenario:
                 told.advance(1)
                 self._write_code(Path(file), system, fmus, chosen)
             else:
-                write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+                self._write_ssp(Path(file), system, fmus, times, chosen.overwrite)
                 told.advance(1)
         for remark in faults.remarks(self.unpacked):
             told.note(f"Note: {remark}")
         return Path(file)
+
+    def _write_ssp(
+        self,
+        file: Path,
+        system: System,
+        fmus: Mapping[str, Path],
+        times: CommunicationPoints,
+        overwrite: bool,
+    ) -> None:
+        """Write the prepared system as an SSP."""
+        from ...ssp.writer.package_writer import SystemTimes, write_ssp
+
+        experiment = SystemTimes(times.start, times.stop, times.step)
+        write_ssp(file, self.name, self.description, system, fmus, experiment, overwrite)
 
     def _write_code(self, file: Path, system: System, fmus: Mapping[str, Path], options: Options) -> None:
         """Write components of the prepared system as plain C."""

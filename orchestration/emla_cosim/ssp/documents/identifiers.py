@@ -9,7 +9,7 @@ from collections.abc import Iterable
 _LETTERS = "A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u3001-\ud7ff"
 """Characters that an XML id can begin with, for a set of a regular expression."""
 
-_NOT_IN_ID = re.compile(rf"[^{_LETTERS}0-9.-]|^[^{_LETTERS}]|_(?=x)")
+_NOT_IN_ID = rf"[^{_LETTERS}0-9.-]|^[^{_LETTERS}]|_(?=x)"  # compiling it is slow, and few names need it
 _ESCAPED = re.compile("_x([0-9A-F]+)_")
 
 
@@ -43,7 +43,7 @@ def format_id(identifier: str, name: str) -> str | None:
     """
     if identifier == name:
         return None
-    return _NOT_IN_ID.sub(lambda found: f"_x{ord(found[0]):04X}_", name)
+    return re.sub(_NOT_IN_ID, lambda found: f"_x{ord(found[0]):04X}_", name)
 
 
 def parse_id(identifier: str, id_: str | None) -> str:

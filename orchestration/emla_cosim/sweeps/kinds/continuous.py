@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from ...base.arrays import Vector
 from ...system.model import Value
@@ -231,6 +230,8 @@ def _truncated_normal(q: Vector, low: float, high: float) -> Vector:
 
     It uses the probability below in the lower half and above in the upper half, to resolve both tails.
     """
+    from scipy.special import ndtr, ndtri  # slow to import, and most sweeps have no normal distribution
+
     probability = _probability(low, high)
     below = ndtr(low) + q * probability
     above = ndtr(-high) + (1 - q) * probability
@@ -239,6 +240,8 @@ def _truncated_normal(q: Vector, low: float, high: float) -> Vector:
 
 def _probability(low: float, high: float) -> float:
     """Return the probability of the standard normal distribution between two bounds."""
+    from scipy.special import ndtr
+
     return float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
 
 

@@ -1,0 +1,53 @@
+"""Processes of a worker that run variants, while they wait for the next chunk.
+
+This module does not load Dask, so that the processes of a cluster on this machine load while Dask does.
+"""
+
+import pickle
+import threading
+from typing import Any
+
+from ..sandbox.server import Server
+from .variant_messages import ANSWER
+
+
+class WorkerProcess(Server):
+    """A process that runs variants."""
+
+    key: str | None = None
+    """The sweep that it has open."""
+
+    def __init__(self) -> None:
+        super().__init__(f"{__package__}.variant_process")
+
+    def call(self, name: str, *arguments: Any, patience: float | None = None) -> Any:
+        """Return the answer to a request. Raise what the process raised, or ServerEndedError."""
+        self.send((name, *arguments))
+        kind, content = self.receive(patience)
+        if kind != ANSWER:
+            raise pickle.loads(content)
+        return content
+
+
+IDLE: list[WorkerProcess] = []
+"""Processes that wait for the next chunk, of any sweep. They end with the worker."""
+
+TURN = threading.Lock()
+
+
+def end_idle() -> None:
+    """End the processes that no sweep uses."""
+    with TURN:
+        for process in [p for p in IDLE if p.key is None]:
+            IDLE.remove(process)
+            process.close()
+
+
+def start_processes(count: int) -> None:
+    """Start processes until so many are idle: they load while the first one prepares a scenario.
+
+    Raises:
+        OSError: A process cannot start.
+    """
+    with TURN:
+        IDLE.extend(WorkerProcess() for _ in range(count - len(IDLE)))
