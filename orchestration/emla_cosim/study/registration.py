@@ -58,7 +58,7 @@ def register() -> None:
         SCENARIOS[name] = partial(read_joint_text, name) if name in joints else _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
-    TUNINGS.add(list_tuning_plans)
+    TUNINGS.update(list_tuning_plans())
     METRICS[JOINTS] = joint_metrics
     METRICS[LOADS] = load_metrics
     TRACKED[JOINTS] = find_tracked_joints

@@ -1,6 +1,6 @@
 """Registries of built-in systems and scenarios."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,35 +9,6 @@ from ...base.option import FileOrObject
 from ...system.model import System, Value
 from ..options import Options
 from .scenario_file import ScenarioFile, parse_scenario
-
-
-class TextListing(Mapping[str, Callable[[], str]]):
-    """Functions that return the text of a file, by name. The first use lists them, which reads files."""
-
-    def __init__(self) -> None:
-        self._listings: list[Callable[[], Mapping[str, Callable[[], str]]]] = []
-        self._texts: dict[str, Callable[[], str]] | None = None
-
-    def add(self, listing: Callable[[], Mapping[str, Callable[[], str]]]) -> None:
-        """Add what a function lists. Adding it again changes nothing."""
-        if listing not in self._listings:
-            self._listings.append(listing)
-            self._texts = None
-
-    def _listed(self) -> dict[str, Callable[[], str]]:
-        if self._texts is None:
-            self._texts = {name: text for listing in self._listings for name, text in listing().items()}
-        return self._texts
-
-    def __getitem__(self, name: str) -> Callable[[], str]:
-        return self._listed()[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._listed())
-
-    def __len__(self) -> int:
-        return len(self._listed())
-
 
 SYSTEMS: dict[str, Callable[..., System]] = {}
 """Functions that make a system from a controller and a gain set, by name; None means the default."""
@@ -62,7 +33,7 @@ SCENARIOS: dict[str, Callable[[], str]] = {}
 PLANS: dict[str, Callable[[], str]] = {}
 """Functions that return the text of a sweep plan, by plan."""
 
-TUNINGS = TextListing()
+TUNINGS: dict[str, Callable[[], str]] = {}
 """Functions that return the text of a tuning plan, by plan."""
 
 
