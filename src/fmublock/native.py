@@ -82,6 +82,10 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
     ]
     lines += constants()
     counts: list[int] = element_counts(block) if fmi == 3 else []
+    if all(count == 1 for count in counts):
+        counts = []  # then the compiler removes what only arrays need
+    else:
+        lines.append("#define HAS_ARRAYS")
     types = "/* type: R Real, I Integer or enumeration, B Boolean;"
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
     if fmi == 3:
@@ -127,7 +131,8 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
     more = _limits(block) + _conditions(symbolic.demands)
     if fmi == 3:
         time = time_variable(block).name
-        lines.append(f"    {{\"{time}\", 'R', 'S', 1, 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
+        elements = ", 1" if counts else ""
+        lines.append(f"    {{\"{time}\", 'R', 'S'{elements}, 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
         more += _dependencies(block, symbolic)
     return "\n".join([*lines, "};", *more, ""])
 

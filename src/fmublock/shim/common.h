@@ -159,13 +159,13 @@ static Status prepare_get(Instance *instance, const ValueReference vr[], size_t 
     if (check_arrays(instance, nvr, vr, values) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], type) != StatusOK) return StatusError;
-        if (check_required(instance, vr[i]) != StatusOK) return StatusError;
 #ifdef CLOCK_INTERVAL
         if (check_clocked(instance, vr[i]) != StatusOK) return StatusError;
 #endif
         derivatives_asked |= vr[i] >= FIRST_DERIVATIVE;
         expected += (size_t)ELEMENTS(vr[i]);
     }
+    if (check_required(instance, vr, nvr) != StatusOK) return StatusError;
     if (check_total(instance, expected, n) != StatusOK) return StatusError;
     if (nvr > 0) bring_up_to_date(&instance->now, derivatives_asked);
 #ifdef CLOCK_INTERVAL
@@ -213,29 +213,26 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
 
 /* ---- the types ------------------------------------------------------------------------- */
 
+/* The first loop ends after the last array, when each of the remaining variables has one value. */
 #define GET_AND_SET(Name, Type, letter, from_double, to_double)                                              \
     Status FMI(Get##Name)(Handle c, const ValueReference vr[], size_t nvr, Type values[] COUNTED(n)) {       \
         Instance *instance = c;                                                                              \
-        if (prepare_get(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
-        if (COUNT_OF(n, nvr) == nvr) { /* no arrays */                                                       \
-            for (size_t i = 0; i < nvr; i++) values[i] = from_double(current_value(SEEN(instance), vr[i]));  \
-            return StatusOK;                                                                                 \
-        }                                                                                                    \
-        for (size_t i = 0, k = 0; i < nvr; i++)                                                              \
+        size_t i = 0, k = 0;                                                                                 \
+        if (prepare_get(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError;\
+        for (; COUNT_OF(n, nvr) - k > nvr - i; i++)                                                          \
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
-                values[k++] = from_double(current_value(SEEN(instance), vr[i] + (ValueReference)j));              \
+                values[k++] = from_double(current_value(SEEN(instance), vr[i] + (ValueReference)j));         \
+        for (; i < nvr; i++) values[k++] = from_double(current_value(SEEN(instance), vr[i]));                \
         return StatusOK;                                                                                     \
     }                                                                                                        \
     Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) { \
         Instance *instance = c;                                                                              \
-        if (prepare_set(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
-        if (COUNT_OF(n, nvr) == nvr) {                                                                       \
-            for (size_t i = 0; i < nvr; i++) instance->now.values[vr[i]] = to_double(values[i]);             \
-            return StatusOK;                                                                                 \
-        }                                                                                                    \
-        for (size_t i = 0, k = 0; i < nvr; i++)                                                              \
+        size_t i = 0, k = 0;                                                                                 \
+        if (prepare_set(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError;\
+        for (; COUNT_OF(n, nvr) - k > nvr - i; i++)                                                          \
             for (int j = 0; j < ELEMENTS(vr[i]); j++)                                                        \
                 instance->now.values[(int)vr[i] + j] = to_double(values[k++]);                               \
+        for (; i < nvr; i++) instance->now.values[vr[i]] = to_double(values[k++]);                           \
         return StatusOK;                                                                                     \
     }
 

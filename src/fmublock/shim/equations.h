@@ -65,8 +65,8 @@ static int find_not_finite(const State *now) {
 #ifdef HAS_INTERMEDIATE_UPDATE
 #include "fmi3_intermediate_update.h"
 #else
-static Status check_required(const Instance *instance, ValueReference reference) {
-    (void)instance, (void)reference;
+static Status check_required(const Instance *instance, const ValueReference vr[], size_t nvr) {
+    (void)instance, (void)vr, (void)nvr;
     return StatusOK;
 }
 #endif
@@ -125,8 +125,10 @@ static double integrate(Instance *instance, const double *u0, double time, doubl
         for (int j = 0; j < N_STATES; j++) k1[j] = k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j];
         set_states(x, x0, dt / 6.0, k1);
 #ifdef HAS_INTERMEDIATE_UPDATE
-        const double done = (double)(i + 1) * dt;
-        if (i + 1 < (long)count && ends_early(instance, time + done, time + (double)(i + 2) * dt)) return done;
+        if (instance->intermediate_update != NULL && i + 1 < (long)count) {
+            const double done = (double)(i + 1) * dt;
+            if (ends_early(instance, time + done, time + (double)(i + 2) * dt)) return done;
+        }
 #endif
     }
     return step;

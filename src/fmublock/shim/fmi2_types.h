@@ -16,7 +16,6 @@
 /* FMI 3.0 passes the number of values, which differs from that of variables if these are arrays. */
 #define COUNTED(count)
 #define COUNT_OF(count, variables) (variables)
-#define ELEMENTS(reference) ((void)(reference), 1) /* of the variable with this value reference */
 #define N_VARIABLES N_VALUES
 
 typedef fmi2Status Status;

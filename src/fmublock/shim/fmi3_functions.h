@@ -174,14 +174,24 @@ static Status pass_time(Instance *instance, double time, double step, Boolean wi
 #define DO_STEP do_step
 #endif
 
+/* Check the pointers to the results of a step. This is one function, because compilers expect each check to fail as
+ * often as not: after four of them `fmi3DoStep` would be taken for rare, and the step for not worth inlining.
+ */
+static Status check_results(const Instance *instance, const fmi3Boolean *eventHandlingNeeded,
+                            const fmi3Boolean *terminateSimulation, const fmi3Boolean *earlyReturn,
+                            const fmi3Float64 *lastSuccessfulTime) {
+    if (check_place(instance, eventHandlingNeeded, "eventHandlingNeeded") != StatusOK) return fmi3Error;
+    if (check_place(instance, terminateSimulation, "terminateSimulation") != StatusOK) return fmi3Error;
+    if (check_place(instance, earlyReturn, "earlyReturn") != StatusOK) return fmi3Error;
+    return check_place(instance, lastSuccessfulTime, "lastSuccessfulTime");
+}
+
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
                       fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn,
                       fmi3Float64 *lastSuccessfulTime) {
-    if (check_place(c, eventHandlingNeeded, "eventHandlingNeeded") != StatusOK) return fmi3Error;
-    if (check_place(c, terminateSimulation, "terminateSimulation") != StatusOK) return fmi3Error;
-    if (check_place(c, earlyReturn, "earlyReturn") != StatusOK) return fmi3Error;
-    if (check_place(c, lastSuccessfulTime, "lastSuccessfulTime") != StatusOK) return fmi3Error;
+    if (check_results(c, eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime) != StatusOK)
+        return fmi3Error;
     const Status status =
         DO_STEP(c, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint);
     *eventHandlingNeeded = fmi3False;

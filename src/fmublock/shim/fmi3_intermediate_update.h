@@ -36,11 +36,14 @@ static Status use_intermediate_update(Instance *instance, fmi3IntermediateUpdate
     return StatusOK;
 }
 
-static Status check_required(const Instance *instance, ValueReference reference) {
-    if (instance->now.phase != INTERMEDIATE_UPDATE || (reference < N_VALUES && instance->is_required[reference]))
-        return StatusOK;
-    return report(instance, StatusError, "%s is not among requiredIntermediateVariables.",
-                  variables[reference].name);
+/* Check that the host reads only these variables in the callback. All of the references exist. */
+static Status check_required(const Instance *instance, const ValueReference vr[], size_t nvr) {
+    if (instance->now.phase != INTERMEDIATE_UPDATE) return StatusOK;
+    for (size_t i = 0; i < nvr; i++)
+        if (vr[i] >= N_VALUES || !instance->is_required[vr[i]])
+            return report(instance, StatusError, "%s is not among requiredIntermediateVariables.",
+                          variables[vr[i]].name);
+    return StatusOK;
 }
 
 static void begin_intermediate_updates(Instance *instance) {
@@ -49,7 +52,7 @@ static void begin_intermediate_updates(Instance *instance) {
 }
 
 /* Call the host with the present values. */
-static void update_intermediately(Instance *instance, double time, int can_return) {
+RARE static void update_intermediately(Instance *instance, double time, int can_return) {
     State *now = &instance->now;
     const double before = now->time;
     fmi3Boolean requested = fmi3False;
@@ -66,10 +69,9 @@ static void update_intermediately(Instance *instance, double time, int can_retur
 /* Whether the host ends the communication step at this time; otherwise an internal step to the next time follows.
  * The host is not called with values that are not finite.
  */
-static int ends_early(Instance *instance, double time, double next) {
+RARE static int ends_early(Instance *instance, double time, double next) {
     State *now = &instance->now;
     const double before = now->time;
-    if (instance->intermediate_update == NULL) return 0;
     now->time = time;
     evaluate_outputs(now);
     now->time = before;

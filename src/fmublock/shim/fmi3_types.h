@@ -9,7 +9,6 @@
 /* The number of values, which differs from that of variables if these are arrays. */
 #define COUNTED(count) , size_t count
 #define COUNT_OF(count, variables) (count)
-#define ELEMENTS(reference) (variables[reference].elements) /* of the variable with this value reference */
 #define N_VARIABLES (N_VALUES + 1)                /* the last one is the time */
 
 typedef fmi3Status Status;

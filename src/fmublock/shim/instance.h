@@ -8,6 +8,13 @@
 #define N_EVOLVING (FIRST_DERIVATIVE - FIRST_STATE)
 #define ROOM(n) ((n) > 0 ? (n) : 1) /* C has no empty arrays */
 
+/* Number of values of the variable with this value reference. */
+#ifdef HAS_ARRAYS
+#define ELEMENTS(reference) (variables[reference].elements)
+#else
+#define ELEMENTS(reference) ((void)(reference), 1)
+#endif
+
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
 #define STARTS_AT_START_TIME (-2) /* of start_reference */
 #define GUID_SIZE 39 /* {8-4-4-4-12} and the terminating zero */

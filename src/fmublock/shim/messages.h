@@ -2,6 +2,13 @@
 
 #define MESSAGE_LENGTH 512
 
+/* For functions that few steps call: compilers keep them apart from the code of all steps. */
+#ifdef __GNUC__
+#define RARE __attribute__((cold, noinline))
+#else
+#define RARE
+#endif
+
 enum { LOG_EVENTS, LOG_WARNING, LOG_DISCARD, LOG_ERROR, LOG_FATAL, LOG_ALL, N_CATEGORIES };
 
 static const char *const categories[N_CATEGORIES] = {
@@ -32,7 +39,7 @@ static void deliver(const Instance *instance, Status status, char *message) {
 }
 
 /* Log a message, if its category is on; returns the status. */
-static Status report(const Instance *instance, Status status, const char *format, ...) {
+RARE static Status report(const Instance *instance, Status status, const char *format, ...) {
     char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
     va_list arguments;
     if (!is_logged(instance, status)) return status;
