@@ -1,6 +1,7 @@
 """Values of the command line: converted late, but to what typer itself makes of them."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import pytest
@@ -49,3 +50,11 @@ def run(kind: type[TyperCommand], arguments: list[str]) -> tuple[int, str, list[
 @pytest.mark.parametrize("arguments", ARGUMENTS)
 def test_values_and_messages_are_those_of_typer(arguments: list[str]) -> None:
     assert run(PlainCommand, arguments) == run(TyperCommand, arguments)
+
+
+def test_parameters_of_another_release_of_typer_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    others = [SimpleNamespace(), SimpleNamespace(get_runtime_param=int), SimpleNamespace(type_descriptor=int)]
+    before = [dict(vars(one)) for one in others]
+    monkeypatch.setattr(TyperCommand, "get_params", lambda self, ctx: others)
+    assert PlainCommand("command").get_params(None) is others
+    assert [vars(one) for one in others] == before

@@ -5,6 +5,7 @@ time of a short run, and most options are missing or plain texts: `commands/opti
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -18,28 +19,40 @@ class PlainCommand(TyperCommand):
         """Return the parameters, with that of `--help`."""
         parameters = super().get_params(ctx)
         for parameter in parameters:
-            load = getattr(parameter, "get_runtime_param", None)  # a method until it is replaced here
-            if load is not None and not isinstance(load, partial):
-                parameter.get_runtime_param = partial(_LateConverter, load)  # type: ignore[attr-defined]
+            with suppress(AttributeError):  # another release of typer, which then converts by itself
+                _convert_late(parameter)
         return parameters
+
+
+def _convert_late(parameter: Any) -> None:
+    """Replace the method of a parameter that returns its converter.
+
+    Raises:
+        AttributeError: The parameter has no such method, or does not describe its type.
+    """
+    load, described = parameter.get_runtime_param, parameter.type_descriptor
+    takes_several = parameter.multiple or parameter.nargs == -1
+    is_text = described.annotation == (list[str] if takes_several else str)
+    has_parser = described.parameter_info.parser is not None
+    if not isinstance(load, partial):  # else it was replaced before
+        parameter.get_runtime_param = partial(
+            _LateConverter, load, takes_several, takes_text=is_text and not has_parser
+        )
 
 
 class _LateConverter:
     """Converter of a parameter, in place of the one that `load` returns."""
 
-    def __init__(self, load: Callable[[], Any]) -> None:
-        self._load = load
+    def __init__(self, load: Callable[[], Any], takes_several: bool, takes_text: bool) -> None:
+        self._load, self._takes_several, self._takes_text = load, takes_several, takes_text
 
-    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+    def coerce(self, value: Any, **more: Any) -> Any:
         """Return the value as typer's converter does."""
-        several = param.multiple or param.nargs == -1
         if value is None:
-            return () if several else None
-        described = param.type_descriptor
-        is_plain = described.parameter_info.parser is None and _is_text(value, several)
-        if is_plain and described.annotation == (list[str] if several else str):
-            return list(value) if several else value
-        return self._load().coerce(value, param=param, ctx=ctx)
+            return () if self._takes_several else None
+        if self._takes_text and _is_text(value, self._takes_several):
+            return list(value) if self._takes_several else value
+        return self._load().coerce(value, **more)
 
 
 def _is_text(value: Any, several: bool) -> bool:
