@@ -33,7 +33,7 @@ def unpack(path: Path, folder: Path) -> None:
             raise UnsafeArchiveError(
                 f"would unpack to {total / 2**30:.1f} GiB; the limit is {LARGEST // 2**30} GiB"
             )
-        names, made = dict[str, str](), set[Path]()
+        names: dict[str, str] = {}
         for entry in entries:
             target = folder / entry.filename
             first = names.setdefault(entry.filename.casefold(), entry.filename)
@@ -45,9 +45,7 @@ def unpack(path: Path, folder: Path) -> None:
             if entry.is_dir():
                 target.mkdir(parents=True, exist_ok=True)
                 continue
-            if target.parent not in made:
-                target.parent.mkdir(parents=True, exist_ok=True)
-                made.add(target.parent)
+            target.parent.mkdir(parents=True, exist_ok=True)
             with archive.open(entry) as source, target.open("wb") as stream:
                 _copy(source, stream, entry)
 
