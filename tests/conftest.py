@@ -2,25 +2,28 @@
 
 import gc
 import os
-import time
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, chdir, nullcontext
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+from typer.testing import CliRunner, Result
 
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
+from tests.support.commands import Emla, widen_terminal
 from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
 from tests.support.faulty_fmu import build_faulty_fmu
+from tests.support.few_figures import draw_empty
 from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.long import MARK, heed
 from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
+from tests.support.tiers import select
 from tests.support.toy_fmu import build_toy
 
 if TYPE_CHECKING:  # these take a while to load
@@ -41,50 +44,9 @@ for size in ("COLUMNS", "LINES"):
     os.environ.pop(size, None)
 
 
-ON_ONE_CLUSTER = (
-    "test_pages.py",
-    "test_sweeping.py",
-    "test_plans.py",
-    "sweep/test_verdicts.py",
-    "test_sobol_indices.py",
-    "test_compare.py",
-    "test_fair_comparison.py",
-    "test_tune.py",
-    "test_notes.py",
-    "test_ownership.py",
-    "test_machine_faults.py",
-)
-"""Files that one process of a test run does one after the other, with one cluster: to start it takes long."""
-
-LONGEST = (
-    *ON_ONE_CLUSTER,
-    "test_cluster_faults.py",
-    "test_broken_fmus.py",
-    "test_any_command.py",
-    "test_ended_processes.py",
-    "test_verify_command.py",
-    "test_surroundings.py",
-    "test_names.py",
-    "test_mutations.py",
-    "test_pytest_plugin.py",
-    "test_state_round_trips.py",
-    "test_site.py",
-    "test_workflow.py",
-    "test_flavours.py",
-    "test_cli.py",
-    "test_checkpoints.py",
-)
-"""Files that begin first, the longest before all others, so that none is left over in the end."""
-
-
-def is_one_of(path: str, files: Collection[str]) -> bool:
-    """Return whether a path ends in one of these names."""
-    return any(path.endswith(f"/{file}") for file in files)
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Let properties draw as many examples as the selected tests are to have."""
-    heed(config.option.markexpr)
+    select(config.option.markexpr)
 
 
 def pytest_collection_finish() -> None:
@@ -98,35 +60,6 @@ def pytest_xdist_auto_num_workers() -> int:
     """One more than there are cores: a third of the time tests wait for processes to start and end."""
     known = hasattr(os, "sched_getaffinity")
     return 1 + (len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each file to one process, and all that share a cluster to the same."""
-    from xdist.scheduler import LoadFileScheduling
-
-    class Scheduling(LoadFileScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file = super()._split_scope(nodeid)
-            return "cluster" if is_one_of(file, ON_ONE_CLUSTER) else file
-
-    return Scheduling(config, log) if config.option.dist == "loadfile" else None
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first; pytest-xdist keeps the order."""
-
-    def rank(item: pytest.Item) -> int:
-        return next((i for i, x in enumerate(LONGEST) if is_one_of(item.path.as_posix(), [x])), len(LONGEST))
-
-    items.sort(key=rank)
-
-
-@pytest.hookimpl(tryfirst=True)  # before fixtures
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip long tests for which a slow machine has no time left."""
-    if item.get_closest_marker(MARK) and time.time() > float(os.environ.get("EMLA_LONG_TESTS_END", "inf")):
-        pytest.skip("The time for long tests is over (EMLA_LONG_TESTS_END).")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -225,3 +158,27 @@ def toy(sessions: dict[str, Session]) -> Session:
     """The native toy with nothing in its log."""
     sessions["Toy"].log.all.clear()
     return sessions["Toy"]
+
+
+@pytest.fixture
+def emla(
+    request: pytest.FixtureRequest, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Emla:
+    """Return a function that runs `emla` in an empty folder, with the FMUs that the session has built.
+
+    Pictures are empty unless the test is marked as `drawn`.
+    """
+    monkeypatch.chdir(tmp_path)
+    widen_terminal(monkeypatch)
+    if request.node.get_closest_marker("drawn") is None:
+        draw_empty(monkeypatch)
+
+    def call(*arguments: str) -> Result:
+        takes_fmus = (
+            arguments[0] in ("run", "rerun", "export", "sweep", "tune", "compare", "info")
+            and "--fmus" not in arguments
+        )
+        more = ["--fmus", str(fmu_folder)] if takes_fmus else []
+        return CliRunner().invoke(app, [*arguments, *more])
+
+    return call

@@ -2,7 +2,7 @@
 
 Every call depends on a fixed seed. With other seeds and numbers of calls:
 
-    EMLA_FUZZ_CALLS=200000 EMLA_FUZZ_SEED=2 pytest -m long tests/interop/test_container_fuzz.py
+    EMLA_FUZZ_CALLS=200000 EMLA_FUZZ_SEED=2 pytest -m slow tests/interop/test_container_fuzz.py
 """
 
 import os
@@ -20,15 +20,16 @@ import fmublock
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
-from tests.emla_cosim.test_containers import without_sources
+from tests.backends.test_containers import without_sources
 from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
 from tests.support.container_calls import STEP, TYPES_3
 from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import SUPPORT
 from tests.support.sessions import ERROR
 
-pytestmark = [needs_cc, pytest.mark.long]
+pytestmark = [needs_cc, pytest.mark.slow]
 
-TYPES = Path(__file__).parents[1] / "support" / "fmi3" / "fmi3.c"
+TYPES = SUPPORT / "fmi3" / "fmi3.c"
 CALLS = os.environ.get("EMLA_FUZZ_CALLS", "20000")
 SEED = os.environ.get("EMLA_FUZZ_SEED", "1")
 LETTERS = {

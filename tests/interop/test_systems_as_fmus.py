@@ -55,7 +55,7 @@ def test_libcosim(case: Case) -> None:
     np.testing.assert_array_equal(np.array(columns).T, expected)
 
 
-@pytest.mark.parametrize("kind", ["case", pytest.param("newer", marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ["case", pytest.param("newer", marks=pytest.mark.slow)])
 def test_ecos(kind: str, case: Case, request: pytest.FixtureRequest) -> None:
     fmu, expected = request.getfixturevalue(kind)
     rows = []

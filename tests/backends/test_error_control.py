@@ -1,0 +1,447 @@
+"""Steps chosen by their error: the step control alone, and step doubling with every algorithm."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.run_loop import simulate
+from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
+from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
+from emla_cosim.master.stepping.timing import make_clock, make_communication_points
+from emla_cosim.run.options import Options
+from tests.support.linear import LinearSlave, Whole, connected
+from tests.support.simulated import Table, begun, recorded, simulated
+from tests.support.slaves import FakeSlave
+from tests.support.tiers import mostly_slow
+from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
+
+all_algorithms = pytest.mark.parametrize("name", ALGORITHMS)
+all_extrapolations = pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+sizes = st.floats(-12.0, 6.0).map(lambda x: 10.0**x)
+
+
+def controlled(
+    network: Network,
+    algorithm: Algorithm,
+    stop: float,
+    first: float,
+    tolerance: float,
+    interval: float | None = None,
+) -> ErrorControl:
+    times = make_communication_points(stop, first)
+    return ErrorControl(begun(network, algorithm, times), times, tolerance, interval)
+
+
+# ---- the step control alone ---------------------------------------------------------------------
+
+
+@given(sizes, sizes)
+def test_a_proposed_step_leaves_nothing_or_enough_for_another(step: float, remaining: float) -> None:
+    proposed = StepControl(step, 1, 1e-15).propose(remaining)
+    assert 0.0 < proposed <= min(remaining, step * (1.0 + 1e-8))
+    assert proposed == remaining or remaining - proposed >= proposed * (1.0 - 1e-12)
+    assert proposed >= min(0.5 * step, remaining)
+
+
+@pytest.mark.parametrize(
+    ("remaining", "proposed"), [(0.5, 0.5), (1.0, 1.0), (1.000000001, 1.000000001), (1.1, 0.55), (2.1, 1.0)]
+)
+def test_the_time_that_remains_is_divided(remaining: float, proposed: float) -> None:
+    assert StepControl(1.0, 1, 1e-6).propose(remaining) == proposed
+
+
+@given(st.integers(1, 2), st.floats(0.0, 1.0), st.floats(1e-10, 1.0))
+def test_an_accepted_step_changes_the_next_within_bounds(order: int, error: float, last: float) -> None:
+    control = StepControl(0.1, order, 1e-7, last_error=last)
+    assert control.judge(0.1, error)
+    assert LARGEST_CUT * 0.1 <= control.step <= LARGEST_GROWTH * 0.1
+    assert (control.accepted, control.rejected) == (1, 0)
+
+
+@given(st.integers(1, 2), st.floats(1.0, exclude_min=True) | st.just(float("nan")))
+def test_a_rejected_step_is_tried_shorter(order: int, error: float) -> None:
+    control = StepControl(0.1, order, 1e-7)
+    assert not control.judge(0.1, error)
+    assert LARGEST_CUT * 0.1 <= control.step <= SAFETY * 0.1
+    assert (control.accepted, control.rejected) == (0, 1)
+
+
+def test_what_is_not_a_number_is_cut_most() -> None:
+    for error in (float("nan"), float("inf")):
+        control = StepControl(1.0, 1, 1e-7)
+        assert not control.judge(1.0, error)
+        assert control.step == LARGEST_CUT
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_constant_error_is_held_below_the_tolerance(order: int) -> None:
+    """Of a step h the error is (h / H)^(p + 1): the step comes to 0.9^(1/0.3) H at least, and stays."""
+    control, longest = StepControl(1e-4, order + 1, 1e-10), 0.02
+    steps = []
+    for _ in range(60):
+        step = control.step
+        assert control.judge(step, (step / longest) ** (order + 1))
+        steps.append(step)
+    assert np.ptp(steps[-10:]) < 1e-4 * longest
+    assert 0.7 * longest < steps[-1] < longest
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("interval", [0.1, 0.3, 0.6, 0.85])
+def test_points_to_be_met_cost_no_more_than_they_must(order: int, interval: float) -> None:
+    """A step of 0.9 would be allowed: one per interval will do."""
+    control, points = StepControl(0.01, order + 1, 1e-8), 100
+    for _ in range(points):
+        remaining = interval
+        while remaining > 0.0:
+            step = control.propose(remaining)
+            if control.judge(step, step ** (order + 1)):
+                remaining -= step
+    assert control.accepted <= points + 10
+    assert control.rejected == 0
+
+
+def test_a_step_cut_short_leaves_the_next_as_it_was() -> None:
+    control = StepControl(1.0, 2, 1e-8)
+    assert control.judge(0.01, 1e-6)
+    assert control.step == 1.0
+
+
+def test_a_step_that_would_be_too_short_ends_the_run() -> None:
+    control = StepControl(1e-3, 1, 5e-4)
+    with pytest.raises(RunError, match=r"^the error exceeds its tolerance even with a step of 0.001 s"):
+        control.judge(1e-3, 1e9)
+    control = StepControl(1e-3, 1, 5e-4)
+    control.discard(1e-3)
+    assert (control.step, control.rejected) == (5e-4, 1)
+    with pytest.raises(RunError, match="exceeds its tolerance"):
+        control.discard(5e-4)
+
+
+# ---- local errors -------------------------------------------------------------------------------
+
+
+def oscillators() -> Part:
+    """Two oscillators, one pulling at the other's displacement and speed."""
+    a = LinearSlave("a", [[0, 1], [-4, -0.1]], [0, 1], np.eye(2), [[0], [0]], [1, 0])
+    b = LinearSlave("b", [[0, 1], [-1, -0.2]], [[0, 0], [1, 0.2]], [1, 0], [[0, 0]], [0, 0.5])
+    return [a, b], [(0, 0, 1, 0), (0, 1, 1, 1), (1, 0, 0, 0)]
+
+
+@all_algorithms
+@all_extrapolations
+@pytest.mark.parametrize("tolerance", mostly_slow([1e-3, 1e-5], [1e-3]))
+def test_local_errors_are_near_the_tolerance(name: str, extrapolation: str, tolerance: float) -> None:
+    """Against the closed form, begun anew at every accepted point; per unit step with order 2."""
+    slaves, wires = oscillators()
+    whole, network, first = Whole(slaves, wires), connected(slaves, wires), 0.01
+    stepping = controlled(network, ALGORITHMS[name](extrapolation), 6.0, first, tolerance)
+    per_unit = stepping.algorithm.accuracy > 1
+    table, largest = Table(1 + len(network.signals)), np.abs(network.signals)
+    errors = []
+    while not stepping.finished:
+        time, x, before = stepping.time, np.concatenate([s.state for s in slaves]), stepping.steps
+        stepping.advance(table, 1)
+        if stepping.steps > before:
+            step = stepping.time - time
+            exact = whole.N @ expm(whole.M * step) @ x
+            allowed = tolerance * (step / (time + step + 10.0 * first) if per_unit else 1.0)
+            errors.append((np.abs(network.signals - exact) / (largest + 0.01)).max() / allowed)
+            largest = np.maximum(largest, np.abs(network.signals))
+    assert len(errors) == stepping.control.accepted > 20
+    assert 0.1 < np.median(errors) < 0.9
+    # lines through the past know its spacing, which the estimate does not
+    assert max(errors[1:]) < (3.0 if extrapolation == "fmu" else 1.0)
+    assert errors[0] < 3.0  # before which there is no line
+
+
+def burst() -> Part:
+    """A source that rings at 400 rad/s for 0.1 s and swings at 0.5 rad/s for ever, and what it drives."""
+    fast, slow, decay = 400.0, 0.5, 40.0
+    A = [[-decay, fast, 0, 0], [-fast, -decay, 0, 0], [0, 0, 0, slow], [0, 0, -slow, 0]]
+    source = LinearSlave("source", A, [], [1, 0, 0.5, 0], np.empty((1, 0)), [1, 0, 1, 0])
+    a = LinearSlave("a", [[-200]], [200, 20], [1], [[0, 0]], [0.5])
+    b = LinearSlave("b", [[-1]], [1], [1], [[0]], [0])
+    return [source, a, b], [(0, 0, 1, 0), (2, 0, 1, 1), (1, 0, 2, 0)]
+
+
+def error_of(rows: np.ndarray, part: Part) -> float:
+    whole = Whole(*part)
+    return max(float(np.abs(row[1:] - whole.outputs(row[0])).max()) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "extrapolation", "tolerance"),
+    [
+        ("jacobi", "fmu", 1e-2),
+        ("gauss-seidel", "none", 1e-3),
+        ("gauss-seidel", "fmu", 3e-3),
+        ("strong", "none", 1e-3),
+        ("strong", "fmu", 3e-3),
+    ],
+)
+def test_ten_times_fewer_steps_than_fixed_ones(name: str, extrapolation: str, tolerance: float) -> None:
+    stop, part = 20.0, burst()
+    stepping = controlled(connected(*part), ALGORITHMS[name](extrapolation), stop, 1e-3, tolerance)
+    error = error_of(recorded(stepping), part)
+    assert error < 10.0 * tolerance
+    steps = 3 * (stepping.control.accepted + stepping.control.rejected)
+    # the fixed ones make their error in the burst
+    part, fixed = burst(), stop / (10 * steps)
+    rows = simulated(
+        connected(*part),
+        ALGORITHMS[name](extrapolation),
+        make_communication_points(round(0.1 / fixed) * fixed, fixed),
+    )
+    assert error_of(rows, part) > 5.0 * error
+
+
+# ---- going back ---------------------------------------------------------------------------------
+
+
+def everything(stepping: ErrorControl, slaves: list[LinearSlave]) -> dict[str, bytes]:
+    """All that a rejected step must leave as it was."""
+    algorithm = stepping.algorithm
+    found = {name: value.tobytes() for name, value in algorithm.memory().items()}
+    for learned in [n for n in found if n.startswith("jacobian") or n == "sweeps"]:
+        del found[learned]
+    states = [x.tobytes() for slave in slaves for x in slave.save()]
+    return found | {"states": b"".join(states), "signals": algorithm.network.signals.tobytes()}
+
+
+@all_algorithms
+@all_extrapolations
+def test_a_rejected_step_leaves_everything_as_it_was(name: str, extrapolation: str) -> None:
+    slaves, wires = oscillators()
+    algorithm = ALGORITHMS[name](extrapolation)
+    stepping = controlled(connected(slaves, wires), algorithm, 6.0, 0.1, 1e-4)
+    table = Table(1 + len(algorithm.network.signals))
+    stepping.advance(table, 3)
+    for step in (0.5, 2.0):
+        stepping.control.step = step
+        before, time, accepted = everything(stepping, slaves), stepping.time, stepping.steps
+        stepping.advance(table, 1)
+        assert stepping.steps == accepted
+        assert everything(stepping, slaves) == before
+        assert stepping.time == time
+    assert stepping.control.rejected >= 2
+
+
+def test_a_run_goes_on_from_what_was_remembered_after_a_rejected_step() -> None:
+    """Also the first try, by which jumps are recognised, bit for bit."""
+    rows = []
+    for interrupted in (False, True):
+        part = oscillators()
+        stepping = controlled(connected(*part), Jacobi("fmu"), 1.0, 0.5, 1e-4)
+        stepping.advance(Table(4), 1)
+        assert (stepping.control.accepted, stepping.control.rejected) == (0, 1)
+        if interrupted:
+            memory = {name: value.copy() for name, value in stepping.memory().items()}
+            part = oscillators()
+            stepping = controlled(connected(*part), Jacobi("fmu"), 1.0, 0.5, 1e-4)
+            stepping.remember(memory)
+            assert {n: v.tobytes() for n, v in stepping.memory().items()} == {
+                n: v.tobytes() for n, v in memory.items()
+            }
+        rows.append(recorded(stepping))
+    assert rows[0].tobytes() == rows[1].tobytes()
+
+
+def test_a_wild_try_does_not_loosen_the_agreement_of_a_loop() -> None:
+    """Long steps come to 1e12 on the way; what agrees must not be judged by that afterwards."""
+
+    def wild(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
+        return x * 1e12 if h > 0.2 else x + h * (1.0 - 3.0 * u)
+
+    a = FakeSlave("a", 1, [1.0], wild)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: 2.0 * u)
+    network = Network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
+    algorithm = Strong()
+    stepping = controlled(network, algorithm, 1.0, 1.0, 0.1)
+    recorded(stepping)
+    assert stepping.control.rejected > 0
+    assert algorithm.memory()["strong/largest"].max() < 10.0
+
+
+def test_a_discarded_step_is_tried_shorter() -> None:
+    spans = []
+
+    def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
+        if h > 0.02:
+            raise DiscardedStepError("short", "doStep", "fmi2Discard", ["Too long."])
+        spans.append(h)
+        return x + h
+
+    slave = FakeSlave("short", 0, [0.0], advance)
+    stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
+    rows = recorded(stepping)
+    assert rows[:, 1] == pytest.approx(rows[:, 0])
+    assert rows[-1, 0] == 1.0
+    assert max(spans) <= 0.02
+    assert stepping.control.rejected > 2
+
+
+def test_a_slave_that_discards_every_step_has_the_last_word() -> None:
+    def never(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
+        raise DiscardedStepError("stubborn", "doStep", "fmi2Discard", ["No."])
+
+    slave = FakeSlave("stubborn", 0, [0.0], never)
+    stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
+    with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. It said: No\."):
+        recorded(stepping)
+    assert 2.0**-stepping.control.rejected < 2.0 * SMALLEST
+
+
+def ending(wrong: float, reads: bool) -> Network:
+    """A clock whose second output becomes something else after 0.5 s, and perhaps a reader of it."""
+    clock = FakeSlave(
+        "clock", 0, [0.0], lambda u, x, t, h: x + h, lambda u, x: [x[0], wrong if x[0] > 0.5 else 0.0]
+    )
+    reader = FakeSlave("reader", 1, [0.0], lambda u, x, t, h: x + h * u)
+    return Network([clock, reader], [Link(0, 1 if reads else 0, 1, 0, False)])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_what_is_not_a_number_ends_the_run_with_its_name(wrong: float) -> None:
+    stepping = controlled(ending(wrong, True), Jacobi(), 1.0, 0.1, 0.05)
+    with pytest.raises(RunError, match=rf"^clock\[1\] became {wrong} at t = 0.5"):
+        recorded(stepping)
+    assert stepping.time == pytest.approx(0.5, abs=1e-5)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_what_nobody_reads_may_be_no_number(wrong: float) -> None:
+    """As with fixed steps."""
+    stepping = controlled(ending(wrong, False), Jacobi(), 1.0, 0.1, 0.05)
+    rows = recorded(stepping)
+    assert rows[-1, :2] == pytest.approx([1.0, 1.0])
+    assert rows[-1, 3] == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("infinity", [np.inf, -np.inf])
+def test_an_infinite_value_does_not_make_every_later_error_small(infinity: float) -> None:
+    """A signal that was infinite once is judged by its finite values ever after."""
+
+    def steps(first: float) -> int:
+        spring = FakeSlave(
+            "spring",
+            0,
+            [0.0, 1.0],
+            lambda u, x, t, h: [x[0] + h * 20.0 * x[1], x[1] - h * 20.0 * x[0]],
+            lambda u, x: [first if x[0] == 0.0 else x[0]],  # which nobody reads
+        )
+        stepping = controlled(Network([spring], []), Jacobi(), 1.0, 1e-3, 1e-3)
+        assert np.isfinite(recorded(stepping)[1:]).all()
+        assert np.isfinite(stepping.memory()["control/largest"]).all()
+        return stepping.steps
+
+    assert steps(infinity) == pytest.approx(steps(0.0), rel=0.1)
+    assert steps(0.0) > 100
+
+
+@pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("mass", [1.5, 100.0])
+def test_an_unstable_coupling_is_not_taken_for_jumps(name: str, mass: float) -> None:
+    """A rigid load diverges at every step. Once that may pass for a jump, not again and again."""
+    stepping = controlled(connected(*rigid_load(mass)), ALGORITHMS[name](), 0.5, 1e-2, 1e-3)
+    table = Table(5)
+    with np.errstate(all="ignore"), pytest.raises(RunError, match=r"even with a step of .* s"):
+        simulate(stepping, table)
+    initial = STIFFNESS * 0.1 / (MASS + mass)
+    assert np.abs(table.rows[:, 3]).max(initial=0.0) < 20.0 * initial
+
+
+def test_a_jump_that_no_step_is_short_enough_for_ends_the_run() -> None:
+    """A step of a continuous output that is 1 high at any step size."""
+    slave = FakeSlave("jump", 0, [0.0], lambda u, x, t, h: [1.0] if t < 0.3 < t + h else x, None)
+    slave.state[:] = 0.0
+    stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
+    recorded(stepping)  # both ways of doing the step see the jump: no error
+    noise = np.random.default_rng(3)
+    slave = FakeSlave("noise", 0, [0.0], lambda u, x, t, h: noise.normal(size=1))
+    stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-6)
+    with pytest.raises(RunError, match=r"even with a step of .* s"):
+        recorded(stepping)
+
+
+# ---- points to be met ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stop", "first", "interval"),
+    [
+        (1.0, 0.1, 0.1),
+        (4.2, 0.1, 0.7),
+        (1.2, 0.1, 0.3),
+        (2.1, 0.1, 0.7),
+        (1.0, 0.001, 0.25),
+        (1.0, 0.5, 0.02),
+    ],
+)
+def test_multiples_of_the_interval_are_met_and_only_they_recorded(
+    stop: float, first: float, interval: float
+) -> None:
+    part = oscillators()
+    stepping = controlled(connected(*part), Strong("fmu"), stop, first, 1e-4, interval)
+    rows = recorded(stepping)
+    count = round(stop / interval)
+    assert rows[:, 0].tolist() == [make_clock(0.0, interval).point(k) for k in range(count + 1)]
+    assert error_of(rows, part) < 1e-2
+
+
+def test_a_stop_time_between_two_points_is_met_as_well() -> None:
+    part = oscillators()
+    rows = recorded(controlled(connected(*part), Jacobi("fmu"), 1.0, 0.1, 1e-3, 0.3))
+    assert rows[:, 0].tolist() == [0.0, 0.3, 0.6, 0.9, 1.0]
+
+
+def test_without_an_interval_every_accepted_step_is_recorded() -> None:
+    part = oscillators()
+    stepping = controlled(connected(*part), Jacobi("fmu"), 1.0, 0.1, 1e-3)
+    rows = recorded(stepping)
+    assert len(rows) == 1 + stepping.steps
+    assert (np.diff(rows[:, 0]) > 0.0).all()
+    assert rows[-1, 0] == 1.0
+
+
+# ---- what cannot be controlled ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1.0, float("nan"), float("inf")])
+def test_tolerances_that_make_no_sense_are_refused(tolerance: float) -> None:
+    with pytest.raises(CommandError, match=r"the error tolerance .* must be between 0 and 1"):
+        Options().updated({"error_tolerance": tolerance})
+
+
+@all_algorithms
+@pytest.mark.parametrize(
+    ("ability", "message"),
+    [
+        ("rolls_back", r"error control needs FMUs with canGetAndSetFMUstate; clock cannot do it\."),
+        ("varies_step", "error control needs FMUs with canHandleVariableCommunicationStepSize; clock cannot"),
+    ],
+)
+def test_slaves_must_be_able_to_go_back_and_vary_the_step(name: str, ability: str, message: str) -> None:
+    network = ending(0.0, True)
+    setattr(network.instances[0], ability, False)
+    with pytest.raises(CommandError, match=message):
+        controlled(network, ALGORITHMS[name](), 1.0, 0.1, 1e-3)
+
+
+@pytest.mark.parametrize(("name", "multiple"), [("jacobi", 2), ("gauss-seidel", 2), ("strong", 1)])
+def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
+    make: Callable[..., Algorithm] = ALGORITHMS[name]
+    with pytest.raises(CommandError, match="step multiples need fixed steps"):
+        controlled(ending(0.0, True), make("none", {"clock": multiple}), 1.0, 0.1, 1e-3)

@@ -1,0 +1,528 @@
+"""Whatever ends in a cluster, every variant is there exactly once in the end."""
+
+import http.client
+import os
+import pickle
+import random
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import types
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import polars
+import psutil
+import pytest
+from distributed import Client, LocalCluster
+
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.base.ownership import MANIFEST
+from emla_cosim.base.progress import Progress
+from emla_cosim.recorders.metrics import METRICS
+from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
+from emla_cosim.sweeps.runner import sweep
+from emla_cosim.sweeps.stored import read_sweep
+from tests.support.clusters import CODE, At, family, outside_cluster, shared_cluster
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import line_with_a_fault
+from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
+from tests.support.waiting import wait_for
+
+RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster() as client:
+        yield client
+
+
+def killing(flag: Path, value: float) -> Any:
+    """A metric, y in the end, that ends its process where y is this value, if it did not so before."""
+
+    def kills(result: Any) -> float:
+        import contextlib
+        import os
+        import signal
+        import time
+
+        time.sleep(0.02)  # so that a chunk does not hold them all
+        last = float(result["j.bad.y"][-1])
+        with contextlib.suppress(FileExistsError):
+            if abs(last - value) < 1e-9:
+                flag.touch(exist_ok=False)
+                os.kill(os.getpid(), signal.SIGKILL)
+        return last
+
+    return kills
+
+
+def numbers(result: Any) -> list[int]:
+    return result.variants["variant"].to_list()
+
+
+def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
+    cluster: Client, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    """One variant's FMU ends every process that it comes to; another's process is killed once."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    faults = [Fault.NONE] * 4 + [Fault.SEGFAULT] + [Fault.NONE] * 3
+    result = sweep(
+        system,
+        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
+        metrics={"y": killing(tmp_path / "flag", 3.0)},
+        scheduler=cluster,
+        **RUN,
+    )
+    assert (tmp_path / "flag").exists()
+    assert numbers(result) == list(range(8)) and result.complete
+    assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
+    assert "its process ended 2 times (SIGSEGV): an FMU crashed it" in result.variants["problem"][4]
+    assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
+
+
+def command(fmus: Path, *more: str) -> list[str]:
+    return [
+        sys.executable, "-m", "emla_cosim", "sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:100",
+        "--metric", "lift.torque_peak_N_m", "--signals", "lift.plant.x_L", "--stop-time", "0.1",
+        "--fmus", str(fmus), "--no-plots", "--output", "out", *more,
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def undisturbed(cluster: Client, fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("undisturbed")
+    lift(cluster, fmu_folder, folder / "out")
+    return folder / "out"
+
+
+def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
+    """The sweep of `command`."""
+    return sweep(
+        "lift",
+        {"lift.plant.motor.R_s": "0.1:0.2:100"},
+        metrics=["lift.torque_peak_N_m"],
+        signals=["lift.plant.x_L"],
+        scheduler=cluster,
+        stop_time=0.1,
+        fmus=fmus,
+        output=output,
+        **more,
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows does not have the signals of POSIX.")
+@pytest.mark.parametrize("way", mostly_slow(["Ctrl-C", "caller", "everything"], ["Ctrl-C", "everything"]))
+def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
+    way: str, cluster: Client, fmu_folder: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    process = subprocess.Popen(
+        command(fmu_folder, "--workers", "2"),
+        cwd=tmp_path, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env=environment,
+    )  # fmt: skip
+    out = tmp_path / "out"
+    try:
+        wait_for(lambda: len(list(out.glob("parts/[0-9]*.parquet"))) >= 3 or process.poll() is not None)
+        everybody = family(process)
+    finally:
+        if way == "Ctrl-C":
+            process.send_signal(signal.SIGINT)
+        else:
+            for one in family(process)[: 1 if way == "caller" else None]:
+                one.kill()
+    errors = process.communicate(timeout=60)[1]
+    assert not psutil.wait_procs(everybody, timeout=15)[1], "a process survives"
+    if way == "Ctrl-C":
+        assert process.returncode == 1
+        assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
+    partial, whole = read_sweep(out), read_sweep(undisturbed)
+    there = partial.variants["variant"].to_list()
+    assert 3 <= len(there) < 100 and not partial.complete
+    assert partial.variants.equals(whole.variants.filter(polars.col("variant").is_in(there)))
+    assert partial.series is not None and whole.series is not None
+    expected = whole.series.filter(polars.col("variant").is_in(there))
+    assert partial.series.collect().equals(expected.collect())
+    if way != "everything":
+        if way == "caller":  # its folder stays until the next command
+            command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
+            subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
+        assert not list(temporary.iterdir())
+
+    alone = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
+    shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{alone:09d}.parquet")  # killed before
+    done = lift(cluster, fmu_folder, out, resume=True)
+    assert done.complete and numbers(done) == list(range(100))
+    assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
+    assert done.series is not None and (before := read_sweep(undisturbed).series) is not None
+    assert done.series.collect().equals(before.collect())
+    assert not list(out.glob("parts")) and {p.name for p in out.rglob(".*")} <= {MANIFEST}
+
+
+def test_processes_elsewhere_that_share_nothing(
+    faulty_fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker of it is killed, then the scheduler; the local cluster goes on with what there is."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    plan: dict[str, Any] = {
+        "vary": {"j.bad.b": "0.1:0.5:40"},
+        "metrics": {"y": killing(tmp_path / "flag", 2.0 + 2.0 * (0.1 + 0.4 * 20 / 39))},
+        **RUN,
+    }
+    there = sweep(system, **plan, scheduler=cluster, output=tmp_path / "there")
+    (tmp_path / "flag").unlink()
+    with outside_cluster(tmp_path) as outside:
+        during: list[Any] = []
+        unpacked = set[Path]()
+
+        def kill_worker() -> None:
+            during.append(read_sweep(tmp_path / "here"))
+            unpacked.update(files_of_fmus(tmp_path / "worker-0"))
+            outside.workers[0].kill()
+
+        here = sweep(
+            system, **plan, scheduler=outside.address, output=tmp_path / "here", progress=At(5, kill_worker)
+        )
+        assert [w.poll() is None for w in outside.workers].count(True) == 1, "no worker was killed"
+        assert here.variants.equals(there.variants) and numbers(here) == list(range(40))
+        running = during[0].variants
+        assert 0 < running.height < 40 and not during[0].complete
+        assert running.equals(there.variants.filter(there.variants["variant"].is_in(numbers(during[0]))))
+        assert len(unpacked) >= 3 and {DASK in file.parts for file in unpacked} == {True}
+        for name in ("worker-0", "worker-1"):  # killed, and at the end of the sweep
+            wait_for(lambda name=name: not files_of_fmus(tmp_path / name))
+        with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
+            sweep(
+                system, **plan, scheduler=outside.address, output=tmp_path / "early", patience=4.0,
+                progress=At(10, outside.kill_scheduler),
+            )  # fmt: skip
+        assert "\n" not in str(caught.value)
+    early = read_sweep(tmp_path / "early")
+    assert 10 <= early.variants.height < 40, caught.value
+    done = sweep(system, **plan, scheduler=cluster, output=tmp_path / "early", resume=True)
+    assert done.variants.equals(there.variants)
+    one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
+    assert one == other
+
+
+DASK = "dask-scratch-space"
+"""The folder of Dask in which workers have their local directories."""
+
+
+def files_of_fmus(folder: Path) -> set[Path]:
+    """FMUs, and what is unpacked from them; folders may vanish meanwhile."""
+    found = {Path(at, name) for at, _, names in os.walk(folder) for name in names}
+    return {p for p in found if p.name == "modelDescription.xml" or p.suffix in (".fmu", ".so")}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Other systems name libraries in other ways.")
+def test_fmus_of_a_worker_that_is_lost_with_all_its_processes(faulty_fmu: Path, tmp_path: Path) -> None:
+    """Nobody is left who could remove them: they lie where the next worker of the machine tidies up."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    with outside_cluster(tmp_path, workers=1) as outside:
+
+        def kill_all() -> None:
+            for one in family(outside.workers[0]):
+                one.suspend()  # else one could remove the files before it is killed itself
+            for one in family(outside.workers[0]):
+                one.kill()
+
+        with pytest.raises(RunError, match="had no workers for 1 s"):
+            sweep(
+                system, {"j.bad.b": "0.1:0.5:400"}, scheduler=outside.address, patience=1.0,
+                progress=At(5, kill_all), **RUN,
+            )  # fmt: skip
+        left = files_of_fmus(tmp_path / "worker-0")
+        assert left and {DASK in file.parts for file in left} == {True}
+        outside.worker("--no-nanny", "--local-directory", str(tmp_path / "worker-0/temporary"))
+        wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
+
+
+def test_a_chunk_of_long_variants_comes_back_early(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long variants after many short ones: no process keeps those that another one could run."""
+    short, long, long_s = 200, 8, 1.0
+    limits, answers = dict[int, float](), list[tuple[int, int, float]]()
+    next_chunk, take_answer = executor.ChunkQueue.next, executor.ChunkQueue.take_answer
+
+    def process_of(result: Any) -> float:
+        import os
+        import time
+
+        time.sleep(long_s if result["j.bad.y"][-1] > 3.0 else 0.0)
+        return float(os.getpid())
+
+    def note_limit(queue: Any, threads: int) -> Any:
+        chunk, limit = next_chunk(queue, threads)
+        limits[chunk.variants[0]] = limit
+        return chunk, limit
+
+    def note_answer(queue: Any, chunk: Any, answer: Any) -> Any:
+        given = sum(number >= short for number in chunk.variants)
+        done = sum(pickle.loads(outcome).number >= short for outcome in answer.outcomes)
+        answers.append((given, done, limits[chunk.variants[0]]))
+        return take_answer(queue, chunk, answer)
+
+    monkeypatch.setattr(executor.ChunkQueue, "next", note_limit)
+    monkeypatch.setattr(executor.ChunkQueue, "take_answer", note_answer)
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * short + [0.9] * long},
+        metrics={"process": process_of}, scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * (short + long)
+    for given, done, limit in answers:
+        assert done <= given and long_s * (done - 1) <= limit, "a chunk did not come back in time"
+    assert any(done < given for given, done, _ in answers), "no chunk had to come back early"
+    processes = result.variants["process"].to_list()[short:]
+    assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
+
+
+def test_no_port_of_the_own_cluster_answers_other_users(cluster: Client) -> None:
+    """Dask's pages would show them all that runs, and let them call functions."""
+    ports: Any = cluster.run_on_scheduler(listening_ports)
+    assert ports
+    for port in ports:
+        for page in ("/", "/status", "/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
+            with suppress(OSError, http.client.HTTPException):  # it is encrypted
+                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+                connection.request("GET", page)
+                assert connection.getresponse().status == 404, (port, page)
+
+
+def listening_ports() -> list[int]:
+    """Return the ports on which this process waits for connections."""
+    found = psutil.Process().net_connections("tcp")
+    return sorted({one.laddr.port for one in found if one.status == psutil.CONN_LISTEN})
+
+
+def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    monkeypatch.setattr(executor, "_CONNECT_S", 0.5)
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        port = closed.getsockname()[1]
+    for address in (f"tcp://127.0.0.1:{port}", "nonsense://x", "", "tcp://", "tcp://[::1"):
+        with pytest.raises(RunError, match=re.escape(f"no scheduler answers at '{address}': ")):
+            sweep(system, {"j.bad.b": [0.1]}, scheduler=address, output=tmp_path / "out", **RUN)
+    assert not (tmp_path / "out").exists()
+
+
+class Notes(Progress):
+    """Keeps what is noted."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        self.notes.append(sentence)
+
+
+def test_a_scheduler_without_workers(faulty_fmu: Path, tmp_path: Path) -> None:
+    """It is said what is waited for; an adaptive cluster starts workers for what waits."""
+    plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
+    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
+    with (
+        LocalCluster(
+            n_workers=0, threads_per_worker=1, processes=False, protocol="tcp://",
+            dashboard_address="127.0.0.1:0", local_directory=str(tmp_path),
+        ) as adaptive,
+        Client(adaptive, set_as_default=False) as client,
+    ):  # fmt: skip
+        with pytest.raises(RunError, match=r"had no workers for 1\.5 s; start workers, or wait longer with"):
+            sweep(system, **plan, scheduler=client, output=tmp_path / "out", patience=1.5, progress=seen)
+        assert not (tmp_path / "out").exists()
+        waiting = f"Waiting for workers: the scheduler at {adaptive.scheduler_address} has none."
+        assert [waiting in note for note in seen.notes].count(True) == 1
+        adaptive.adapt(minimum=0, maximum=2, interval="100ms")
+        assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
+
+
+def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+    """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
+    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
+    cluster.run(set_slow_s, 0.5)
+    faults = [int(Fault.HANG if n in (3, 7) else Fault.NONE) for n in range(12)]
+    plan: dict[str, Any] = {"vary": {"j.bad.fault": faults}, "metrics": ["y = last(j.bad.y)"], **RUN}
+    out, stopping = tmp_path / "out", At(3, lambda: signal.raise_signal(signal.SIGINT))
+    partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
+    assert not partial.complete and not {3, 7} & set(numbers(partial))
+    wait_for(lambda: sum(cluster.run(count_lost_processes).values()) == 0)
+    result = sweep(
+        system, **plan, scheduler=cluster, output=out, resume=True, timeout="2 s", progress=seen,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
+    assert result.variants["problem"][3] == "it took more than 2 s; see --timeout."
+    assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
+    cluster.run(set_slow_s, 10.0)
+
+
+def count_lost_processes() -> int:
+    """Return how many processes of a worker run variants that no sweep waits for."""
+    found = 0
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):  # it has just ended
+            found += "emla_cosim.sweeps.variant_process" in child.cmdline()
+    return found - len(idle_processes.IDLE)
+
+
+def set_slow_s(seconds: float) -> None:
+    worker._SLOW_S = seconds
+
+
+@pytest.mark.parametrize("killers", mostly_slow([1, 3], [3]))
+@pytest.mark.parametrize("kind", mostly_slow(["here", "nanny", "no nanny"], ["no nanny"]))
+def test_variants_that_end_processes_cost_no_worker(
+    kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
+    chosen = random.Random(killers).sample(range(40), killers)
+    faults = [int(Fault.ABORT if n in chosen else Fault.NONE) for n in range(40)]
+    with ExitStack() as stack:
+        scheduler: Any = cluster
+        if kind != "here":
+            more = () if kind == "nanny" else ("--no-nanny",)
+            scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
+        result = sweep(
+            line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
+            {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": faults}},
+            metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=scheduler, **RUN,
+        )  # fmt: skip
+        if kind != "here":
+            with Client(scheduler, set_as_default=False) as client:
+                assert sum(dict(client.nthreads()).values()) == 2
+    assert result.variants["status"].to_list() == ["died" if n in chosen else "done" for n in range(40)]
+    assert result.series is not None
+    assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
+
+
+def test_fmus_that_end_the_process_of_the_next_variant(cluster: Client, faulty_fmu: Path) -> None:
+    """They fail in fmi2Terminate, after their variant is done: nobody is blamed for it."""
+    faults = [Fault.SEGFAULT_TERMINATE] * 8
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
+        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
+        metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=cluster, **RUN,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done"] * 8
+    assert result.series is not None and set(result.series.collect()["variant"]) == set(range(8))
+
+
+def test_a_worker_without_the_package(faulty_fmu: Path, tmp_path: Path) -> None:
+    """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
+    (tmp_path / "other/emla_cosim").mkdir(parents=True)
+    (tmp_path / "other/emla_cosim/__init__.py").write_text("raise ImportError('no emla_cosim here')")
+    with outside_cluster(tmp_path, workers=0) as outside:
+        outside.worker("--no-nanny", path=f"{tmp_path / 'other'}{os.pathsep}{CODE}")
+        with pytest.raises(RunError, match="cannot run this: no emla_cosim here; install the same versions"):
+            sweep(
+                line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1]},
+                scheduler=outside.address, **RUN,
+            )  # fmt: skip
+        assert outside.workers[0].poll() is None
+
+
+SCRIPT = """
+@dataclass
+class Ceiling(ec.Recorder):
+    ceiling: float = ec.option(1.0, help="Highest position that is allowed, in m.")
+
+    def begin(self, outline, memory=None):
+        self.column = 1 + outline.names.index("lift.plant.x_L")
+
+    def write(self, rows):
+        if rows[:, self.column].max() > self.ceiling:
+            raise ValueError("too high")
+
+
+@dataclass
+class Rows(ec.Metrics):
+    outline: ec.Outline
+    count: int = 0
+
+    def write(self, rows):
+        self.count += len(rows)
+
+    def figures(self):
+        return {"table": {"rows": self.count}}
+
+    def memory(self):
+        return self.count
+
+    def remember(self, memory):
+        self.count = memory
+
+
+ec.RECORDERS["ceiling"] = Ceiling
+ec.METRICS["rows"] = Rows
+
+if __name__ == "__main__":
+    with distributed.Client(address, security=pickle.loads(security), set_as_default=False) as client:
+        vary = {"plants": ["*.plant", "lift.*"], "ceiling": [0.1, 1.0]}
+        options = {"algorithm": "plants-first", "stop_time": 0.01, "fmus": fmus}
+        found = ec.sweep("lift", vary, scheduler=client, **options)
+    print(found.variants["status"].to_list(), found.variants["table.rows"].to_list())
+"""
+"""Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""
+
+
+def test_what_a_script_defines_runs_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    """The algorithm of docs/recipes.md, whose options are fields of a dataclass."""
+    page = (ROOT / "docs/recipes.md").read_text(encoding="utf-8")
+    recipe = re.search(r"```python\n(from dataclasses .*?)with ec.load", page, re.DOTALL)
+    assert recipe is not None and "PlantsFirst" in recipe[1]
+    given = {
+        "address": cluster.scheduler_info()["address"], "fmus": str(fmu_folder),
+        "security": pickle.dumps(cluster.security),
+    }  # fmt: skip
+    lines = ["import pickle", "import distributed", *(f"{name} = {value!r}" for name, value in given.items())]
+    (tmp_path / "script.py").write_text("\n".join([*lines, recipe[1], SCRIPT]))
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": CODE},
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
+
+
+def test_a_worker_of_another_version(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is refused, and the cluster remains as good as it was."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    with monkeypatch.context() as patched, pytest.raises(CommandError) as caught:
+        patched.setattr(worker_payload, "version", lambda _: "0.0.1")
+        sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
+    assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
+    left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
+    assert not [name for name in left if "emla" in name], "new workers would be refused as well"
+    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].to_list() == [
+        "done"
+    ]
+
+
+def test_what_workers_do_not_have_is_told(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A metric of a module that only the caller has."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    module = types.ModuleType("only_here")
+    exec("def metric(result):\n    return 1.0", module.__dict__)
+    monkeypatch.setitem(sys.modules, "only_here", module)
+    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
+        sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
+    with monkeypatch.context() as patched:
+        patched.setitem(METRICS, "mine", module.metric)
+        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
+            sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
+    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete

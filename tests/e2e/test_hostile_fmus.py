@@ -1,0 +1,180 @@
+"""An FMU that attacks files and processes costs no file of the user, and no result of another FMU."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.sandbox import confinement
+from emla_cosim.sandbox.confinement import can_confine, confine, list_gaps
+from emla_cosim.verification.unexamined import list_unexamined
+from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.wide import build_wide_fmu
+from tests.support.tiers import mostly_slow
+
+ATTACKS = (
+    "step:remove_home",
+    "step:write_home",
+    "step:write_victim",
+    "step:remove_victim",
+    "step:move_victim",
+    "step:truncate_victim",
+    "step:link_victim",
+    "load:remove_victim",
+    "unload:write_victim",
+    "step:kill_all",
+)
+needs_landlock = pytest.mark.skipif(not can_confine(), reason="This system cannot confine a process.")
+
+
+@needs_landlock
+def test_no_file_of_the_user_is_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home, elsewhere = tmp_path / "home", tmp_path / "elsewhere"
+    for folder in (home, elsewhere):
+        folder.mkdir()
+        (folder / "thesis.txt").write_text("the only copy")
+    monkeypatch.setenv("HOME", str(home))
+    fmus = {}
+    for attack in ATTACKS:
+        folder = tmp_path / attack.replace(":", "-")
+        folder.mkdir()
+        fmus[attack] = build_wide_fmu(folder, attack, victim=elsewhere / "thesis.txt")
+    fmus["good"] = build_wide_fmu(tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    report = ec.verify(fmus, only=["run.completes", "process.files", "process.unload"])
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert report["good"].passed
+    assert report["step:kill_all"]["run.completes"].verdict == Verdict.FAILED
+    assert "removes files from the home folder" in report["step:remove_home"]["process.files"].sentence
+    for one in report.examined:
+        assert not [line for line in one.not_examined if line.startswith("Files outside")]
+
+
+@needs_landlock
+def test_recording_protects_what_is_beside_the_references(tmp_path: Path) -> None:
+    folder = tmp_path / "references"
+    folder.mkdir()
+    victim = folder / "Other_ref.csv"
+    victim.write_text("time,x\n")
+    report = ec.verify(
+        build_wide_fmu(tmp_path, "step:write_victim", victim=victim), record=ec.Recording(folder)
+    )
+    assert report.passed, report.failures
+    assert victim.read_text() == "time,x\n"
+    assert (folder / "Wide_ref.csv").is_file()
+
+
+def _confined(folder: Path, other: Path) -> list[str]:
+    """Return what a confined process could do outside of its folder."""
+    reading, writing = os.pipe()
+    if (child := os.fork()) == 0:
+        confine([folder])
+        (folder / "mine").write_text("allowed")
+        done = []
+        for name, do in {
+            "write": lambda: other.write_text("x"),
+            "remove": other.unlink,
+            "rename": lambda: other.rename(folder / "stolen"),
+            "empty": lambda: os.truncate(other, 0),
+            "make": lambda: (other.parent / "new").mkdir(),
+            "signal": lambda: os.kill(os.getppid(), 0),
+        }.items():
+            try:
+                do()
+                done.append(name)
+            except OSError:
+                continue
+        os.write(writing, ",".join(done).encode())
+        os._exit(0)
+    os.close(writing)
+    os.waitpid(child, 0)
+    with os.fdopen(reading) as stream:
+        return stream.read().split(",")
+
+
+@needs_landlock
+def test_a_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    other = tmp_path / "other"
+    other.write_text("content")
+    allowed = ["signal"] if any(line.startswith("Other processes") for line in list_gaps()) else [""]
+    assert _confined(folder, other) == allowed
+    assert (folder / "mine").read_text() == "allowed"
+    assert other.read_text() == "content"
+
+
+def test_a_machine_that_cannot_confine_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report = ec.verify(build_wide_fmu(tmp_path), only="run.completes")
+    ran = {f.check: f for f in report.examined[0].findings}
+    monkeypatch.setattr(confinement, "_version", lambda: 0)
+    assert not confine([tmp_path])
+    subject = _Subject(tmp_path)
+    assert any(line.startswith("Files outside") for line in list_unexamined(subject, ran))  # type: ignore[arg-type]
+    assert not any(line.startswith("Files outside") for line in list_unexamined(subject, {}))  # type: ignore[arg-type]
+
+
+class _Subject:
+    """An FMU without binaries of other platforms."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.known_version = folder, 2
+
+
+@pytest.mark.parametrize(
+    "number",
+    mostly_slow([signal.SIGTERM, signal.SIGINT, signal.SIGHUP], [signal.SIGTERM]),
+    ids=lambda n: n.name,
+)
+def test_an_interruption_keeps_what_is_finished(tmp_path: Path, number: signal.Signals) -> None:
+    """The second FMU never returns from a step; the first one is done by then."""
+    (tmp_path / "hanging").mkdir()
+    done = build_wide_fmu(tmp_path, name="Done")
+    hanging = build_wide_fmu(tmp_path / "hanging", "step:hang", name="Hanging")
+    files = {kind: tmp_path / f"report.{kind}" for kind in ("json", "junit", "html")}
+    command = [sys.executable, "-m", "emla_cosim", "verify", str(done), str(hanging), "--seconds", "99"]
+    command += [
+        "--only",
+        "run.completes",
+        *(word for kind, f in files.items() for word in (f"--{kind}", str(f))),
+    ]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout is not None
+    _wait_until_it_hangs(process, tmp_path)
+    process.send_signal(number)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 1, said
+    assert b"interrupted before all checks were done" in said
+    found = json.loads(files["json"].read_text())
+    assert (found["complete"], found["passed"]) == (False, False)
+    first, second = found["examined"]
+    assert first["passed"] and [f["verdict"] for f in first["findings"]] == ["passed"]
+    assert "interrupted" in second["objections"][0]
+    assert "interrupted" in files["junit"].read_text()
+    assert "Interrupted: " in files["html"].read_text()
+
+
+def _wait_until_it_hangs(process: subprocess.Popen[bytes], folder: Path) -> None:
+    """Wait until the first FMU was unpacked and removed again, and the second one is unpacked."""
+    until, seen = time.monotonic() + 90.0, False
+    while time.monotonic() < until:
+        assert process.poll() is None
+        here = {path.stem for path in folder.glob("emla-*/emla-verify-*/emla-verify-*/fmu/binaries/*/*")}
+        seen = seen or "Done" in here
+        if seen and here == {"Hanging"}:
+            time.sleep(0.5)
+            return
+        time.sleep(0.05)
+    raise AssertionError("It does not get to the FMU that hangs.")

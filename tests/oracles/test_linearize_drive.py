@@ -1,0 +1,180 @@
+"""Margins of a joint, compared with its equations, and frequency responses with an injected sine."""
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.linearization.margins import compute_margins
+from emla_cosim.linearization.places import default_openings
+from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
+from tests.support.linear_drive import GAINS as GAINS_OF_MODEL
+from tests.support.tiers import mostly_slow
+
+AT, DURATION = 0.35, 0.15
+DELAY = {"lift.plant.inverter.delay": STEP}
+GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned"}
+PLACES = {
+    POSITION: "lift.plant.x_measured -> lift.observer.y",
+    CURRENT: "lift.controller.a_d -> lift.controller.i_q_ref",
+}
+
+
+def drive(controller: str) -> LinearDrive:
+    """Return the drive at its operating point."""
+    options = {"gains": GAINS[controller], "set": DELAY, "stop_time": 0.5}
+    with ec.load("lift", controller=controller, **options).prepare() as simulation:
+        simulation.advance(AT)
+        v, i_q, i_d = (simulation[f"lift.plant.{n}"] for n in ("v_L", "i_q_measured", "i_d_measured"))
+    return LinearDrive(controller, v, i_q, i_d)
+
+
+@pytest.mark.parametrize("controller", GAINS)
+def test_the_loop_of_a_joint_is_that_of_its_equations(controller: str) -> None:
+    places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
+    result = ec.linearize(
+        "lift",
+        controller=controller,
+        gains=GAINS[controller],
+        set=DELAY,
+        open=list(places.values()),
+        at=AT,
+        duration=DURATION,
+        stop_time=0.5,
+    )
+    expected = drive(controller)
+    for opened_at, name in places.items():
+        response, found = result[name], result.margins[name]
+        right = expected.loop_gain(opened_at, response.frequency)
+        assert np.abs(response.value / right - 1.0).max() < 0.02
+        margins = compute_margins(response.frequency, right)
+        assert found.phase_deg == pytest.approx(margins.phase_deg, abs=0.1)
+        assert found.gain_up_dB == pytest.approx(margins.gain_up_dB, abs=0.05)
+        assert found.gain_down_dB == pytest.approx(margins.gain_down_dB, abs=0.05)
+        assert found.Ms == pytest.approx(margins.Ms, rel=0.01)
+
+
+@pytest.mark.parametrize("controller", GAINS)
+def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controller: str) -> None:
+    """The viscous friction and the back-EMF, which do not change with the inertia, are small."""
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    loop = LinearDrive(controller, 0.05, 33.0, 0.0)
+    margins = compute_margins(frequency, loop.loop_gain(POSITION, frequency))
+    for margin in (margins.gain_up_dB, margins.gain_down_dB):
+        limit = 10.0 ** (-margin / 20.0)
+        assert LinearDrive(controller, 0.05, 33.0, 0.0, limit**0.9).is_stable()
+        assert not LinearDrive(controller, 0.05, 33.0, 0.0, limit**1.1).is_stable()
+
+
+@pytest.mark.parametrize(("w_i", "phase", "up", "down"), [(0.0, 6.2, 4.0, -2.0), (233.6, 5.7, 3.4, -2.1)])
+def test_the_integral_of_the_current_controllers_costs_margin(
+    w_i: float, phase: float, up: float, down: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model of others, without this integral, has the first figures for `tuned` of FOC."""
+    monkeypatch.setitem(GAINS_OF_MODEL["foc"], "w_i", w_i)
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    margins = compute_margins(frequency, LinearDrive("foc", 0.05, 33.0, 0.0).loop_gain(POSITION, frequency))
+    found = margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB
+    assert found == pytest.approx((phase, up, down), abs=0.1)
+
+
+@pytest.mark.parametrize("opened_at", PLACES)
+def test_python_control_finds_the_same_margins(opened_at: str) -> None:
+    control = pytest.importorskip("control", reason="python-control is not installed.")
+    frequency = np.geomspace(20.0, 4999.0, 4000)
+    L = LinearDrive("rsba", 0.05, 33.0, 0.0).loop_gain(opened_at, frequency)
+    response = ec.FrequencyResponse(opened_at, frequency, L, np.zeros(len(L)), STEP, "1")
+    gains, phases, distances, *_ = control.stability_margins(response.to_control(), returnall=True)
+    margins = compute_margins(frequency, L)
+    assert margins.phase_deg == pytest.approx(np.abs(phases).min(), abs=0.01)
+    assert margins.gain_up_dB == pytest.approx(20.0 * np.log10(gains[gains > 1.0].min()), abs=0.01)
+    down = gains[gains < 1.0]
+    assert margins.gain_down_dB == pytest.approx(
+        20.0 * np.log10(down.max()) if len(down) else -np.inf, abs=0.01
+    )
+    assert 1.0 / margins.Ms == pytest.approx(distances.min(), rel=1e-3)
+
+
+PERIOD = 0.1  # s: whole periods of all frequencies
+FREQUENCIES = (20.0, 50.0, 100.0, 190.0, 290.0, 500.0, 1000.0, 2000.0, 4000.0)
+FORCE, POSITION_OUT = "lift.plant.F_L", "lift.plant.x_L"
+OPTIONS = {"gains": "compensated", "set": DELAY}
+
+
+@pytest.fixture(scope="module")
+def compliance() -> ec.FrequencyResponse:
+    """From the load to the position."""
+    result = ec.linearize(
+        "lift", perturb=FORCE, read=POSITION_OUT, at=AT, duration=DURATION, stop_time=0.5, **OPTIONS
+    )
+    return result[f"{FORCE} to {POSITION_OUT}"]
+
+
+@pytest.mark.parametrize("frequency", mostly_slow(FREQUENCIES, (50.0, 190.0, 1000.0)))
+def test_an_injected_sine_has_the_same_gain_and_phase(
+    compliance: ec.FrequencyResponse, frequency: float
+) -> None:
+    """Half the difference of two runs, whose sines have opposite signs; its transient ends before AT.
+
+    What drives an input during a step is its value at the step's end. A window keeps slow changes of the
+    effect, with the joint's speed, from what is 1e-7 of them at high frequencies.
+    """
+    time = STEP * np.arange(round((AT + PERIOD) / STEP) + 1)
+    wave = np.exp(2j * np.pi * frequency * time)
+    height = 2e3  # N, of 57 kN
+    up, down = (_move(time, 57e3 + part * height * wave.imag) for part in (1.0, -1.0))
+    periods = slice(round(AT / STEP), -1)
+    effect, window = 0.5 * (up - down)[periods], 1.0 - np.cos(2.0 * np.pi * (time[periods] - AT) / PERIOD)
+    found = 2j * np.mean(effect * window * (wave * wave[1]).conj()[periods]) / height
+    expected = np.exp(np.interp(np.log(frequency), np.log(compliance.frequency), np.log(compliance.value)))
+    assert abs(found) == pytest.approx(abs(expected), rel=0.01)
+    assert abs(np.degrees(np.angle(found / expected))) < 1.0
+
+
+def _move(time: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the position under a load force."""
+    load = ec.Input(data={"time": time, "force": force}, signals={FORCE: "force"}, interpolation="held")
+    result = (
+        ec.load("lift", stop_time=time[-1], input=[load], output_interval=STEP, **OPTIONS).prepare().run()
+    )
+    return result[POSITION_OUT]
+
+
+@pytest.mark.parametrize("joint", mostly_slow(("lift", "tilt", "telescope"), ("lift",)))
+def test_damped_gains_have_the_margins_that_they_promise(joint: str) -> None:
+    """Of the position loop and of the current loop, with one sample of computing delay."""
+    loops = [joint, f"{joint}.controller.u_q -> {joint}.plant.u_q"]
+    delay = {f"{joint}.plant.inverter.delay": STEP}
+    found = ec.linearize(joint, gains="damped", set=delay, open=loops, at=0.35, duration=0.15, stop_time=0.5)
+    assert len(found.margins) == 2
+    for margins in found.margins.values():
+        assert margins.phase_deg >= 30.0 and margins.Ms <= 2.2
+        assert margins.gain_up_dB >= 6.0 and margins.gain_down_dB <= -6.0
+
+
+def test_linearity_is_that_of_the_reaction() -> None:
+    """A pulse of metres saturates everything, and is linear only in itself."""
+    found = ec.linearize(
+        "lift", gains="compensated", set=DELAY, open="lift", at=AT, duration=0.1, stop_time=0.5
+    )
+    (measured,) = found.responses.values()
+    assert measured.amplitude < 1e-5  # m
+
+
+SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
+
+
+def test_a_joint_is_opened_at_its_current_reference_by_default() -> None:
+    by_default, asked = (ec.linearize("lift", **SHORT, **of) for of in ({}, {"open": PLACES[CURRENT]}))
+    assert list(by_default.margins) == [PLACES[CURRENT]]
+    assert by_default.margins == asked.margins
+
+
+def test_all_joints_are_opened_by_default() -> None:
+    joints = ("lift", "tilt", "telescope")
+    found = default_openings(ec.load("study").system)
+    assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
+
+
+def test_a_controller_without_a_direct_current_reference_needs_a_place() -> None:
+    with pytest.raises(ec.CommandError, match=r"without delay.*--open lift"):
+        ec.linearize("lift", controller="cac", **SHORT)

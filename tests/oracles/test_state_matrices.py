@@ -1,0 +1,261 @@
+"""State matrices, poles and steady states of systems that run as Model Exchange, against closed forms."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+from typer.testing import CliRunner
+
+import emla_cosim as ec
+from emla_cosim.cli.app import app
+from emla_fmu import EmlaPlant
+from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, minimum
+from tests.oracles.test_integration import SOURCE
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.linear_drive import LinearDrive
+
+STEP = 1e-2
+ME = {"kind": {"*": "me"}, "step_size": STEP, "stop_time": 0.1}
+
+
+class MatrixCart(Block):
+    """A mass with a spring and a damper."""
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
+    stiffness = Parameter(0.0, unit="N/m")
+    damping = Parameter(0.0, unit="N.s/m")
+    gravity = Parameter(0.0, unit="N")
+    force = Input(0.0, unit="N")
+    x = State(0.1, unit="m")
+    v = State(0.0, unit="m/s")
+    position = Output(unit="m")
+    speed = Output(unit="m/s")
+
+    def derivatives(self, v):
+        return {"x": v.v, "v": v.force - v.gravity - v.stiffness * v.x - v.damping * v.v}
+
+    def outputs(self, v):
+        return {"position": v.x, "speed": v.v}
+
+
+class MatrixGain(Block):
+    """State feedback, with an input that is added to its output."""
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
+    position = Input(0.0, unit="m")
+    speed = Input(0.0, unit="m/s")
+    feed = Input(0.0, unit="N")
+    force = Output(unit="N")
+
+    def outputs(self, v):
+        return {"force": 2.0 * v.feed - 4.0 * v.position - 4.0 * v.speed}
+
+
+class MatrixTank(Block):
+    """A tank whose outflow is less than 1 m/s."""
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
+    inflow = Input(0.5, unit="m/s")
+    h = State(0.5, unit="m", minimum=0.0)
+    outflow = Output(unit="m/s")
+
+    def derivatives(self, v):
+        return {"h": v.inflow - v.h / (1.0 + v.h)}
+
+    def outputs(self, v):
+        return {"outflow": v.h / (1.0 + v.h)}
+
+
+class MatrixLimit(Block):
+    """An integrator of a limited input."""
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
+    u = Input(0.0)
+    x = State(0.0)
+
+    def derivatives(self, v):
+        return {"x": minimum(v.u, 0.0)}
+
+
+def closed() -> ec.System:
+    wires = ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force")
+    return ec.System.of({"cart": MatrixCart, "gain": MatrixGain}, wires)
+
+
+def linearize(source: object, **options: object) -> ec.LinearizeResult:
+    return ec.linearize(source, matrices=True, **{**ME, **options})
+
+
+def alone(block: type[Block], name: str, **values: float) -> ec.System:
+    return ec.System.of({name: block}, set={f"{name}.{n}": x for n, x in values.items()})
+
+
+def test_poles_and_damping_are_those_of_a_spring_and_a_damper() -> None:
+    omega, zeta = 7.0, 0.2
+    system = alone(MatrixCart, "cart", stiffness=omega**2, damping=2.0 * zeta * omega)
+    found = linearize(system, perturb="cart.force", read=["cart.speed", "cart.position"]).matrices
+    assert found.states == ("cart.x", "cart.v")
+    assert found.A == pytest.approx(np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]), rel=1e-9)
+    assert found.B == pytest.approx(np.array([[0.0], [1.0]]))
+    assert found.C == pytest.approx(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    assert not found.D.any()
+    assert found.damping == pytest.approx(zeta)
+    expected = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2) * np.array([-1.0, 1.0]))
+    assert found.poles == pytest.approx(expected)
+    assert [found.units[n] for n in ("cart.v", "cart.force", "cart.position")] == ["m/s", "N", "m"]
+
+
+def test_connected_components_have_the_matrices_of_the_closed_loop() -> None:
+    """Both inputs act through the connections: one is free, the other one is driven by the loop."""
+    inputs, outputs = ["gain.feed", "cart.force"], ["gain.force", "cart.position"]
+    found = linearize(closed(), perturb=inputs, read=outputs).matrices
+    assert found.A == pytest.approx(np.array([[0.0, 1.0], [-4.0, -4.0]]))
+    assert found.B == pytest.approx(np.array([[0.0, 0.0], [2.0, 1.0]]))
+    assert found.C == pytest.approx(np.array([[-4.0, -4.0], [1.0, 0.0]]))
+    assert found.D == pytest.approx(np.array([[2.0, 0.0], [0.0, 0.0]]))
+    assert found.poles == pytest.approx(np.array([-2.0, -2.0]), abs=1e-4)  # a double one
+
+
+def test_the_plant_of_a_joint_has_the_matrices_of_its_equations() -> None:
+    drive = LinearDrive("foc", 0.05, 33.0, -4.0)
+    own = ec.load("lift").system.component("lift.plant").parameters
+    values = {**own, "v_L": drive.v, "i_q": drive.i_q, "i_d": drive.i_d}
+    system = ec.System.of({"plant": EmlaPlant}, set={f"plant.{n}": x for n, x in values.items()})
+    result = linearize(system, perturb=["plant.u_q", "plant.u_d"], at=0.0, step_size=1e-4)
+    A, B = drive.plant()
+    found = result.matrices
+    names = ("x_L", "v_L", "i_q", "i_d", "motor.temperature_rise")
+    assert found.states == tuple(f"plant.{n}" for n in names)
+    scale = np.abs(A).max(axis=1, keepdims=True)
+    assert np.abs((found.A[:4, :4] - A) / scale).max() < 1e-6
+    assert np.abs((found.B[:4] - B) / np.abs(B).max()).max() < 1e-6
+    assert "hold constant" in result.remarks[-1]
+
+
+def test_a_steady_state_is_found_with_free_inputs() -> None:
+    found = linearize(alone(MatrixCart, "cart", gravity=9.81), steady=True, free="cart.force").matrices
+    assert found.at_states == pytest.approx(np.array([0.1 - 9.81 * 0.1**2 / 2.0, 0.0]), abs=1e-4)
+    assert found.at_inputs == pytest.approx(np.array([9.81]))
+    result = linearize(alone(MatrixTank, "tank"), steady=True, perturb="tank.inflow", read="tank.outflow")
+    assert result.is_steady
+    assert result.matrices.at_states == pytest.approx(np.array([1.0]))
+    assert result.matrices.A == pytest.approx(np.array([[-0.25]]), rel=1e-6)
+    assert result.matrices.C == pytest.approx(np.array([[0.25]]), rel=1e-6)
+
+
+def test_a_system_that_always_moves_has_no_steady_state() -> None:
+    with pytest.raises(ec.RunError, match=r"no steady state.*cart.v \(-9.81 m/s/s\) still changes"):
+        linearize(alone(MatrixCart, "cart", gravity=9.81), steady=True)
+    with pytest.raises(ec.RunError, match="no steady state"):
+        linearize(alone(MatrixTank, "tank", inflow=2.0), steady=True)
+
+
+def test_a_foreign_fmu_with_events(tmp_path: Path) -> None:
+    """x' = u - x; a ball that falls; a stair with time events."""
+    fmu = build_handwritten_fmu(
+        tmp_path / "Integrated.fmu", SOURCE, {"rollback": "false", "input": "continuous"}
+    )
+    result = linearize(fmu, perturb="u", read="y", set={"gain": 3.0}, stop_time=0.3)
+    found = result.matrices
+    row = [name.removeprefix("Integrated.") for name in found.states].index("x")
+    expected = np.zeros(len(found.states))
+    expected[row] = -1.0
+    assert found.A[row] == pytest.approx(expected)
+    assert found.B[row] == pytest.approx([1.0])
+    assert found.C[0] == pytest.approx(-expected) and found.D == pytest.approx(np.array([[3.0]]))
+    assert any("time events" in remark for remark in result.remarks)
+    with pytest.raises(ec.RunError, match="no steady state"):  # the ball falls
+        linearize(fmu, steady=True, stop_time=0.3)
+
+
+def test_model_exchange_has_the_same_frequency_response() -> None:
+    system = alone(MatrixCart, "cart", stiffness=400.0, damping=40.0)
+    options = {"perturb": "force", "read": "position", "step_size": STEP, "stop_time": 1.1}
+    options |= {"duration": 1.0, "amplitude": 1.0}
+    both = [
+        ec.linearize(system, **options, **more) for more in ({}, {"kind": {"*": "me"}, "fmi_tolerance": 1e-9})
+    ]
+    H, other = (result["force to position"].value for result in both)
+    matrices = linearize(system, perturb="force", read="position").matrices
+    sampled = signal.cont2discrete((matrices.A, matrices.B, matrices.C, matrices.D), STEP)
+    frequency = both[0]["force to position"].frequency
+    a, b, c, _ = sampled[:4]
+    z = np.exp(2j * np.pi * frequency * STEP)
+    expected = np.array([(c @ np.linalg.solve(x * np.eye(2) - a, b)).item() for x in z])
+    below = frequency < 20.0
+    assert np.abs(H / expected - 1.0)[below].max() < 1e-4
+    assert np.abs(other / expected - 1.0)[below].max() < 1e-4
+
+
+def test_inputs_inside_of_a_group_are_perturbed_apart() -> None:
+    h, at = 0.1, {"stop_time": 6.0, "at": 1.0, "duration": 5.0, "amplitude": 1.0}
+    options = {"open": "gain.force->cart.force", **ME, "step_size": h, **at}
+    with pytest.raises(ec.CommandError, match="integrated together"):
+        ec.linearize(closed(), **options)
+    result = ec.linearize(closed(), integrate_together=False, fmi_tolerance=1e-8, **options)
+    (margins,) = result.margins.values()
+    z = np.exp(2j * np.pi * margins.phase_at * h)
+    L = 4.0 * h**2 / 2.0 * (z + 1.0) / (z - 1.0) ** 2 + 4.0 * h / (z - 1.0)
+    assert abs(L) == pytest.approx(1.0, abs=0.01)
+    assert margins.phase_deg == pytest.approx(180.0 + np.degrees(np.angle(L)), abs=0.5)
+
+
+def test_a_limit_at_the_operating_point_is_reported() -> None:
+    (remark,) = linearize(alone(MatrixLimit, "limit"), perturb="limit.u").remarks
+    assert remark.startswith("the derivative of limit.x is not smooth in limit.u")
+    assert linearize(alone(MatrixLimit, "limit", u=-1.0), perturb="limit.u").remarks == ()
+
+
+def test_matrices_as_objects_of_scipy_and_python_control() -> None:
+    control = pytest.importorskip("control", reason="python-control is not installed.")
+    found = linearize(closed(), perturb="gain.feed", read="cart.position").matrices
+    s = 2j * np.pi * np.array([0.1, 1.0, 10.0])
+    expected = 2.0 / (s**2 + 4.0 * s + 4.0)
+    own = found.to_control()
+    assert own.input_labels == ["gain_feed"] and own.state_labels == ["cart_x", "cart_v"]
+    assert control.frequency_response(own, np.abs(s)).complex == pytest.approx(expected, rel=1e-6)
+    theirs = found.to_scipy()
+    assert isinstance(theirs, signal.StateSpace)
+    response = theirs.C @ np.linalg.solve(s[0] * np.eye(2) - theirs.A, theirs.B) + theirs.D
+    assert response.item() == pytest.approx(expected[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"kind": {}}, "cart and gain cannot be reached"),
+        ({"kind": {"gain": "me"}}, "those of cart cannot be reached"),
+        ({"integrate_together": False}, "integrated apart"),
+        ({"open": "gain.force->cart.force"}, "leave out 'open'"),
+        ({"steady": True, "matrices": False}, "set 'matrices'"),
+        ({"free": "gain.feed"}, "set 'steady'"),
+        ({"perturb": "cart.position"}, "is no continuous input"),
+        ({"read": "cart.nothing"}, "has no variable 'nothing'"),
+        ({"at": 7.0}, "outside of the run"),
+    ],
+)
+def test_wrong_input_gets_one_message(given: dict, message: str) -> None:
+    with pytest.raises(ec.CommandError, match=message):
+        ec.linearize(closed(), **{**ME, "matrices": True, **given})
+
+
+def test_components_that_sample_are_named() -> None:
+    with pytest.raises(ec.CommandError, match=r"lift.disturbance cannot be reached.*sample"):
+        linearize("lift", step_size=1e-4, stop_time=1e-3)
+
+
+def test_the_command_writes_and_shows_them(tmp_path: Path) -> None:
+    system = tmp_path / "closed.ssp"
+    ec.load(closed(), **ME).export(system)
+    out = tmp_path / "out"
+    inputs = ["--perturb", "gain.feed", "--read", "cart.position", "--steady"]
+    given = ["linearize", str(system), "--kind", "me", "--matrices", *inputs, "--output", str(out)]
+    done = CliRunner().invoke(app, given)
+    assert done.exit_code == 0, done.output
+    assert "steady state near t = 0.1 s" in done.output and "damping" in done.output
+    record = json.loads((out / "linearize.json").read_text())
+    assert record["steady"] and record["matrices"]["A"] == [[0.0, 1.0], [-4.0, -4.0]]
+    assert record["matrices"]["poles"][0]["damping"] == pytest.approx(1.0)
+    assert {x.name for x in out.iterdir() if not x.name.startswith(".")} == {"linearize.json"}

@@ -1,0 +1,178 @@
+"""What is imported is declared in pyproject.toml, and what is declared is used."""
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+import yaml
+
+from docs.weight import PARTS
+from emla_cosim.cli.app import COMMANDS
+from tests.support.paths import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+OURS = {"fmublock", "emla_fmu", "rsba_fmu", "hdrm_fmu", "emla_cosim"}
+EXECUTED = {"ziglang"}
+"""Declared for a program that is started, not imported: `python -m ziglang`."""
+
+FOR_DASK = {"cryptography"}
+"""Declared for Dask, which has its encrypted connections only with it."""
+
+
+def sources() -> list[Path]:
+    return [file for folder in ("src", "orchestration") for file in (ROOT / folder).rglob("*.py")]
+
+
+def imported(files: Iterable[Path]) -> dict[str, Path]:
+    """Top-level packages that are imported anywhere, also inside functions, and a file that does it."""
+    found: dict[str, Path] = {}
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names = [node.module or ""]
+            else:
+                continue
+            found |= {name.partition(".")[0]: file for name in names}
+    return {n: f for n, f in found.items() if n not in sys.stdlib_module_names and n not in OURS}
+
+
+def normalized(requirement: str) -> str:
+    """The name of a distribution as PyPI compares it, without versions and markers."""
+    (name,) = re.findall(r"^[\w.-]+", requirement)
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+EXTRAS = ("control", "mdf", "pandas", "pytest", "tdms")
+OPTIONAL = [r for extra in EXTRAS for r in PROJECT["optional-dependencies"][extra]]
+"""What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
+
+DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}
+
+
+@cache
+def providers() -> dict[str, set[str]]:
+    """Distributions by the packages that they install."""
+    return {package: {normalized(d) for d in found} for package, found in packages_distributions().items()}
+
+
+def undeclared(files: Iterable[Path]) -> dict[str, Path]:
+    """Imported packages of which no distribution is declared."""
+    return {
+        package: file
+        for package, file in imported(files).items()
+        if DECLARED.isdisjoint(providers().get(package, {package}))
+    }
+
+
+def test_what_is_imported_is_declared() -> None:
+    assert undeclared(sources()) == {}
+
+
+def test_what_is_declared_is_used() -> None:
+    files = sources()
+    used = {d for package in imported(files) for d in providers().get(package, {package})}
+    assert DECLARED - used == EXECUTED | FOR_DASK
+    words = {
+        node.value
+        for file in files
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    assert words >= EXECUTED
+
+
+def test_it_is_said_what_every_requirement_is_for() -> None:
+    told = [name for part in PARTS.values() for name in part]
+    assert sorted(told) == sorted({normalized(r) for r in PROJECT["dependencies"]})
+
+
+def test_the_citation_is_of_this_version() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (cited["cff-version"], cited["version"]) == ("1.2.0", PROJECT["version"])
+    assert {"message", "title", "authors"} <= set(cited)  # what the format demands
+    assert cited["license"] == PROJECT["license"].split(" AND ")
+    for reference in cited["references"]:
+        assert {"type", "title", "authors"} <= set(reference)
+
+
+def test_an_import_that_nobody_declares_is_found(tmp_path: Path) -> None:
+    """Also one inside a function, and not those of the standard library or of the same package."""
+    file = tmp_path / "module.py"
+    file.write_text(
+        "import os\nfrom . import x\ndef f():\n    from nobody.has import this\n", encoding="utf-8"
+    )
+    assert undeclared([file]) == {"nobody": file}
+
+
+@pytest.mark.parametrize(
+    ("requirement", "name"),
+    [("pyssp_standard>=0.9.1", "pyssp-standard"), ("tbb>=2021; sys_platform == 'linux'", "tbb")],
+)
+def test_names_of_requirements(requirement: str, name: str) -> None:
+    assert normalized(requirement) == name
+
+
+HEAVY = {
+    "bokeh",
+    "casadi",
+    "cma",
+    "dask",
+    "jinja2",
+    "lief",
+    "matplotlib",
+    "networkx",
+    "numba",
+    "pandas",
+    "scipy",
+}
+"""Packages that take long to import, or much memory."""
+
+MANY_RUNS = {"dask", "jinja2"}
+TAKEN = {
+    "sweep": MANY_RUNS,
+    "compare": MANY_RUNS | {"networkx"},
+    "tune": MANY_RUNS,
+    "identify": MANY_RUNS | {"scipy"},
+    "trajectory": {"casadi", "scipy"},
+}
+"""Those that a command takes with it before it does anything; the others none."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
+def test_what_only_some_commands_need_is_imported_only_there() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _IMPORTED, *COMMANDS], capture_output=True, text=True, check=True
+    )
+    imported = {command: set(modules) & HEAVY for command, modules in json.loads(done.stdout).items()}
+    assert imported == {command: TAKEN.get(command, set()) for command in COMMANDS}
+
+
+_IMPORTED = """
+import importlib, json, os, sys
+from tests.support.paths import ROOT
+
+found = {}
+for command in sys.argv[1:]:
+    out, into = os.pipe()
+    if os.fork() == 0:
+        importlib.import_module(f"emla_cosim.cli.commands.{command}")
+        os.write(into, json.dumps([m for m in sys.modules if "." not in m]).encode())
+        os._exit(0)
+    os.close(into)
+    with os.fdopen(out) as stream:
+        found[command] = json.load(stream)
+    os.wait()
+print(json.dumps(found))
+"""
+"""Which modules each command needs, in a process of its own that has nothing yet."""

@@ -1,0 +1,75 @@
+"""What the pages of the documentation show works as shown; see `support.pages`."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.commands import widen_terminal
+from tests.support.few_figures import draw_empty
+from tests.support.pages import PAGES, PageError, Reader, fences, missing
+from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
+
+
+@pytest.fixture
+def place(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder to work in; FMUs are built when they are first needed, as for any user."""
+    monkeypatch.chdir(tmp_path)
+    widen_terminal(monkeypatch)
+    draw_empty(monkeypatch)
+    return tmp_path
+
+
+WITH_BLOCKS = [p for p in PAGES if list(fences(p.read_text(encoding="utf-8")))]
+HEAVY = (
+    "blocks.md", "manipulator-pictures.md", "manipulator.md", "recipes.md", "sweeps.md", "trajectory.md",
+    "tune.md", "tutorial.md", "verify.md",
+)  # fmt: skip
+"""Pages whose commands take long; those of the README are of the same kinds."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    mostly_slow(WITH_BLOCKS, [p for p in WITH_BLOCKS if p.name not in HEAVY]),
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
+def test_a_page_works_as_shown(page: Path, place: Path) -> None:
+    if page.name == "export.md" and sys.platform != "linux":
+        pytest.skip("libcosim and Ecos have packages for Linux only.")
+    Reader(page).read()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("```python\nprint('one')\n```\n```text output\ntwo\n```\n", r"line 4: \['two'\]"),
+        ("```sh\nfalse\ntrue\n```\n", "line 1: ended with 1"),
+        ("```sh exit=2\nemla list\n```\n", "line 1: ended with 0"),
+        ("```sh skip\nemla list\n```\n", "line 1: nobody knows what to do with 'skip'"),
+        ("Two.\n\n```python run\nraise SystemExit(3)\n```\n", "line 3: ended with 3"),
+    ],
+)
+def test_what_does_not_work_is_found(text: str, words: str, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    with pytest.raises(PageError, match=words):
+        Reader(page).read()
+
+
+def test_blocks_of_a_page_share_their_names(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```python\nx = 3\n```\n```python not-run\nx = 4\n```\n```python\nprint(x)\n```\n")
+    reader = Reader(page)
+    reader.read()
+    assert reader.namespace["x"] == 3
+    assert reader.kinds == {"python", "not-run"}
+
+
+def test_a_line_that_was_not_shown_is_found() -> None:
+    shown = "one\ntwo  \nthree\n"
+    assert missing("one\n...\nthree\n", shown) == []
+    assert missing("o...\ntwo ...\nthree\n", shown) == []
+    assert missing("on\n", shown) == ["on"]
+    assert missing("two\none\n", shown) == ["one"]
+    assert missing("four\n", shown) == ["four"]

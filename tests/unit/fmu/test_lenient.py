@@ -1,0 +1,249 @@
+"""Faulty FMUs and packages: harmless faults are accepted and listed, others with `lenient`, some never."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.faults import accept_faults
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.ssp.reader.flat_document import read_ssp
+from emla_cosim.study.loading import load
+from emla_cosim.system.model import System
+from fmublock.archive import write_archive
+from tests.support.commands import Emla, sentence
+from tests.support.ssp_documents import (
+    binding,
+    component,
+    connection,
+    description,
+    fake_fmu,
+    folder,
+    packed,
+    ssd,
+    ssv,
+    system,
+)
+from tests.unit.run.test_single_fmu import with_description
+
+SHORT = {"stop_time": 0.02, "step_size": 0.001}
+UNKNOWN = ("<CoSimulation ", '<CoSimulation colour="red" ')
+
+
+@pytest.fixture(scope="module")
+def reference(fmu_folder: Path) -> Path:
+    return fmu_folder / "Reference" / "Reference.fmu"
+
+
+def dated(fmu: Path) -> tuple[str, str]:
+    """The edit that makes the date of the model description wrong."""
+    said = str(fmpy.read_model_description(str(fmu)).generationDateAndTime)
+    return f'generationDateAndTime="{said}"', 'generationDateAndTime="2017-02-13_16_10"'
+
+
+def test_harmless_faults_change_nothing_and_are_listed(reference: Path, tmp_path: Path) -> None:
+    faulty = with_description(reference, tmp_path / "x.fmu", dated(reference))
+    result = load(faulty, **SHORT).prepare().run()
+    expected = load(reference, **SHORT).prepare().run()
+    for name in expected.names:
+        assert (result[name] == expected[name]).all()
+    (problems,) = result.record["accepted_faults"].values()
+    assert len(problems) == 1
+    assert "generationDateAndTime" in problems[0]
+    assert any("which was accepted" in remark for remark in result.remarks)
+    assert expected.record["accepted_faults"] == {}
+
+
+def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Path) -> None:
+    here = fake_fmu(tmp_path / "a.fmu", "y:output:m", "u:input:m", units={"K": 'K="1"'})
+    with accept_faults(lenient=False) as faults:
+        interface = read_interface(here)
+    assert str(interface.unit("y")) == "m"
+    assert [p for p in faults.by_file[str(here)] if '"m" of variable "y"' in p]
+    there = fake_fmu(tmp_path / "b.fmu", "u:input:mm")
+    parts = (component("a", "a.fmu", "y:output"), component("b", "b.fmu", "u:input"))
+    path = folder(
+        tmp_path / "ssp", root=ssd(system("r", *parts, connection("a.y -> b.u"))), a__fmu=here, b__fmu=there
+    )
+    with pytest.raises(CommandError, match=r"units m and mm, one of which is not defined \(`--lenient`"):
+        load(path)
+    scenario = load(path, lenient=True)
+    assert any("taken as equal" in p for found in scenario.accepted.values() for p in found)
+
+
+def test_a_display_unit_of_an_undefined_unit_is_harmless(tmp_path: Path) -> None:
+    text = description("a", "y:output:m", units={"K": 'K="1"'}).replace(
+        'unit="m"', 'unit="m" displayUnit="mm"'
+    )
+    write_archive(tmp_path / "a.fmu", {"modelDescription.xml": text.encode()})
+    with accept_faults(lenient=False) as faults:
+        assert read_interface(tmp_path / "a.fmu").variables["y"].displayUnit is None
+    assert faults.by_file
+
+
+def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Emla) -> None:
+    faulty = with_description(reference, tmp_path / "x.fmu", UNKNOWN, dated(reference))
+    times = ("--stop-time", "0.02", "--step-size", "1 ms", "--no-plots")
+    refused = emla("run", str(faulty), *times, "--output", str(tmp_path / "no"))
+    assert "attribute 'colour'" in sentence(refused, 2)
+    assert "`--lenient` accepts this" in sentence(refused, 2)
+    done = emla("run", str(faulty), *times, "--lenient", "--output", str(tmp_path / "yes"))
+    assert done.exit_code == 0, done.output
+    assert "has a fault, which was accepted" in done.output.replace("\n", " ")
+    record = json.loads((tmp_path / "yes" / "run.json").read_text())
+    assert record["settings"]["lenient"] is True
+    (problems,) = record["accepted_faults"].values()
+    assert "colour" in problems[0]  # the one that the option accepted comes first
+    assert len(problems) == 2
+    again = load(tmp_path / "yes" / "run.json").prepare().run()
+    expected = load(reference, **SHORT).prepare().run()
+    assert (again["Reference.x_d"] == expected["Reference.x_d"]).all()
+
+
+def test_what_cannot_be_read_is_refused_with_the_option_too(tmp_path: Path) -> None:
+    text = description("a", "y:output:m").replace('valueReference="0"', 'valueReference="many"')
+    write_archive(tmp_path / "a.fmu", {"modelDescription.xml": text.encode()})
+    with pytest.raises(CommandError, match="not a valid FMU"), accept_faults(lenient=True):
+        read_interface(tmp_path / "a.fmu")
+
+
+@pytest.mark.parametrize(
+    ("files", "word"),
+    [
+        ({f"binaries/{fmpy.platform}/": b""}, f"the folder 'binaries/{fmpy.platform}' is empty"),
+        ({f"binaries/{fmpy.platform}/other.so": b"x"}, "has other.so, but not 'a"),
+        ({"binaries/amiga/a.library": b"x"}, "only for amiga"),
+        ({"sources/a.c": b"int a;"}, "only C sources; `fmpy compile`"),
+        ({}, "or any other platform"),
+    ],
+)
+def test_the_true_cause_of_a_missing_library(files: dict[str, bytes], word: str, tmp_path: Path) -> None:
+    fmu = tmp_path / "a.fmu"
+    content = {"modelDescription.xml": description("a", "y:output").encode(), **files}
+    with zipfile.ZipFile(fmu, "w") as archive:
+        for name, data in content.items():
+            archive.writestr(name, data)
+    with pytest.raises(CommandError) as refused:
+        load(System.of({"a": fmu}), **SHORT).prepare()
+    assert f"has no binary for {fmpy.platform}" in str(refused.value)
+    assert word in str(refused.value)
+
+
+# ---- packages ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def fmu(tmp_path: Path) -> Path:
+    return fake_fmu(tmp_path / "a.fmu", "u:input:m", "y:output:m", "k:parameter:m")
+
+
+def values(path: Path, lenient: bool) -> tuple[dict[str, object], list[str]]:
+    """The start values of component a, and the accepted faults."""
+    with accept_faults(lenient) as faults, read_ssp(path) as document:
+        found = dict(document.system.component("a").parameters)
+    return found, [p for problems in faults.by_file.values() for p in problems]
+
+
+def test_undefined_units_of_parameters(fmu: Path, tmp_path: Path) -> None:
+    root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
+    path = folder(tmp_path / "s", root=root, a__fmu=fmu, k__ssv=ssv(k=(9.5, "[m]")))
+    with pytest.raises(CommandError, match=r"have the units \[m\] and m, one of which is not defined"):
+        values(path, lenient=False)
+    found, faults = values(path, lenient=True)
+    assert found == {"k": 9.5}
+    assert any("taken as equal" in fault for fault in faults)
+
+
+def test_a_parameter_with_a_second_value(fmu: Path, tmp_path: Path) -> None:
+    root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
+    more = "<ssv:Parameter name='k'><ssv:Real value='{}'/></ssv:Parameter></ssv:Parameters>"
+    for second, lenient, expected in (("1", False, 1.0), ("2", True, 2.0)):
+        text = ssv(k=1.0).replace("</ssv:Parameters>", more.format(second))
+        path = folder(tmp_path / f"s{second}", root=root, a__fmu=fmu, k__ssv=text)
+        found, faults = values(path, lenient)
+        assert found == {"k": expected}
+        assert len(faults) == 1
+    with pytest.raises(CommandError, match=r"second value\. `--lenient`"):
+        values(path, lenient=False)
+
+
+def test_elements_that_the_schema_does_not_have(fmu: Path, tmp_path: Path) -> None:
+    root = system("r", component("a", "a.fmu", "u:input")).replace(
+        'kind="input"', 'kind="input" colour="red"'
+    )
+    path = folder(tmp_path / "s", root=ssd(root), a__fmu=fmu)
+    with pytest.raises(CommandError, match=r"'colour' is not allowed\. `--lenient`"):
+        values(path, lenient=False)
+    assert "colour" in values(path, lenient=True)[1][0]
+    broken = ssd(root).replace(' name="u"', "")
+    with pytest.raises(CommandError, match="'name' is required but missing"):
+        values(folder(tmp_path / "t", root=broken, a__fmu=fmu), lenient=True)
+
+
+def test_files_outside_of_a_folder(fmu: Path, tmp_path: Path) -> None:
+    root = ssd(system("r", component("a", "../a.fmu")))
+    path = folder(tmp_path / "s", root=root)
+    with pytest.raises(CommandError, match=r"outside the package\. `--lenient`"):
+        values(path, lenient=False)
+    assert values(path, lenient=True)[1] == ["'../a.fmu' is outside the package"]
+    archive = packed(tmp_path / "s.ssp", path)
+    with pytest.raises(CommandError, match=r"outside the package\.$"):
+        values(archive, lenient=True)
+
+
+# ---- one FMU -----------------------------------------------------------------------------------
+
+
+def test_one_fmu_takes_names_of_variables_alone(reference: Path, tmp_path: Path) -> None:
+    plain = load(reference, set={"waypoint[2]": "300 mm"}, **SHORT).prepare().run()
+    full = load(reference, set={"Reference.waypoint[2]": 0.3}, **SHORT).prepare().run()
+    assert plain.record["components"]["Reference"]["parameters"] == {"waypoint[2]": 0.3}
+    assert (plain["Reference.x_d"] == full["Reference.x_d"]).all()
+    with pytest.raises(CommandError, match="no variable 'waipoint"):
+        load(reference, set={"waipoint[2]": 1.0}, **SHORT).prepare()
+    two = System.of({"a": reference, "b": reference})  # here only full names are clear
+    with pytest.raises(CommandError, match="not a variable"):
+        load(two, set={"waypoint": 1.0}, **SHORT).prepare()
+
+
+def test_the_reference_of_one_fmu(reference: Path, tmp_path: Path) -> None:
+    """FMPy is the judge, in a table as the cross-check writes them."""
+    solved = fmpy.simulate_fmu(str(reference), stop_time=0.02, output_interval=0.001, output=["x_d", "v_d"])
+    for sign, name in ((0.0, "right"), (1.0, "wrong")):
+        lines = ["time,x_d,v_d", *(f"{t!r},{x + sign!r},{v!r}" for t, x, v in solved.tolist())]
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "Reference_ref.csv").write_text("\n".join(lines) + "\n")
+    right = load(reference, reference=tmp_path / "right", **SHORT).prepare().attempt()
+    assert right.problem is None
+    assert {c.signal for c in right.comparisons} == {"Reference.x_d", "Reference.v_d"}
+    wrong = load(reference, reference=tmp_path / "wrong" / "Reference_ref.csv", **SHORT).prepare().attempt()
+    assert "Reference.x_d" in str(wrong.problem)
+
+
+def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_path: Path) -> None:
+    """FMPy is the judge, with both tables as the cross-check writes them."""
+    plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
+    times = np.linspace(0.0, 0.02, 21)
+    given = np.array(
+        list(zip(times, 20.0 * np.sin(300.0 * times), strict=True)), [("time", float), ("u_q", float)]
+    )
+    more = {"fmi_type": "CoSimulation", "stop_time": 0.02, "step_size": 0.001, "output_interval": 0.001}
+    solved = fmpy.simulate_fmu(str(plant), input=given, output=["x_L", "i_q"], **more)
+    assert np.ptp(solved["i_q"]) > 0.1
+    for name, table in (("in", given), ("ref", solved)):
+        rows = [
+            ",".join(f'"{n}"' for n in table.dtype.names),
+            *(",".join(map(repr, row)) for row in table.tolist()),
+        ]
+        (tmp_path / f"EmlaPlant_{name}.csv").write_text("\n".join(rows) + "\n")
+    options = {"input": [str(tmp_path / "EmlaPlant_in.csv")], "reference": tmp_path / "EmlaPlant_ref.csv"}
+    options |= {"stop_time": 0.02, "step_size": 0.001, "tolerance": {"*": 1e-6}, "algorithm": "jacobi"}
+    right = load(plant, **options).prepare().attempt()
+    assert {c.signal for c in right.comparisons} == {"EmlaPlant.x_L", "EmlaPlant.i_q"}
+    assert right.problem is None
+    doubled = load(plant, **options, set={"EmlaPlant.motor.R_s": 1.0}).prepare().attempt()
+    assert "EmlaPlant.i_q" in str(doubled.problem)

@@ -1,0 +1,279 @@
+"""The C that is written for equations: the same bits as CasADi's own evaluation, and nothing too often."""
+
+import ctypes
+import math
+import random
+import re
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+from emla_cosim.fmu.models import fmu_path
+from emla_fmu import EmlaPlant
+from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, exp, sin, where
+from fmublock.c_equations import _Equations, c_equations
+from fmublock.errors import BuildError
+from fmublock.graph import Graph, Rank, conditions
+from fmublock.instance import Instance
+from fmublock.symbolic import SymbolicBlock, evaluate_symbolically
+from tests.support.slaves import fmu_slave
+from tests.support.tiers import mostly_slow
+
+VALUES = 6
+RANKS = [Rank.STEPWISE, Rank.FIXED, Rank.FIXED, Rank.MOVING, Rank.MOVING, Rank.STEPWISE]
+DISCRETE = [5]
+SEEDS = range(30)
+
+
+# ---- random equations --------------------------------------------------------------------------
+
+
+def expression(chance: random.Random, leaves: Sequence[casadi.SX], size: int) -> list[casadi.SX]:
+    """So many values, each of some before."""
+    known = list(leaves)
+
+    def any_of() -> casadi.SX:
+        return chance.choice(known)
+
+    def condition() -> casadi.SX:
+        kind = chance.randrange(4)
+        first = any_of() < any_of()
+        if kind == 0:
+            return casadi.logic_and(first, any_of() <= any_of())
+        if kind == 1:
+            return casadi.logic_or(first, casadi.logic_not(any_of() == any_of()))
+        return first
+
+    makers = [
+        lambda: any_of() + any_of(),
+        lambda: any_of() - any_of(),
+        lambda: any_of() * any_of(),
+        lambda: any_of() / any_of(),
+        lambda: -any_of(),
+        lambda: 2.0 * any_of(),
+        lambda: casadi.SX.unary(casadi.OP_SQ, any_of()),
+        lambda: 1.0 / any_of(),
+        lambda: casadi.fabs(any_of()),
+        lambda: casadi.sign(any_of()),
+        lambda: casadi.floor(any_of()),
+        lambda: casadi.fmin(any_of(), any_of()),
+        lambda: casadi.fmax(any_of(), any_of()),
+        lambda: casadi.fmod(any_of(), any_of()),
+        lambda: casadi.sqrt(any_of()),
+        lambda: casadi.sin(any_of()),
+        lambda: casadi.cos(casadi.sin(any_of())),
+        lambda: casadi.exp(any_of()),
+        lambda: casadi.log(any_of()),
+        lambda: casadi.tanh(any_of()),
+        lambda: casadi.atan2(any_of(), any_of()),
+        *[lambda: casadi.if_else(condition(), casadi.sin(any_of() / any_of()), any_of())] * 5,
+        *[lambda: casadi.if_else(condition(), any_of(), casadi.exp(any_of()) + any_of())] * 5,
+    ]
+    for _ in range(size):
+        known.append(chance.choice(makers)())
+    return known[len(leaves) :]
+
+
+def random_block(seed: int) -> SymbolicBlock:
+    chance = random.Random(seed)
+    time, values = casadi.SX.sym("time"), casadi.SX.sym("v", VALUES)
+    constants = [casadi.SX(c) for c in (0.0, -0.0, -1.5, 3.0, math.inf)]
+    found = expression(chance, [time, *casadi.vertsplit(values), *constants], 60)
+
+    def function(name: str, count: int) -> casadi.Function:
+        chosen = casadi.vertcat(*(chance.choice(found[-20:]) for _ in range(count)))
+        return casadi.Function(name, [time, values], [chosen])
+
+    return SymbolicBlock(
+        function("derivatives", 3),
+        function("update", len(DISCRETE)),
+        function("outputs", 4),
+        function("conditions", 0),
+        (),
+    )
+
+
+EXPORTS = """
+void all_values(double time, const double *v, double *k, double *next, double *result) {
+    double fixed[N_FIXED + 1], stepwise[N_STEPWISE + 1];
+    fixed_values(v, fixed);
+    stepwise_values(v, fixed, stepwise);
+    derivatives(time, v, fixed, stepwise, k);
+    update_and_outputs(time, v, fixed, next, result);
+}
+"""
+
+
+def compiled(text: str, folder: Path) -> Any:
+    """The C function that computes everything, as the machine's own compiler has it."""
+    source, library = folder / "equations.c", folder / "equations.so"
+    source.write_text(f"#include <math.h>\n{text}\n{EXPORTS}")
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-Wall", "-Wno-unused-function"]
+    done = subprocess.run(
+        ["cc", *flags, str(source), "-o", str(library), "-lm"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    function = ctypes.CDLL(str(library)).all_values
+    function.argtypes = [ctypes.c_double, *[np.ctypeslib.ndpointer(np.float64)] * 4]
+    return function
+
+
+def same_bits(found: np.ndarray, expected: np.ndarray) -> bool:
+    """Any NaN is as good as another, and of two zeros of a minimum either."""
+    return np.array_equal(found, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize("seed", mostly_slow(SEEDS, range(8)))
+def test_random_equations_have_the_bits_of_casadi(seed: int, tmp_path: Path) -> None:
+    simplify = casadi.GlobalOptions.getSimplificationOnTheFly()
+    casadi.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        symbolic = random_block(seed)
+        function = compiled(_Equations(symbolic, RANKS, DISCRETE).text(), tmp_path)
+    finally:
+        casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
+    points = np.random.default_rng(seed)
+    for _ in range(50):
+        time, v = points.normal(), points.normal(size=VALUES)
+        v[points.integers(VALUES)] = points.choice([0.0, 1.0, -1.0, 1e300])
+        k, following, result = np.empty(3), np.empty(1), np.empty(4)
+        function(time, v, k, following, result)
+        assert same_bits(k, np.array(symbolic.derivatives(time, v)).ravel())
+        assert same_bits(following, np.array(symbolic.update(time, v)).ravel())
+        v[DISCRETE] = following
+        assert same_bits(result, np.array(symbolic.outputs(time, v)).ravel())
+
+
+# ---- what is computed when ---------------------------------------------------------------------
+
+
+class Mixed(Block):
+    """Terms of every rank, twice, and one that only a parameter lets be."""
+
+    u = Input(0.5)
+    p = Parameter(2.0)
+    wave = Parameter(0.0)
+    x = State(1.0)
+    n = DiscreteState(0.0)
+    y = Output()
+    z = Output()
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        return {"x": sin(v.p) * exp(v.u) - cos(v.x)}
+
+    def update(self, v: Any) -> dict[str, Any]:
+        return {"n": v.n + cos(v.x)}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        ripple = v.wave * sin(3.0 * v.time) / cos(2.0 * v.time)
+        return {"y": sin(v.p) + cos(v.x) + v.n, "z": cos(v.x) + where(v.wave > 0.0, ripple, 0.0)}
+
+
+def functions(text: str) -> dict[str, str]:
+    """The bodies of the C functions by name."""
+    return dict(re.findall(r"static void (\w+)\(.*?\) \{\n(.*?)\n\}", text, re.DOTALL))
+
+
+def test_every_value_is_computed_where_it_can_change() -> None:
+    block = Mixed()
+    body = functions(c_equations(block, evaluate_symbolically(block)))
+    assert "sin(" in body["fixed_values"] and "exp(" not in body["fixed_values"]
+    assert "exp(" in body["stepwise_values"] and "sin(" not in body["stepwise_values"]
+    assert body["derivatives"].count("cos(") == 1
+    assert not re.search(r"sin\(|exp\(", body["derivatives"])
+
+
+def test_update_and_outputs_share_what_they_compute() -> None:
+    block = Mixed()
+    body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
+    assert len(re.findall(r"cos\(v\[", body)) == 1  # of the state, for n, y and z
+
+
+def test_what_a_choice_leaves_out_is_behind_a_branch() -> None:
+    block = Mixed()
+    body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
+    (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", body, re.DOTALL)
+    assert "sin(" in inside and "/" in inside
+    outside = body.replace(inside, "")
+    assert "sin(" not in outside and "/" not in outside
+
+
+def test_equal_operations_are_one_and_abbreviations_are_what_they_stand_for() -> None:
+    time, v = casadi.SX.sym("time"), casadi.SX.sym("v", 2)
+    graph = Graph([[Rank.MOVING], [Rank.FIXED, Rank.MOVING]])
+    square = casadi.SX.unary(casadi.OP_SQ, v[0])
+    first = graph.results(casadi.Function("f", [time, v], [casadi.vertcat(square, 1.0 / v[1])]))
+    second = graph.results(casadi.Function("g", [time, v], [casadi.vertcat(v[0] * v[0], 0.0)]))
+    assert first[0] == second[0] != first[1]
+    assert [graph.ranks[i] for i in first] == [Rank.FIXED, Rank.MOVING]
+    assert graph.operations[second[1]].value == 0.0
+    assert graph.needed(first, {first[0]: None}) == [first[1]]
+
+
+def test_zeros_of_both_signs_are_two_constants() -> None:
+    graph = Graph([])
+    assert graph._constant(0.0) == graph._constant(0.0) != graph._constant(-0.0)
+
+
+def test_what_both_sides_need_has_no_condition() -> None:
+    time, v = casadi.SX.sym("time"), casadi.SX.sym("v", 3)
+    shared, lonely = casadi.sin(v[1]), casadi.exp(v[2])
+    choice = casadi.if_else(v[0] > 0.0, shared * lonely, shared)
+    graph = Graph([[Rank.MOVING], [Rank.MOVING] * 3])
+    results = graph.results(casadi.Function("f", [time, v], [choice]))
+    numbers = graph.needed(results, {})
+    found = conditions(graph, results, numbers)
+    code = {graph.operations[n].code: found[n] for n in numbers}
+    assert code[casadi.OP_SIN] == frozenset() and len(code[casadi.OP_EXP]) == 1
+
+
+def test_an_operation_without_meaning_in_c_is_a_sentence() -> None:
+    time, v = casadi.SX.sym("time"), casadi.SX.sym("v", VALUES)
+    odd = casadi.Function("outputs", [time, v], [casadi.erf(v[3])])
+    nothing = [
+        casadi.Function(n, [time, v], [casadi.SX(0, 1)]) for n in ("derivatives", "update", "conditions")
+    ]
+    symbolic = SymbolicBlock(nothing[0], nothing[1], odd, nothing[2], ())
+    with pytest.raises(BuildError, match=r"the operation \d+ of CasADi has no meaning in C"):
+        _Equations(symbolic, RANKS, []).text()
+
+
+# ---- what parameters decide, in an FMU ---------------------------------------------------------
+
+
+def test_what_parameters_decide_follows_them(fmu_folder: Path) -> None:
+    """Set twice while outputs are looked at, and brought along by a state from another instance."""
+    path = fmu_path("EmlaPlant", "native", fmu_folder)
+    names = ["a_L", "tau_m", "x_L"]
+
+    def stepped(parameters: dict[str, float], state: bytes | None = None) -> tuple[list[float], bytes]:
+        with fmu_slave(path, [], names) as slave:
+            slave.enter_initialization(0.0, None)
+            for name, value in parameters.items():
+                slave.get_outputs()
+                slave.set_value(slave.file.variables[name], value)
+            slave.exit_initialization()
+            if state is not None:
+                slave.deserialize(state)
+            before = slave.serialize()
+            slave.do_step(0.0, 1e-3)
+            slave.get_outputs()
+            return slave.outputs.tolist(), before
+
+    given = {"motor.J_m": 2e-3, "gearbox.eta_GB": 0.8, "start.x_L": 0.3, "F_L": 1e3}
+    heavy, state = stepped(given)
+    instance = Instance(EmlaPlant(), "test")
+    layout = instance.layout
+    for name, value in given.items():
+        instance.set([layout.reference(name)], [value])
+    instance.setup_experiment(0.0)
+    instance.enter_initialization()
+    instance.exit_initialization()
+    instance.do_step(0.0, 1e-3)
+    assert heavy == list(instance.get([layout.reference(name) for name in names]))
+    assert stepped({}, state)[0] == heavy != stepped({})[0]

@@ -1,0 +1,476 @@
+"""FMUs for FMI 3.0, against those for FMI 2.0 of the same block, differences and the published schemas."""
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from ctypes import byref, c_double, c_int, c_size_t, c_uint32
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Model, FMU3Slave
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.models import MODELS
+from emla_cosim.fmu.models import build as build_model
+from fmublock import Block, BuildError, Output, build
+from fmublock.__main__ import main
+from fmublock.archive import read_built
+from fmublock.platforms import host_platform
+from tests.support.c_programs import SANITIZERS, needs_cc
+from tests.support.sessions import ERROR
+from tests.support.toy import Toy
+
+REFERENCE = Toy.layout().reference
+FORCE, GAINS, X, V, POWER = (REFERENCE(n) for n in ("force", "spring.k[1]", "x", "v[1]", "power"))
+RATES = len(Toy.layout().scalars)
+"""Value reference of the first derivative; the time follows the three of them."""
+TIME = RATES + 3
+
+
+@pytest.fixture(scope="session")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(Toy, tmp_path_factory.mktemp("fmi3") / "Toy.fmu", fmi=3)
+
+
+class Host:
+    """Instances of an FMU for FMI 3.0, and what they logged."""
+
+    def __init__(self, path: Path, folder: Path) -> None:
+        self.description = fmpy.read_model_description(str(path))
+        self.folder = folder
+        self.lines: list[tuple[int, str]] = []
+        self.instances: list[Any] = []
+        fmpy.extract(str(path), folder)
+
+    def new(self, kind: Any = FMU3Slave, token: str | None = None, **options: Any) -> Any:
+        made = kind(
+            guid=self.description.guid if token is None else token,
+            unzipDirectory=str(self.folder),
+            modelIdentifier=self.description.modelName,
+            instanceName="toy",
+        )
+        made.instantiate(logMessage=self._log, loggingOn=True, **options)
+        self.instances.append(made)
+        return made
+
+    def started(self, kind: Any = FMU3Slave, running: bool = True) -> Any:
+        made = self.new(kind)
+        made.enterInitializationMode()
+        if running:
+            made.exitInitializationMode()
+        return made
+
+    def refused(self, call: Callable[..., Any], *arguments: Any, status: int = ERROR) -> str:
+        """Return the one message with which a call is refused."""
+        before = len(self.lines)
+        with pytest.raises(FMICallException) as failure:
+            call(*arguments)
+        assert failure.value.status == status
+        ((logged, text),) = self.lines[before:]
+        assert logged == status
+        return text
+
+    def _log(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+        self.lines.append((status, message.decode()))
+
+
+@pytest.fixture
+def host(toy: Path, tmp_path: Path) -> Iterator[Host]:
+    host = Host(toy, tmp_path / "fmu")
+    yield host
+    for instance in host.instances:
+        instance.freeInstance()
+
+
+def root_of(fmu: Path, name: str) -> Any:
+    with zipfile.ZipFile(fmu) as archive:
+        return etree.fromstring(archive.read(name))
+
+
+def test_the_documents_follow_the_published_schemas(toy: Path) -> None:
+    assert validate_fmu(str(toy)) == []
+    for name, schema in {
+        "modelDescription.xml": "ModelDescription",
+        "sources/buildDescription.xml": "BuildDescription",
+        "terminalsAndIcons/terminalsAndIcons.xml": "TerminalsAndIcons",
+    }.items():
+        place = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
+        etree.XMLSchema(etree.parse(str(place))).assertValid(root_of(toy, name))
+
+
+def test_arrays_are_arrays(toy: Path) -> None:
+    variables = {v.get("name"): v for v in root_of(toy, "modelDescription.xml").find("ModelVariables")}
+    gains, rate = variables["spring.k"], variables["der(v)"]
+    assert (gains.tag, gains.get("start"), gains.get("unit")) == ("Float64", "3.0 0.25", "N/m")
+    assert [d.get("start") for d in gains.findall("Dimension")] == ["2"]
+    assert [d.get("start") for d in rate.findall("Dimension")] == ["2"]
+    assert (rate.get("derivative"), rate.get("unit")) == (str(V), "m/s2")
+    assert not [name for name in variables if "[" in name]
+    assert {variables[n].tag for n in ("count", "seed")} == {"Int32"}
+    assert (variables["shape"].tag, variables["shape"].get("declaredType")) == ("Enumeration", "Shape")
+    assert (variables["damped"].tag, variables["damped"].get("start")) == ("Boolean", "true")
+    assert (variables["time"].get("causality"), variables["time"].get("valueReference")) == (
+        "independent",
+        str(TIME),
+    )
+
+
+class Clock(Block):
+    """A block with a variable named time, and none in seconds."""
+
+    time = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"time": 2.0}
+
+
+def test_a_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
+    fmu = build(Clock, tmp_path / "Clock.fmu", fmi=3)
+    assert validate_fmu(str(fmu)) == []
+    host = Host(fmu, tmp_path / "fmu")
+    causalities = {v.name: v.causality for v in host.description.modelVariables}
+    assert causalities == {"time": "output", "time_": "independent"}
+    slave = host.started()
+    slave.doStep(0.0, 0.5)
+    assert slave.getFloat64([0, 1]) == [2.0, 0.5]
+    slave.freeInstance()
+
+
+def test_the_same_block_gives_the_same_bytes_and_platforms(toy: Path, tmp_path: Path) -> None:
+    again = build(Toy, tmp_path / "Toy.fmu", fmi=3)
+    assert again.read_bytes() == toy.read_bytes()
+    assert read_built(again).platforms == {host_platform()}
+
+
+def test_every_function_of_the_standard_is_exported(host: Host) -> None:
+    header = files("fmpy").joinpath("c-code", "fmi3Functions.h").read_text()
+    names = set(re.findall(r"^FMI3_Export fmi3\w+TYPE\s+(fmi3\w+);", header, re.MULTILINE))
+    library = host.new().dll
+    assert len(names) > 70
+    assert [name for name in sorted(names) if not hasattr(library, name)] == []
+
+
+def compare(two: Path, three: Path, kind: str, signal: Any = None, stop_time: float = 0.2) -> None:
+    """Check that both versions give the same bits of every scalar variable and array element."""
+    results = [
+        fmpy.simulate_fmu(
+            str(fmu),
+            fmi_type=kind,
+            stop_time=stop_time,
+            output_interval=0.01,
+            input=signal,
+            output=names(fmu),
+        )
+        for fmu in (two, three)
+    ]
+    recorded = results[0].dtype.names or ()
+    columns = {n: np.atleast_2d(results[1][n].T) for n in results[1].dtype.names or ()}
+    assert len(columns) > 1
+    compared = 0
+    for name, rows in columns.items():
+        if name in recorded:
+            assert results[0][name].tobytes() == rows[0].tobytes(), name
+            compared += 1
+            continue
+        for element, row in enumerate(rows.reshape(-1, rows.shape[-1]), 1):
+            assert results[0][f"{name}[{element}]"].tobytes() == row.tobytes(), name
+            compared += 1
+    assert compared == len(recorded)
+    assert len(results[0]) == round(stop_time / 0.01) + 1
+
+
+def names(fmu: Path) -> list[str]:
+    """Names of the outputs; fmpy records vectors, not matrices."""
+    found = fmpy.read_model_description(str(fmu)).modelVariables
+    return [v.name for v in found if v.causality == "output"]
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_both_versions_give_the_same_bits(toy: Path, native_toy_fmu: Path, kind: str) -> None:
+    signal = np.array([(0.0, 0.5), (0.07, 1.5), (0.2, -1.0)], dtype=[("time", float), ("force", float)])
+    compare(native_toy_fmu, toy, kind, signal)
+
+
+SMALL = ("CacController", "Reference")
+
+
+@pytest.mark.parametrize(
+    "model", [m if m in SMALL else pytest.param(m, marks=pytest.mark.slow) for m in MODELS]
+)
+def test_our_models_are_valid_and_give_the_same_bits(model: str, tmp_path: Path) -> None:
+    two, three = (build_model(model, "native", [], tmp_path / str(v), fmi=v) for v in (2, 3))
+    assert validate_fmu(str(three)) == []
+    compare(two, three, "CoSimulation")
+    if fmpy.read_model_description(str(three)).modelExchange is not None:
+        compare(two, three, "ModelExchange", stop_time=0.05)
+
+
+def test_values_of_arrays_and_types(host: Host) -> None:
+    slave = host.new()
+    slave.setFloat64([GAINS, FORCE], [5.0, 6.0, 7.0])
+    slave.setInt64([REFERENCE("shape")], [2])
+    slave.setInt32([REFERENCE("count")], [4])
+    slave.setBoolean([REFERENCE("damped")], [False])
+    slave.enterInitializationMode(startTime=1.5)
+    assert slave.getFloat64([FORCE, GAINS, TIME], nValues=4) == [7.0, 5.0, 6.0, 1.5]
+    assert (slave.getInt64([REFERENCE("shape")]), slave.getInt32([REFERENCE("count")])) == ([2], [4])
+    assert slave.getBoolean([REFERENCE("damped")]) == [False]
+    assert "2 values were announced" in host.refused(slave.setFloat64, [GAINS, FORCE], [1.0, 2.0])
+    assert "no variable" in host.refused(slave.getFloat64, [GAINS + 1])
+    assert "no variable" in host.refused(slave.getFloat64, [TIME + 1])
+    assert "Enumeration" in host.refused(slave.getInt32, [REFERENCE("shape")])
+    assert "computed" in host.refused(slave.setFloat64, [TIME], [2.0])
+    for get in (slave.getFloat32, slave.getInt8, slave.getUInt64, slave.getString):
+        assert "force is of type Float64" in host.refused(get, [FORCE])
+    assert slave.getFloat64([FORCE]) == [7.0]
+
+
+def test_states_are_restored_also_in_another_instance(host: Host) -> None:
+    def run(slave: Any, first: int) -> list[float]:
+        for k in range(first, first + 3):
+            slave.doStep(0.1 * k, 0.1)
+        return slave.getFloat64([X, V, POWER], nValues=4)
+
+    slave, other = host.started(), host.started()
+    slave.doStep(0.0, 0.1, False)
+    state = slave.getFMUState()
+    data = slave.serializeFMUState(state)
+    expected = run(slave, 1)
+    slave.setFMUState(state)
+    assert run(slave, 1) == expected
+    copy = other.deserializeFMUState(data)
+    other.setFMUState(copy)
+    assert run(other, 1) == expected
+    damaged = bytes([*data[:-20], data[-20] ^ 1, *data[-19:]])
+    assert "damaged" in host.refused(other.deserializeFMUState, damaged)
+    assert "bytes" in host.refused(other.deserializeFMUState, data[:-1])
+    assert "not a state" in host.refused(other.deserializeFMUState, b"x" + data[1:])
+    slave.freeFMUState(state)
+    other.freeFMUState(copy)
+
+
+KNOWNS, N_KNOWNS = [FORCE, GAINS, V], 5
+UNKNOWNS, N_UNKNOWNS = [POWER, V, RATES, RATES + 1], 6
+
+
+def matrix(slave: Any) -> np.ndarray:
+    """The matrix of partial derivatives, column by column."""
+    columns = [
+        slave.getDirectionalDerivative(UNKNOWNS, KNOWNS, seed, nSensitivity=N_UNKNOWNS)
+        for seed in np.eye(N_KNOWNS)
+    ]
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_adjoint_derivatives_are_the_transposed_directional_ones(host: Host, running: bool) -> None:
+    slave = host.started(running=running)
+    for seed in (*np.eye(N_UNKNOWNS), [1.0, -2.0, 0.5, 3.0, 0.25, -1.0]):
+        found = slave.getAdjointDerivative(UNKNOWNS, KNOWNS, list(seed), nSensitivity=N_KNOWNS)
+        np.testing.assert_allclose(found, matrix(slave).T @ seed, rtol=1e-14, atol=1e-15)
+    assert "computed" in host.refused(slave.setFloat64, [POWER], [1.0])
+    assert "announced" in host.refused(slave.getAdjointDerivative, UNKNOWNS, KNOWNS, [1.0], N_KNOWNS)
+    assert "to differentiate" in host.refused(slave.getAdjointDerivative, [TIME], [FORCE], [1.0], 1)
+    assert "by" in host.refused(slave.getAdjointDerivative, [POWER], [TIME], [1.0], 1)
+
+
+def test_adjoint_derivatives_are_those_of_differences(host: Host) -> None:
+    slave, start, h = host.started(running=False), np.array([0.5, 3.0, 0.25, 0.5, -0.5]), 1e-6
+
+    def values(x: np.ndarray) -> np.ndarray:
+        slave.setFloat64(KNOWNS, list(x))
+        return np.array(slave.getFloat64(UNKNOWNS, nValues=N_UNKNOWNS))
+
+    differences = [(values(start + h * e) - values(start - h * e)) / (2 * h) for e in np.eye(N_KNOWNS)]
+    values(start)
+    seed = [1.0, -2.0, 0.5, 3.0, 0.25, -1.0]
+    found = slave.getAdjointDerivative(UNKNOWNS, KNOWNS, seed, nSensitivity=N_KNOWNS)
+    np.testing.assert_allclose(found, np.array(differences) @ seed, rtol=1e-6, atol=1e-8)
+
+
+def test_output_derivatives_are_those_of_the_states(host: Host) -> None:
+    slave = host.started()
+    slave.doStep(0.0, 0.1)
+    assert slave.getOutputDerivatives([X], [1]) == slave.getFloat64([RATES])
+    assert "order 2" in host.refused(slave.getOutputDerivatives, [X], [2])
+
+
+def dependencies_of(slave: Any, unknown: int) -> tuple[Sequence[int], ...]:
+    """Return elements of the unknown, value references of the knowns, and elements of these."""
+    n = c_size_t()
+    slave.fmi3GetNumberOfVariableDependencies(slave.component, unknown, byref(n))
+    found = [(kind * n.value)() for kind in (c_size_t, c_uint32, c_size_t, c_int)]
+    slave.fmi3GetVariableDependencies(slave.component, unknown, *found, n.value)
+    return tuple(map(list, found[:3]))
+
+
+def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, toy: Path) -> None:
+    slave = host.started()
+    found = set(zip(*dependencies_of(slave, RATES + 1), strict=True))
+    assert found == {(1, FORCE, 1), (1, X, 1), (1, V, 1), (2, V, 2), (2, TIME, 1)}
+    structure = {
+        int(u.get("valueReference")): {int(known) for known in u.get("dependencies").split()}
+        for u in root_of(toy, "modelDescription.xml").find("ModelStructure")
+        if u.tag != "InitialUnknown"
+    }
+    for unknown, knowns in structure.items():
+        assert set(dependencies_of(slave, unknown)[1]) == knowns
+    message = host.refused(slave.fmi3GetVariableDependencies, slave.component, X, None, None, None, None, 99)
+    assert "99" in message
+
+
+def test_calls_in_the_wrong_order_are_refused(host: Host) -> None:
+    slave = host.new()
+    assert "phase instantiated" in host.refused(slave.exitInitializationMode)
+    assert "phase instantiated" in host.refused(slave.doStep, 0.0, 0.1)
+    assert "phase instantiated" in host.refused(slave.terminate)
+    assert "not after the start" in host.refused(slave.enterInitializationMode, None, 1.0, 0.0)
+    slave.enterInitializationMode()
+    assert "phase initialization" in host.refused(slave.enterInitializationMode)
+    slave.exitInitializationMode()
+    assert "phase step" in host.refused(slave.enterEventMode)
+    assert "phase step" in host.refused(slave.enterStepMode)
+    assert "the step starts" in host.refused(slave.doStep, 5.0, 0.1)
+    slave.doStep(0.0, 0.1)
+    slave.terminate()
+    assert "phase terminated" in host.refused(slave.doStep, 0.1, 0.1)
+    slave.reset()
+    model = host.started(FMU3Model)
+    assert "phase event" in host.refused(model.setContinuousStates, (c_double * 3)(), 3)
+    model.updateDiscreteStates()
+    model.enterContinuousTimeMode()
+    assert "phase continuous-time" in host.refused(model.enterContinuousTimeMode)
+    counts = []
+    for call in (model.fmi3GetNumberOfContinuousStates, model.fmi3GetNumberOfEventIndicators):
+        count = c_size_t(99)
+        call(model.component, byref(count))
+        counts.append(count.value)
+    assert counts == [3, 0]
+
+
+def test_what_a_block_has_not_is_refused(host: Host) -> None:
+    slave = host.started()
+    for call, word in (
+        (slave.fmi3EnterConfigurationMode, "structural parameters"),
+        (slave.fmi3EvaluateDiscreteStates, "discrete states"),
+    ):
+        assert word in host.refused(call, slave.component)
+    assert "clocks" in host.refused(slave.getClock, [0])
+    wrong: dict[str, dict[str, Any]] = {"event mode": {"eventModeUsed": True}, "token": {"token": "{other}"}}
+    for word, options in wrong.items():
+        with pytest.raises(Exception, match="instantiate"):
+            host.new(**options)
+        assert word in host.lines[-1][1]
+
+
+def test_a_step_to_infinity_is_discarded(host: Host) -> None:
+    slave = host.new()
+    slave.setFloat64([REFERENCE("x_0"), V], [1.0 - 2.0**-20, 2.0**-10, 0.0])
+    slave.setFloat64([GAINS], [0.0, 0.0])
+    slave.setFloat64([FORCE], [1e308])
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    before = slave.getFloat64([X, V, TIME], nValues=4)
+    assert "discarded" in host.refused(slave.doStep, 0.0, 10.0, status=2)
+    assert slave.getFloat64([X, V, TIME], nValues=4) == before
+    slave.setFloat64([FORCE], [0.0])
+    assert slave.doStep(0.0, 1e-3)[1:] == (False, False, 1e-3)
+
+
+def test_python_and_other_versions_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BuildError, match=r"PythonFMU builds FMUs for FMI 2\.0 only"):
+        build(Toy, tmp_path / "Toy.fmu", flavour="python", fmi=3)
+    with pytest.raises(BuildError, match="FMI 1 is not supported"):
+        build(Toy, tmp_path / "Toy.fmu", fmi=1)
+    with pytest.raises(CommandError, match="PythonFMU"):
+        build_model("Reference", "python", [], tmp_path, fmi=3)
+    with pytest.raises(CommandError, match=r"'fmus' is for FMUs for FMI 2\.0"):
+        build_model("Reference", "native", [], fmi=3)
+    block = f"{files('tests.support')}/toy.py:Toy"
+    assert main(["build", block, "--fmi", "3", "--flavour", "python", "--output", str(tmp_path)]) == 2
+    assert "PythonFMU" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_cc
+def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
+    """The same calls again: `fmi3_calls.py`, with the sources compiled for the sanitizers."""
+    counts = call_at_random(host, tmp_path, TIME + 1, 0, X, POWER)
+    checked = (
+        "DoStep",
+        "GetFloat64",
+        "SetFloat64",
+        "GetAdjointDerivative",
+        "SetFMUState",
+        "GetFloat64WithinStep",
+    )
+    for function in checked:
+        assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
+
+
+def call_at_random(
+    host: Host, tmp_path: Path, references: int, clock: int, *needed: int
+) -> dict[str, list[int]]:
+    """Return how often each function returned each status; see `fmi3_calls.py`."""
+    library, runtime = (
+        tmp_path / "Toy.so",
+        subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True),
+    )
+    subprocess.run(
+        [
+            "cc",
+            "-std=c11",
+            "-O1",
+            "-g",
+            "-Wall",
+            "-Wextra",
+            "-Wpedantic",
+            "-Werror",
+            "-Wno-unused-function",
+            "-shared",
+            "-fPIC",
+            "-fvisibility=hidden",
+            *SANITIZERS["address"],
+            "-I",
+            str(files("fmpy").joinpath("c-code")),
+            str(host.folder / "sources" / "fmi3_block.c"),
+            "-o",
+            str(library),
+            "-lm",
+        ],
+        check=True,
+    )
+    run = subprocess.run(
+        [
+            sys.executable,
+            str(files("tests.support").joinpath("fmi3_calls.py")),
+            str(library),
+            str(host.description.guid),
+            str(references),
+            "1",
+            "20000",
+            str(clock),
+            *map(str, needed),
+        ],
+        env={
+            **os.environ,
+            "LD_PRELOAD": runtime.strip(),
+            "PYTHONMALLOC": "malloc",
+            "ASAN_OPTIONS": "detect_leaks=0",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    return {name: [int(n) for n in numbers] for name, *numbers in map(str.split, run.stdout.splitlines())}

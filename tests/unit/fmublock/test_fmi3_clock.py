@@ -1,0 +1,294 @@
+"""FMUs for FMI 3.0 with a periodic input clock, against the same block in steps of the interval."""
+
+from collections.abc import Iterator
+from ctypes import c_double, c_int, c_uint32
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmpy.validation import validate_fmu
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.fmu.models import MODELS
+from fmublock import BuildError, build
+from tests.support.c_programs import needs_cc
+from tests.support.sessions import ERROR
+from tests.support.tiers import mostly_slow
+from tests.support.toy import Toy
+from tests.unit.fmublock.test_fmi3 import Host, call_at_random, root_of
+
+REFERENCE = Toy.layout().reference
+FORCE, MASS, X, V, POWER, SPEED_0 = (
+    REFERENCE(n) for n in ("force", "body.mass", "x", "v[1]", "power", "v[1]")
+)
+TIME = len(Toy.layout().scalars) + 3
+CLOCK = TIME + 1
+READ = [X, V, POWER]
+INTERVAL = 0.01
+UNCHANGED = 1
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("clock")
+    return [
+        build(Toy, folder / f"{name}.fmu", fmi=3, clock=clock)
+        for name, clock in (("clocked", INTERVAL), ("plain", None))
+    ]
+
+
+@pytest.fixture
+def hosts(paths: list[Path], tmp_path: Path) -> Iterator[list[Host]]:
+    hosts = [Host(path, tmp_path / path.stem) for path in paths]
+    yield hosts
+    for host in hosts:
+        for instance in host.instances:
+            instance.freeInstance()
+
+
+def values(slave: Any) -> list[float]:
+    return slave.getFloat64(READ, nValues=4)
+
+
+def start(host: Host, start_time: float = 0.0) -> Any:
+    """Start a clocked instance in step mode, and look at its first values."""
+    slave = host.new(eventModeUsed=True)
+    slave.enterInitializationMode(startTime=start_time)
+    slave.first = values(slave)
+    slave.exitInitializationMode()
+    assert slave.updateDiscreteStates() == (False,) * 5 + (0.0,)
+    slave.enterStepMode()
+    return slave
+
+
+def tick(slave: Any, force: float) -> list[float]:
+    """Enter event mode, tick with this input, and return the outputs."""
+    slave.enterEventMode()
+    slave.setClock([CLOCK], [True])
+    slave.setFloat64([FORCE], [force])
+    found = values(slave)
+    slave.updateDiscreteStates()
+    slave.enterStepMode()
+    return found
+
+
+def started(host: Host, start_time: float = 0.0) -> Any:
+    slave = host.new()
+    slave.enterInitializationMode(startTime=start_time)
+    slave.exitInitializationMode()
+    return slave
+
+
+def test_what_the_model_description_says(paths: list[Path]) -> None:
+    assert validate_fmu(str(paths[0])) == []
+    root = root_of(paths[0], "modelDescription.xml")
+    (clock,) = root.xpath("ModelVariables/Clock")
+    assert {
+        n: clock.get(n) for n in ("intervalVariability", "intervalDecimal", "shiftDecimal", "causality")
+    } == {
+        "intervalVariability": "constant",
+        "intervalDecimal": "0.01",
+        "shiftDecimal": "0.01",
+        "causality": "input",
+    }
+    assert int(clock.get("valueReference")) == CLOCK
+    clocked = root.xpath("ModelVariables/*[@clocks]")
+    assert {v.get("name") for v in clocked} == {"force", "x", "v", "random", "step_count", "power", "inverse"}
+    assert {(v.get("clocks"), v.get("variability")) for v in clocked} == {(str(CLOCK), "discrete")}
+    assert root.find("ModelExchange") is None and root.find("CoSimulation").get("hasEventMode") == "true"
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("start_time", [0.0, 2.5])
+def test_a_tick_is_a_step_of_the_interval(hosts: list[Host], parts: int, start_time: float) -> None:
+    """The same bits, however many steps are between two ticks."""
+    clocked, plain = start(hosts[0], start_time), started(hosts[1], start_time)
+    assert clocked.first == values(plain)
+    time = start_time
+    for n in range(1, 200):
+        force = 0.1 * n
+        for part in range(1, parts + 1):
+            end = start_time + (n - 1 + part / parts) * INTERVAL
+            assert clocked.doStep(time, end - time)[:3] == (False, False, False)
+            time = end
+        plain.setFloat64([FORCE], [force])
+        plain.doStep(start_time + (n - 1) * INTERVAL, INTERVAL)
+        assert tick(clocked, force) == values(plain), n
+        assert clocked.getFloat64([TIME]) == plain.getFloat64([TIME])
+
+
+def test_inputs_can_change_until_the_update(hosts: list[Host]) -> None:
+    """Each read computes the tick anew, as a host needs to solve a loop; noise is drawn once."""
+    one, other = start(hosts[0]), start(hosts[0])
+    for slave in (one, other):
+        slave.doStep(0.0, INTERVAL)
+    one.enterEventMode()
+    one.setClock([CLOCK], [True])
+    for force in (100.0, -7.0, 3.0):
+        one.setFloat64([FORCE], [force])
+        seen = values(one)
+    one.updateDiscreteStates()
+    one.enterStepMode()
+    assert seen == tick(other, 3.0)
+    states = [s.serializeFMUState(s.getFMUState()) for s in (one, other)]
+    assert states[0] == states[1]
+
+
+def test_states_are_restored_also_within_a_tick(hosts: list[Host]) -> None:
+    slave = start(hosts[0])
+    slave.doStep(0.0, INTERVAL)
+    slave.enterEventMode()
+    slave.setClock([CLOCK], [True])
+    state = slave.getFMUState()
+    content = slave.serializeFMUState(state)
+    seen = []
+    for restore in (lambda: None, lambda: slave.setFMUState(state), lambda: None):
+        restore()
+        slave.setFloat64([FORCE], [3.0])
+        seen.append(values(slave))
+    slave.updateDiscreteStates()
+    slave.enterStepMode()
+    other = start(hosts[0])
+    other.setFMUState(other.deserializeFMUState(content))
+    other.setFloat64([FORCE], [3.0])
+    seen.append(values(other))
+    assert seen[1:] == seen[:-1]
+    slave.freeFMUState(state)
+
+
+def test_the_interval_and_the_shift(hosts: list[Host]) -> None:
+    slave = hosts[0].new(eventModeUsed=True)
+    slave.enterInitializationMode()
+    reference, number, qualifier = (c_uint32 * 1)(CLOCK), (c_double * 1)(), (c_int * 1)()
+    slave.getIntervalDecimal(reference, number, qualifier)
+    assert (number[0], qualifier[0]) == (INTERVAL, UNCHANGED)
+    number[0] = 0.0
+    slave.getShiftDecimal(reference, number)
+    assert number[0] == INTERVAL
+
+
+def test_calls_at_the_wrong_time_are_refused(hosts: list[Host]) -> None:
+    host = hosts[0]
+    slave = start(host)
+    only = "can be set and read only while the clock ticks"
+    assert f"power {only}" in host.refused(slave.getFloat64, [POWER])
+    assert f"force {only}" in host.refused(slave.setFloat64, [FORCE], [1.0])
+    assert slave.getFloat64([MASS]) == [2.0]
+    assert "in phase step" in host.refused(slave.setClock, [CLOCK], [True])
+    words = "the step to t = 0.015 s goes past the tick of the clock at t = 0.01 s"
+    assert words in host.refused(slave.doStep, 0.0, 0.015)
+    slave.doStep(0.0, 0.005)
+    slave.enterEventMode()
+    words = "the clock ticks at t = 0.01 s, but the instance is at t = 0.005 s"
+    assert words in host.refused(slave.setClock, [CLOCK], [True])
+    assert "no clock with value reference 3" in host.refused(slave.setClock, [3], [True])
+    slave.updateDiscreteStates()
+    slave.enterStepMode()
+    slave.doStep(0.005, 0.005)
+    slave.enterEventMode()
+    assert f"power {only}" in host.refused(slave.getFloat64, [POWER])
+    slave.setClock([CLOCK], [True])
+    assert "cannot be deactivated" in host.refused(slave.setClock, [CLOCK], [False])
+    assert "needs fmi3UpdateDiscreteStates first" in host.refused(slave.enterStepMode)
+    assert "in phase co-simulation-event" in host.refused(slave.doStep, 0.01, 0.01)
+    slave.updateDiscreteStates()
+    words = "the clock ticks at t = 0.02 s, but the instance is at t = 0.01 s"
+    assert words in host.refused(slave.setClock, [CLOCK], [True])
+    slave.enterStepMode()
+    slave.terminate()
+
+
+def test_a_tick_to_infinity_is_refused(hosts: list[Host]) -> None:
+    host = hosts[0]
+    slave = start(host)
+    slave.doStep(0.0, INTERVAL)
+    slave.enterEventMode()
+    slave.setClock([CLOCK], [True])
+    slave.setFloat64([FORCE], [1e308])
+    assert "the tick at t = 0.01 s is impossible" in host.refused(slave.updateDiscreteStates)
+    assert "the tick at t = 0.01 s is impossible" in host.refused(slave.getFloat64, [POWER])
+    slave.setFloat64([FORCE], [3.0])
+    seen = values(slave)
+    other = start(host)
+    other.doStep(0.0, INTERVAL)
+    assert tick(other, 3.0) == seen
+
+
+def test_a_tick_of_too_many_internal_steps_is_refused(tmp_path: Path) -> None:
+    host = Host(build(Toy, tmp_path / "slow.fmu", fmi=3, clock=10.0), tmp_path / "slow")
+    slave = host.new(eventModeUsed=True)
+    slave.enterInitializationMode()
+    slave.setFloat64([REFERENCE("solver.internal_step")], [1e-9])
+    words = "the step of 10 s needs more than 1e+09 internal steps"
+    assert words in host.refused(slave.exitInitializationMode)
+    slave.freeInstance()
+
+
+def test_a_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
+    with pytest.raises(Exception, match="instantiate"):
+        hosts[0].new()
+    assert hosts[0].lines[-1] == (ERROR, hosts[0].lines[-1][1])
+    assert "needs a host with event mode" in hosts[0].lines[-1][1]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"clock": 1e-3}, "a clock needs FMI 3.0"),
+        ({"clock": 0.0, "fmi": 3}, "must be positive and finite, not 0 s"),
+        ({"clock": float("inf"), "fmi": 3}, "must be positive and finite, not inf s"),
+    ],
+)
+def test_wrong_intervals_are_refused(tmp_path: Path, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(BuildError, match=words):
+        build(Toy, tmp_path / "Toy.fmu", **options)
+
+
+@needs_cc
+def test_random_calls_do_no_harm(hosts: list[Host], tmp_path: Path) -> None:
+    counts = call_at_random(hosts[0], tmp_path, CLOCK, 1)
+    for function in (
+        "DoStep",
+        "GetFloat64",
+        "SetFloat64",
+        "SetClock",
+        "UpdateDiscreteStates",
+        "EnterStepMode",
+    ):
+        assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
+
+
+@pytest.mark.parametrize(
+    "model", mostly_slow(["EmlaObserver", "FocController", "Reference"], ["EmlaObserver"])
+)
+def test_our_models_are_valid_with_a_clock(model: str, tmp_path: Path) -> None:
+    assert validate_fmu(str(build(MODELS[model], tmp_path / f"{model}.fmu", fmi=3, clock=1e-3))) == []
+
+
+def test_clocked_controllers_give_the_bytes_of_others(fmu_folder: Path, tmp_path: Path) -> None:
+    """The clock's interval is the step size, so that observer and controller sample in each step."""
+    names = {"controller": "RsbaController", "observer": "EmlaObserver"}
+    step = 1e-4
+    clocked = {
+        f"lift.{component}": fmublock.build(MODELS[name], tmp_path / f"{name}.fmu", fmi=3, clock=step)
+        for component, name in names.items()
+    }
+    for folder, replaced in (("plain", {}), ("clocked", clocked)):
+        loaded = ec.load("lift", fmus=fmu_folder, step_size=step, stop_time=0.05, replace=replaced)
+        loaded.prepare().run().save(tmp_path / folder, plots=False)
+    plain, other = ((tmp_path / folder / "results.csv").read_bytes() for folder in ("plain", "clocked"))
+    assert plain == other and len(plain) > 10_000
+
+
+@pytest.mark.parametrize("algorithm", mostly_slow(["jacobi", "gauss-seidel", "strong"], ["strong"]))
+def test_a_clock_of_ten_steps_is_a_step_multiple(algorithm: str, fmu_folder: Path, tmp_path: Path) -> None:
+    clocked = fmublock.build(MODELS["RsbaController"], tmp_path / "Clocked.fmu", fmi=3, clock=1e-3)
+    options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02}
+    sampled = {"step_multiples": {"lift.controller": 1}} if algorithm == "strong" else {}
+    replaced = {"replace": {"lift.controller": clocked}, **sampled}
+    plain, other = (
+        ec.load("lift", fmus=fmu_folder, output_interval=1e-4, **options, **given).prepare().run().to_polars()
+        for given in ({"step_multiples": {"lift.controller": 10}}, replaced)
+    )
+    assert other.select(plain.columns).equals(plain)

@@ -1,0 +1,227 @@
+"""Intermediate update and early return of FMUs for FMI 3.0, against steps as long as an internal one."""
+
+import math
+from collections.abc import Callable, Iterator
+from ctypes import c_double, c_int32, c_uint32
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmpy.fmi1 import FMICallException
+
+from fmublock import build
+from tests.support.sessions import ERROR
+from tests.support.toy import Toy
+from tests.unit.fmublock.test_fmi3 import Host, root_of
+
+REFERENCE = Toy.layout().reference
+FORCE, X, V, POWER, INVERSE = (REFERENCE(n) for n in ("force", "x", "v[1]", "power", "inverse"))
+INTERNAL, STEP, DISCARD = 2.0**-9, 2.0**-7, 2
+INTERNAL_STEP = REFERENCE("solver.internal_step")
+READ = [X, V, POWER, INVERSE]
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(Toy, tmp_path_factory.mktemp("intermediate") / "Toy.fmu", fmi=3)
+
+
+@pytest.fixture
+def host(toy: Path, tmp_path: Path) -> Iterator[Host]:
+    host = Host(toy, tmp_path / "unpacked")
+    yield host
+    for instance in host.instances:
+        instance.freeInstance()
+
+
+class Updates:
+    """A host's callback: it reads variables, and can do more."""
+
+    def __init__(self, more: Callable[[Any, float], Any] = lambda slave, time: None) -> None:
+        self.slave: Any = None
+        self.more = more
+        self.seen: list[tuple[float, list[float]]] = []
+        self.flags = set[tuple[bool, ...]]()
+        self.can_return: list[bool] = []
+        self.return_time: float | None = None
+
+    def __call__(self, environment: Any, time: float, *others: Any) -> None:
+        *flags, can_return, requested, return_time = others
+        self.flags.add(tuple(map(bool, flags)))
+        self.can_return.append(bool(can_return))
+        self.seen.append((time, self.slave.getFloat64(READ, nValues=5)))
+        self.more(self.slave, time)
+        if self.return_time is not None:
+            requested[0], return_time[0] = True, self.return_time
+
+
+def start(host: Host, updates: Updates | None = None, required: Any = READ, early: bool = True) -> Any:
+    options: dict[str, Any] = {}
+    if updates is not None:
+        options = {"intermediateUpdate": updates, "requiredIntermediateVariables": required}
+    slave = host.new(**options, earlyReturnAllowed=early)
+    if updates is not None:
+        updates.slave = slave
+    slave.setFloat64([INTERNAL_STEP], [INTERNAL])
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    return slave
+
+
+def states(values: list[float]) -> list[float]:
+    return values[:3]
+
+
+def test_what_the_model_description_says(toy: Path) -> None:
+    root = root_of(toy, "modelDescription.xml")
+    named = root.xpath("ModelVariables/*[@intermediateUpdate='true']/@name")
+    assert named == ["x", "v", "power", "inverse"]
+    (element,) = root.xpath("CoSimulation")
+    assert element.get("providesIntermediateUpdate") == "true"
+    assert element.get("canReturnEarlyAfterIntermediateUpdate") == "true"
+    assert element.get("mightReturnEarlyFromDoStep") is None
+
+
+def test_values_after_each_internal_step(host: Host) -> None:
+    """States are those of steps of the internal length, the last values those of the communication point."""
+    updates = Updates()
+    slave, fine = start(host, updates), start(host)
+    seen_before, force = 0, [3.0, -2.0]
+    random = slave.getFloat64([POWER])[0] - 0.5 * slave.getFloat64([V], nValues=2)[0]
+    for n in range(2):
+        for each in (slave, fine):
+            each.setFloat64([FORCE], [force[n]])
+        assert slave.doStep(n * STEP, STEP) == (False, False, False, (n + 1) * STEP)
+        seen = updates.seen[seen_before:]
+        assert [time for time, _ in seen] == [n * STEP + k * INTERNAL for k in range(1, 5)]
+        for time, values in seen:
+            fine.doStep(time - INTERNAL, INTERNAL)
+            assert states(values) == states(fine.getFloat64(READ, nValues=5))
+            assert values[4] == 1.0 / (1.0 - values[0])
+        for _, values in seen[:-1]:  # the noise changes at communication points
+            assert values[3] - force[n] * values[1] == pytest.approx(random, abs=1e-12)
+        after = slave.getFloat64(READ, nValues=5)
+        assert seen[-1][1] == after
+        random, before = after[3] - force[n] * after[1], random
+        assert random != before
+        seen_before = len(updates.seen)
+    assert updates.flags == {(False, True, True)}  # set requested, get allowed, step finished
+    assert updates.can_return == [True, True, True, False] * 2
+
+
+def test_a_callback_changes_no_bit(host: Host) -> None:
+    slaves = [start(host, Updates()), start(host)]
+    for slave in slaves:
+        for n in range(20):
+            slave.setFloat64([FORCE], [0.1 * n])
+            slave.doStep(n * 0.0123, 0.0123)
+    assert slaves[0].getFloat64(READ, nValues=5) == slaves[1].getFloat64(READ, nValues=5)
+    bits = [slave.serializeFMUState(slave.getFMUState()) for slave in slaves]
+    assert bits[0] == bits[1]
+
+
+@pytest.mark.parametrize(("asked", "reached"), [(0.0, 1), (INTERNAL, 1), (2.7 * INTERNAL, 2), (STEP, 4)])
+def test_a_step_that_the_host_ends(host: Host, asked: float, reached: int) -> None:
+    """The step ends at the last internal step that is not after the time that the host asks for."""
+    updates = Updates()
+    slave, other = start(host, updates), start(host)
+    updates.return_time = asked
+    time = reached * INTERNAL
+    assert slave.doStep(0.0, STEP) == (False, False, reached < 4, time)
+    assert len(updates.seen) == reached
+    other.doStep(0.0, time)
+    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+    updates.return_time = None
+    for each in (slave, other):  # another step of the same length, and the rest of a step
+        each.setFloat64([FORCE], [7.0])
+        assert each.doStep(time, STEP) == (False, False, False, time + STEP)
+        assert each.doStep(time + STEP, INTERNAL)[3] == time + STEP + INTERNAL
+    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+
+
+def test_early_return_that_is_not_allowed(host: Host) -> None:
+    updates = Updates()
+    slave = start(host, updates, early=False)
+    updates.return_time = 0.0
+    assert slave.doStep(0.0, STEP) == (False, False, False, STEP)
+    assert updates.can_return == [False] * 4
+
+
+def test_derivatives_of_outputs_at_internal_steps(host: Host) -> None:
+    """They are those after a step to that time, with the inputs of the step."""
+    found = []
+
+    def derive(slave: Any, time: float) -> None:
+        found.append(output_derivatives(slave))
+
+    slave, fine = start(host, Updates(derive)), start(host)
+    for each in (slave, fine):
+        each.setFloat64([FORCE], [3.0])
+    slave.doStep(0.0, STEP)
+    expected = []
+    for k in range(4):
+        fine.doStep(k * INTERNAL, INTERNAL)
+        expected.append(output_derivatives(fine))
+    assert found == expected
+    assert found[0][1] == pytest.approx(
+        (3.0 - 3.0 * 0.126 - 0.05) / 2.0, abs=1e-3
+    )  # force, spring and damper
+
+
+def output_derivatives(slave: Any) -> list[float]:
+    """Return the time derivatives of x and v."""
+    references, orders, values = (c_uint32 * 2)(X, V), (c_int32 * 2)(1, 1), (c_double * 3)()
+    slave.fmi3GetOutputDerivatives(slave.component, references, 2, orders, values, 3)
+    return list(values)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda s: s.setFloat64([FORCE], [1.0]), "cannot set values in phase intermediate-update"),
+        (lambda s: s.getFMUState(), "cannot get the state in phase intermediate-update"),
+        (lambda s: s.doStep(0.0, STEP), "cannot do a step in phase intermediate-update"),
+        (lambda s: s.terminate(), "cannot terminate in phase intermediate-update"),
+        (lambda s: s.reset(), "cannot reset in phase intermediate-update"),
+        (lambda s: s.getDirectionalDerivative([X], [FORCE], [1.0]), "cannot get directional derivatives"),
+        (lambda s: s.getFloat64([FORCE]), "force is not among requiredIntermediateVariables"),
+    ],
+)
+def test_other_calls_in_the_callback_are_refused(host: Host, call: Callable[[Any], Any], words: str) -> None:
+    answers = []
+
+    def misbehave(slave: Any, time: float) -> None:
+        try:
+            call(slave)
+        except FMICallException as error:
+            answers.append(error.status)
+
+    slave, other = start(host, Updates(misbehave)), start(host)
+    before = len(host.lines)
+    slave.doStep(0.0, STEP)
+    other.doStep(0.0, STEP)
+    assert answers == [ERROR] * 4
+    assert all(words in text for status, text in host.lines[before:] if status == ERROR)
+    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+
+
+@pytest.mark.parametrize("name", ["force", "body.mass", "step_count"])
+def test_variables_without_intermediate_update_are_refused(host: Host, name: str) -> None:
+    with pytest.raises(Exception, match="instantiate"):
+        host.new(intermediateUpdate=Updates(), requiredIntermediateVariables=[REFERENCE(name)])
+    assert host.lines[-1][1].endswith(f"{name} has no intermediate update.")
+
+
+def test_a_discarded_step_shows_no_infinite_values(host: Host) -> None:
+    updates = Updates()
+    slave = start(host, updates)
+    slave.setFloat64([FORCE], [3e154])  # the power overflows within the step
+    before = slave.getFloat64(READ, nValues=5)
+    assert "discarded" in host.refused(slave.doStep, 0.0, 1.0, status=DISCARD)
+    assert slave.getFloat64(READ, nValues=5) == before
+    assert 10 < len(updates.seen) < 500
+    assert all(math.isfinite(value) for _, values in updates.seen for value in values)
+    slave.setFloat64([FORCE], [0.0])
+    updates.seen.clear()
+    assert slave.doStep(0.0, STEP)[3] == STEP
+    assert len(updates.seen) == 4

@@ -1,0 +1,338 @@
+"""FMI 3.0 co-simulation FMUs in systems, also together with FMI 2.0."""
+
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.fmu.log import FmuLog
+from emla_cosim.fmu.models import MODELS
+from emla_cosim.master.instances.instance_kinds import make_instance
+from emla_cosim.system.model import System
+from fmublock import Block, Input, Output
+from tests.support.broken.editing import DESCRIPTION, read_files, written
+from tests.support.commands import Emla
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import ALL_TYPES, SUPPORT
+
+SOURCE = SUPPORT / "fmi3" / "fmi3.c"
+DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
+STEP, STOP = 0.125, 1.0
+VALUES: dict[str, Any] = {
+    "Float32": 0.1,
+    "Int8": -128,
+    "UInt8": 255,
+    "Int16": -(2**15),
+    "UInt16": 2**16 - 1,
+    "Int32": -(2**31),
+    "UInt32": 2**32 - 1,
+    "Int64": -(2**53),
+    "UInt64": 2**53,
+    "Boolean": True,
+    "Enumeration": "two",
+}
+NUMBERS = {**VALUES, "Float32": float(np.float32(0.1)), "Boolean": 1, "Enumeration": 2}
+
+
+class Twice(Block):
+    """Doubles a number."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": 2.0 * v.u}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("fmi3") / "Third.fmu"
+    return build_handwritten_fmu(file, SOURCE, platform=fmpy.platform_tuple)
+
+
+def with_description(path: Path, changed: Path, old: str, new: str) -> Path:
+    """The FMU with one text in its model description in place of another."""
+    files = read_files(path.read_bytes())
+    files[DESCRIPTION] = files[DESCRIPTION].replace(old.encode(), new.encode())
+    return written(changed, files.items())
+
+
+def run(system: System, **options: Any) -> ec.Result:
+    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+        return simulation.run()
+
+
+@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
+def test_all_types_and_arrays_pass_through_connections(path: Path, isolate: list[str]) -> None:
+    connections = ["a.y -> b.u", *(f"a.{t}_out -> b.{t}_in" for t in VALUES)]
+    values = {f"a.{t}_in": value for t, value in VALUES.items()}
+    found = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}), isolate=isolate)
+    for kind, number in NUMBERS.items():
+        assert found[f"a.{kind}_out"][-1] == number, kind
+        assert found[f"b.{kind}_out"][-1] == number, kind
+    # b.y = gain * gain * a.u, elementwise, with the gains 1 to 4
+    for place, element in enumerate(("1,1", "1,2", "2,1", "2,2")):
+        u = 3.0 if place == 0 else 0.5
+        assert found[f"b.y[{element}]"][-1] == (place + 1) ** 2 * u
+    assert found["a.x"][-1] == 3.0 * STOP  # the integral of u[1,1]
+
+
+def test_one_element_leaves_the_others(path: Path) -> None:
+    system = System.of({"a": path, "b": path}, ["a.x -> b.u[1,2]"], {"b.gain[2,1]": 7.0, "b.u[2,2]": 2.0})
+    found = run(system)
+    assert found["b.y[1,2]"][-1] == 2.0 * found["a.x"][-1] == 1.0
+    assert [found[f"b.y[{e}]"][-1] for e in ("1,1", "2,1", "2,2")] == [0.5, 3.5, 8.0]
+
+
+def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
+    fmublock.build(Twice, tmp_path / "Twice.fmu")
+    fmus = {"three": path, "two": tmp_path / "Twice.fmu", "last": path}
+    found = run(System.of(fmus, ["three.x -> two.u", "two.y -> last.u[2,2]"]))
+    assert found["two.y"][-1] == 2.0 * found["three.x"][-1] == 1.0
+    assert found["last.y[2,2]"][-1] == 4.0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
+    ids=str,
+)
+def test_strings_pass_through_connections(path: Path, options: dict[str, Any], tmp_path: Path) -> None:
+    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)  # FMI 2.0; its text changes
+    fmus = {"b": path, "a": tmp_path / "all_types.fmu", "c": path}
+    system = System.of(fmus, ["a.text -> b.String_in", "b.String_out -> c.String_in", "a.x -> b.u[1,1]"])
+    signals = ["a.text", "b.String_out", "c.String_out", "b.y[1,1]", "a.x"]
+    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+        found = [simulation.run(signals=signals) for _ in range(2)]
+    texts, passed, last = (list(found[0][name]) for name in signals[:3])
+    assert len(set(texts)) > 2, "the text changes"
+    assert passed == [texts[0], *texts[:-1]], "the String of the beginning is held during a step"
+    assert last == [texts[0], *passed[:-1]]
+    assert [list(found[1][name]) for name in signals[:3]] == [texts, passed, last]
+
+
+def test_a_resumed_run_has_its_strings(path: Path, tmp_path: Path) -> None:
+    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)
+    fmus = {"a": tmp_path / "all_types.fmu", "b": path}
+    names = ["a.text", "b.String_out"]
+
+    def part(stop: float, **options: Any) -> list[list[str]]:
+        system = System.of(fmus, ["a.text -> b.String_in"])
+        options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, "signals": names, **options}
+        with ec.load(system, **options).prepare() as simulation:
+            found = simulation.run()
+        return [list(found[name]) for name in names]
+
+    whole = part(STOP)
+    part(0.5, checkpoint=tmp_path / "c")
+    rest = part(STOP, resume=tmp_path / "c")
+    assert rest == [texts[-len(rest[0]) :] for texts in whole]
+
+
+@pytest.mark.parametrize(
+    ("connection", "words"),
+    [
+        ("a.String_out -> b.u[1,1]", "joins the types String and Real: a String can only become a String"),
+        (
+            "a.Int8_out -> b.String_in",
+            "joins the types Integer and String: a String can only become a String",
+        ),
+    ],
+)
+def test_strings_become_no_numbers(path: Path, connection: str, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        run(System.of({"a": path, "b": path}, [connection]))
+
+
+def test_loops_of_strings_settle(path: Path) -> None:
+    system = System.of({"a": path, "b": path}, ["a.String_out -> b.String_in", "b.String_out -> a.String_in"])
+    assert set(run(system, signals=["a.String_out"])["a.String_out"]) == {""}
+
+
+def checksum(time: float) -> int:
+    """The checksum of the bytes that `Binary_source` has at a time in s; see tests/support/fmi3."""
+    count = round(8.0 * time)
+    data = bytes(0 if i == 1 else 250 + count for i in range(count % 4))
+    return 1000 * len(data) + sum((i + 1) * byte for i, byte in enumerate(data))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
+    ids=str,
+)
+def test_binary_values_pass_through_connections(path: Path, options: dict[str, Any]) -> None:
+    connections = ["a.Binary_source -> b.Binary_in", "b.Binary_out -> c.Binary_in", "a.x -> b.u[1,1]"]
+    system, names = System.of(dict.fromkeys("abc", path), connections), ["b.checksum", "c.checksum"]
+    with ec.load(system, step_size=STEP, stop_time=0.625, **options).prepare() as simulation:
+        found = [simulation.run(signals=names) for _ in range(2)]
+    sent = [checksum(time) for time in found[0]["time"]]
+    assert len(set(sent)) > 3 and 0 in sent[1:], "there are values of several sizes, also without bytes"
+    for result in found:
+        assert list(result["b.checksum"]) == [sent[0], *sent[:-1]], "a value is held during a step"
+        assert list(result["c.checksum"]) == [sent[0], sent[0], *sent[:-2]]
+
+
+def test_a_resumed_run_has_its_binary_values(path: Path, tmp_path: Path) -> None:
+    def part(stop: float, **options: Any) -> list[int]:
+        system = System.of({"a": path, "b": path}, ["a.Binary_source -> b.Binary_in"])
+        options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, **options}
+        with ec.load(system, signals=["b.checksum"], **options).prepare() as simulation:
+            return list(simulation.run()["b.checksum"])
+
+    whole = part(0.75)
+    part(0.375, checkpoint=tmp_path / "c")
+    rest = part(0.75, resume=tmp_path / "c")
+    assert len(rest) > 1 and rest == whole[-len(rest) :]
+
+
+@pytest.mark.parametrize(
+    ("connection", "options", "words"),
+    [
+        ("a.Binary_source -> b.u[1,1]", {}, "a Binary can only become a Binary"),
+        ("a.String_out -> b.Binary_in", {}, "a String can only become a String"),
+        (
+            "a.Binary_source -> b.Binary_in",
+            {"set": {"a.end": 0.25}},
+            r"a.Binary_source has 9 bytes, but b.Binary_in takes 8 at the most \(maxSize\)",
+        ),
+        ("a.Binary_source -> b.Binary_in", {"signals": ["a.Binary_source"]}, "a.Binary_source"),
+        ("a.Binary_source -> b.Binary_in", {"set": {"b.Binary_in": "00"}}, "b.Binary_in"),
+        (
+            "a.Binary_source -> b.Binary_in",
+            {"set": {"a.Binary_in": "00"}},
+            "a.Binary_in is Binary and cannot be",
+        ),
+    ],
+)
+def test_what_binary_values_cannot_do(
+    path: Path, connection: str, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises((CommandError, RunError), match=words):
+        result = run(System.of({"a": path, "b": path}, [connection]), **options)
+        raise RunError(result.problem or "nothing")
+
+
+def test_the_meaning_of_binary_values_must_be_the_same(path: Path, tmp_path: Path) -> None:
+    other = with_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
+    system = System.of({"a": path, "b": other}, ["a.Binary_source -> b.Binary_in"])
+    with pytest.raises(CommandError, match="the mimeType application/test and application/other, which must"):
+        run(system)
+    assert run(system, lenient=True)["b.checksum"][0] == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "source", "fits"), [(127, "Int16", True), (128, "Int16", False), (-129, "Int32", False)]
+)
+@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
+def test_a_signal_that_does_not_fit_into_an_integer_ends_the_run(
+    value: int, source: str, fits: bool, isolate: list[str], path: Path
+) -> None:
+    system = System.of({"a": path, "b": path}, [f"a.{source}_out -> b.Int8_in"], {f"a.{source}_in": value})
+    if fits:
+        assert run(system, isolate=isolate)["b.Int8_out"][-1] == value
+        return
+    with pytest.raises(
+        RunError, match=f"b got a value that .*: its input Int8_in is Int8 and cannot be {value}"
+    ):
+        run(system, isolate=isolate)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp_path: Path) -> None:
+    largest = {"UInt32": 2**32 - 1, "Int64": -(2**53), "UInt64": 2**64 - 2**11, "Int32": -(2**31)}
+    system = System.of({"a": path}, [], {f"a.{kind}_in": value for kind, value in largest.items()})
+    file = tmp_path / f"rows.{suffix}"
+    table = ec.CsvFile(file) if suffix == "csv" else ec.ParquetFile(file)
+    with ec.load(system, step_size=STEP, stop_time=STOP).prepare() as simulation:
+        simulation.run(recorders=[table])
+    frame = polars.read_csv(file) if suffix == "csv" else polars.read_parquet(file)
+    for kind, value in largest.items():
+        assert set(frame[f"a.{kind}_out"][1:]) == {value}
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (DISCARD, "fmi3Discard"),
+        (TERMINATE, "asked to end the simulation during doStep at t = 0.5 s"),
+        (EARLY, "returned early at t = 0.5 s, which was not allowed"),
+        (EVENT, "asked for event mode"),
+    ],
+)
+@pytest.mark.parametrize("isolate", [[], ["a"]])
+def test_what_a_step_says_is_not_ignored(path: Path, fault: int, words: str, isolate: list[str]) -> None:
+    with pytest.raises(RunError, match=words):
+        run(System.of({"a": path}, [], {"a.fault": fault, "a.end": 0.5}), isolate=isolate)
+
+
+def test_states_come_back(path: Path, tmp_path: Path) -> None:
+    instance = make_instance("a", open_fmu(path, tmp_path / "a"), ["u[1,1]"], ["x"], FmuLog())
+    try:
+        instance.enter_initialization(0.0)
+        instance.exit_initialization()
+        instance.inputs[:] = 2.0
+        instance.set_inputs()
+        state, content = instance.save(), instance.serialize()
+        seen = []
+        for restore in (lambda: None, lambda: instance.restore(state), lambda: instance.deserialize(content)):
+            restore()
+            instance.do_step(0.0, 0.25)
+            instance.get_outputs()
+            seen.append(instance.outputs[0])
+        assert seen == [0.5, 0.5, 0.5]
+        instance.forget(state)
+    finally:
+        instance.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("a.UInt8_in", 256, "at most 255"),
+        ("a.UInt64_in", -1, "at least 0"),
+        ("a.Float32_in", 1e39, "out of range"),
+        ("a.n", 3, "cannot be started: fmi3EnterConfigurationMode"),
+        ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
+        ("a.blob", 1, "is Binary and cannot be set"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        run(System.of({"a": path}, [], {name: value}))
+
+
+def test_info_reads_elements(path: Path, emla: Emla) -> None:
+    shown = emla("info", str(path)).stdout
+    assert "3.0" in shown
+    assert "Third.gain[2,2]" in shown
+
+
+def test_clocks_without_event_mode_are_refused(path: Path, tmp_path: Path) -> None:
+    clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'
+    changed = with_description(path, tmp_path / "Third.fmu", "</ModelVariables>", f"{clock}</ModelVariables>")
+    with pytest.raises(CommandError, match="has the clock 'tick' but no event mode"):
+        read_interface(changed)
+
+
+@pytest.mark.parametrize("scenario", ["lift", pytest.param("study", marks=pytest.mark.slow)])
+def test_plants_of_fmi_3_give_the_bytes_of_those_of_fmi_2(
+    scenario: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """The same blocks built for both versions; controllers, observers and references stay FMI 2.0."""
+    plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
+    joints = ["lift"] if scenario == "lift" else ["lift", "tilt", "telescope"]
+    mixed = {f"{joint}.plant": plant for joint in joints}
+    for name, replaced in (("old", {}), ("mixed", mixed)):
+        loaded = ec.load(scenario, fmus=fmu_folder, stop_time=0.05, replace=replaced)
+        loaded.prepare().run().save(tmp_path / name, plots=False)
+    old, new = ((tmp_path / name / "results.csv").read_bytes() for name in ("old", "mixed"))
+    assert new == old and len(old) > 10_000

@@ -1,0 +1,89 @@
+"""Steps that become slow, or never end: a run ends when told, and names the component."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.recorders.recorder import RowBuffer
+from emla_cosim.system.model import Component, Connection, System
+from tests.support.reluctant_fmu import build_reluctant_fmu
+from tests.support.waiting import wait_for
+
+SLOW_FROM, PAUSE = 0.01, 0.02
+
+WAYS = {
+    "one thread": {"threads": 1},
+    "two threads": {"threads": 2, "algorithm": "jacobi"},
+    "strong": {"algorithm": "strong"},
+    "Python": {"compiled": False},
+    "isolated": {"isolate": True},
+    "error control": {"error_tolerance": 1e-3, "largest_step": 1e-4},
+}
+
+
+@pytest.fixture(scope="module")
+def reluctant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    yield build_reluctant_fmu(tmp_path_factory.mktemp("reluctant") / "Reluctant.fmu")
+
+
+def _pair(fmu: Path) -> System:
+    slow = {"slow_from": SLOW_FROM, "pause": PAUSE}
+    parts = (Component("a", fmu=fmu, parameters=slow), Component("b", fmu=fmu, parameters=slow))
+    return System(parts, (Connection("a", "x", "b", "u"),))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_stretch_of_steps_is_bounded_by_time(way: str, reluctant: Path) -> None:
+    options: dict[str, Any] = {"stop_time": 100.0, "step_size": 1e-4, **WAYS[way]}
+    with ec.load(_pair(reluctant), **options).prepare() as simulation:
+        simulation.start(recorders=[])
+        simulation.advance(SLOW_FROM / 2 if way != "error control" else 2e-4)
+        assert simulation._run is not None
+        stepping = simulation._run.run.stepping
+        rows, reached = RowBuffer(1 + len(simulation.names), []), stepping.time
+        began = time.monotonic()
+        while stepping.time < SLOW_FROM + 1e-3:  # across the point where steps become slow
+            stepping.advance(rows, 2**20)
+            assert stepping.time > reached
+            reached = stepping.time
+            assert time.monotonic() - began < 10.0  # 2**20 steps take six hours
+            began = time.monotonic()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, and so no guard that looks.")
+@pytest.mark.parametrize(
+    ("isolate", "unasked"), [(False, False), pytest.param(True, True, marks=pytest.mark.slow)]
+)
+def test_a_step_that_never_ends_is_told_by_name(
+    reluctant: Path, isolate: bool, unasked: bool, tmp_path: Path
+) -> None:
+    arguments = ["run", str(reluctant), "--set", "Reluctant.slow_from=0.5", "--set", "Reluctant.pause=1000"]
+    arguments += ["--no-plots", "--output", str(tmp_path / "out"), *(["--isolate"] if isolate else [])]
+    said = tmp_path / "said"
+    with said.open("w") as stream:
+        run = subprocess.Popen([sys.executable, "-m", "emla_cosim", *arguments], stdout=stream, stderr=stream)
+    try:
+        if unasked:  # it says so after 20 s
+            wait_for(lambda: "no answer from" in said.read_text())
+        else:
+            wait_for((tmp_path / "out" / "results.csv").exists)
+            time.sleep(1.0)  # the sixth step has begun
+        run.send_signal(signal.SIGINT)
+        wait_for(lambda: said.read_text().count("no answer from") == 1 + unasked)
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(60) == 1
+    finally:
+        run.kill()
+    text = " ".join(said.read_text().split())
+    assert "Warning: no answer from Reluctant in doStep at t = 0.5 s for" in text
+    assert "Press Ctrl-C again to end the run now; the results so far are kept." in text
+    table = (tmp_path / "out" / "results.csv").read_text().splitlines()
+    assert [float(row.split(",")[0]) for row in table[1:]] == pytest.approx([0.1 * k for k in range(6)])

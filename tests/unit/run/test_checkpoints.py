@@ -1,0 +1,487 @@
+"""A run that is put aside and continued leaves the same bytes as one that was not."""
+
+import errno
+import io
+import json
+import os
+import pickle
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given
+from typer.testing import CliRunner, Result
+
+import emla_cosim.recorders.checkpoints
+from emla_cosim.base.errors import CommandError
+from emla_cosim.cli.app import app
+from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
+from emla_cosim.master.stepping.stepping_base import Stepping
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
+from tests.support.full_disk import files_of_at_most
+from tests.support.tiers import examples, mostly_slow
+from tests.support.whole_files import names
+
+Emla = Callable[..., Result]
+
+
+@pytest.fixture
+def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emla:
+    """Run `emla run lift` without plots, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *options: CliRunner().invoke(app, command(fmu_folder, *options))
+
+
+def command(fmus: Path, *options: str) -> list[str]:
+    return ["run", "lift", "--no-plots", "--fmus", str(fmus), *options]
+
+
+def elsewhere(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
+    """The same in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "emla_cosim", *command(fmus, *options)],
+        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def done(result: Result) -> None:
+    assert result.exit_code == 0, result.output
+
+
+def sentence(result: Result, exit_code: int) -> str:
+    """The one sentence of a command that failed with this exit code."""
+    assert result.exit_code == exit_code, result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("Error:")]
+    return line.removeprefix("Error: ")
+
+
+def joints(folder: Path) -> Any:
+    return json.loads((folder / "metrics.json").read_text())["joints"]
+
+
+def assert_same(found: Path, expected: Path) -> None:
+    """Rows and metrics of two folders are the same to the last bit."""
+    assert (found / "results.csv").read_bytes() == (expected / "results.csv").read_bytes()
+    assert joints(found) == joints(expected)
+
+
+# ---- continued in the same folder --------------------------------------------------------------
+
+FIXED = ("0.0355", "0.07")
+"""Stop times of the two parts in s; rows are due every 1 ms, so that the first part ends between two."""
+BACKWARDS = ",".join(f"lift.{c}" for c in ("controller", "plant", "observer", "disturbance", "reference"))
+
+
+CONTINUED: list[tuple[list[str], tuple[str, str]]] = [
+    (["--algorithm", "jacobi"], FIXED),
+    (["--algorithm", "gauss-seidel", "--extrapolation", "fmu"], FIXED),
+    (["--algorithm", "jacobi", "--extrapolation", "master", "--no-kernel"], FIXED),
+    (["--step-multiple", "lift.controller=10", "--extrapolation", "fmu"], FIXED),  # waits at 0.0355 s
+    (["--step-multiple", "lift.plant=3", "--no-kernel"], FIXED),
+    (["--order", BACKWARDS], FIXED),
+    (["--algorithm", "strong"], ("0.0125", "0.02")),
+    (["--algorithm", "strong", "--extrapolation", "fmu"], ("0.0125", "0.02")),
+    (
+        ["--error-tolerance", "1e-2", "--extrapolation", "fmu", "--output-interval", "1e-3"],
+        ("0.011", "0.02"),
+    ),
+    (["--flavour", "python"], ("0.0055", "0.01")),
+    (["--output-interval", "1e-4"], ("0.3567", "0.5")),  # errors count from 0.3 s on
+]
+
+
+@pytest.mark.parametrize(
+    ("options", "stops"),
+    mostly_slow(CONTINUED, [x for i, x in enumerate(CONTINUED) if i not in (0, 4, 5, 6)]),
+    ids=lambda x: " ".join(x)[:60] if isinstance(x, list) else "",
+)
+def test_a_continued_run_leaves_the_same_bytes(
+    options: list[str], stops: tuple[str, str], emla: Emla, python_fmu_folder: Path, tmp_path: Path
+) -> None:
+    first, second = stops
+    done(emla(*options, "--stop-time", second, "--output", "whole"))
+    done(emla(*options, "--stop-time", first, "--output", "parts", "--checkpoint", "c"))
+    done(emla(*options, "--stop-time", second, "--output", "parts", "--resume", "c"))
+    assert_same(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_a_run_can_be_continued_again_and_again(emla: Emla, tmp_path: Path) -> None:
+    done(emla("--stop-time", "0.05", "--output", "whole"))
+    done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
+    for stop in ("0.0123", "0.0345", "0.05"):
+        done(emla("--stop-time", stop, "--output", "parts", "--resume", "c", "--checkpoint", "c"))
+    assert_same(tmp_path / "parts", tmp_path / "whole")
+    assert {p.name for p in tmp_path.iterdir()} == {"whole", "parts", "c"}
+
+
+def test_compiled_and_python_steps_can_take_turns(emla: Emla, tmp_path: Path) -> None:
+    done(emla("--stop-time", "0.02", "--output", "whole"))
+    done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c", "--no-kernel"))
+    done(emla("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
+    assert_same(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_error_control_without_an_interval_goes_on_where_it_was(faulty_fmu: Path, tmp_path: Path) -> None:
+    """The first part shortens a step to meet its stop time: rows are as many as steps, and in order."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    run_system(system, tmp_path, stop_time=0.5, error_tolerance=0.1, checkpoint=tmp_path / "c")
+    result = run_system(system, tmp_path, error_tolerance=0.1, resume=tmp_path / "c")
+    times = np.genfromtxt(tmp_path / "results.csv", delimiter=",", names=True)["time"]
+    assert result.problem is None
+    assert (np.diff(times) > 0.0).all() and {0.0, 0.5, 1.0} <= set(times)
+
+
+# ---- continued elsewhere -----------------------------------------------------------------------
+
+
+def test_another_process_can_continue(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
+    done(emla("--stop-time", "0.07", "--output", "whole"))
+    options = ("--stop-time", "0.0355", "--output", "parts", "--checkpoint", "c")
+    process = elsewhere(fmu_folder, tmp_path, *options)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    done(emla("--stop-time", "0.07", "--output", "parts", "--resume", "c"))
+    assert_same(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_another_folder_gets_the_rows_after_the_checkpoint(emla: Emla, tmp_path: Path) -> None:
+    done(emla("--stop-time", "0.02", "--output", "whole"))
+    done(emla("--stop-time", "0.0105", "--output", "first", "--checkpoint", "c"))
+    done(emla("--stop-time", "0.02", "--output", "second", "--resume", "c"))
+    whole, second = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "second"))
+    assert second == [whole[0], *whole[-10:]]
+    assert float(second[1].partition(",")[0]) == pytest.approx(0.011)
+    assert joints(tmp_path / "second") == joints(tmp_path / "whole")
+    run_metrics = json.loads((tmp_path / "second/metrics.json").read_text())["run"]
+    assert run_metrics["steps"] == 95
+    record = json.loads((tmp_path / "second/run.json").read_text())
+    assert record["settings"]["resumed_from"] == "c" and record["stepping"]["steps"] == 200
+
+
+def test_results_that_are_not_those_of_the_checkpoint_are_not_continued(emla: Emla, tmp_path: Path) -> None:
+    """Another run of the same columns has left its results in the folder."""
+    done(emla("--stop-time", "0.02", "--output", "whole"))
+    done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
+    done(emla("--stop-time", "0.02", "--output", "parts", "--set", "lift.plant.start.x_L=0.25"))
+    done(emla("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
+    whole, parts = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "parts"))
+    assert parts == [whole[0], *whole[-10:]]
+
+
+def test_an_interrupted_run_can_be_continued(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
+    options = ("--realtime", "1", "--output", "parts", "--checkpoint", "c")
+    process = elsewhere(fmu_folder, tmp_path, *options, "--stop-time", "1000")
+    results, deadline = tmp_path / "parts/results.csv", time.monotonic() + 60.0
+    while not (results.exists() and results.stat().st_size > 10_000):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1 and "interrupted at t = " in errors, errors
+    steps = json.loads((tmp_path / "parts/run.json").read_text())["stepping"]["steps"]
+    stop = f"{(steps + 37) * 1e-4:.4f}"
+    done(emla("--stop-time", stop, "--output", "parts", "--resume", "c"))
+    done(emla("--stop-time", stop, "--output", "whole"))
+    assert_same(tmp_path / "parts", tmp_path / "whole")
+
+
+# ---- checkpoints of other runs -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a checkpoint `c` at 0.01 s and the results `out` that belong to it."""
+    folder = tmp_path_factory.mktemp("made")
+    options = ("--stop-time", "0.01", "--output", str(folder / "out"), "--checkpoint", str(folder / "c"))
+    done(CliRunner().invoke(app, command(fmu_folder, *options)))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--set", "lift.plant.start.x_L=0.25"], "other values set, of lift.plant.start.x_L."),
+        (["--gains", "published"], "other values set, of lift."),
+        (["--algorithm", "jacobi"], "the algorithm gauss-seidel, but this run has jacobi."),
+        (["--flavour", "python"], "other FMUs, of lift.reference, lift.plant"),
+    ],
+    ids=lambda x: " ".join(x) if isinstance(x, list) else "",
+)
+def test_a_checkpoint_of_another_run_leaves_everything_alone(
+    options: list[str], words: str, made: Path, emla: Emla, python_fmu_folder: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(made / "out", tmp_path / "out")
+    resume = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", "out")
+    text = sentence(emla(*options, *resume), 2)
+    assert text.startswith(f"the checkpoint '{made / 'c'}' has ") and words in text
+    for file in (made / "out").iterdir():
+        assert (tmp_path / "out" / file.name).read_bytes() == file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "options", "words"),
+    [
+        ("jacobi", {"set": {"j.bad.a": 2.0}}, "other values set, of j.bad.a."),
+        ("jacobi", {"algorithm": "gauss-seidel"}, "the algorithm jacobi, but this run has gauss-seidel."),
+        ("jacobi", {"extrapolation": "fmu"}, "the extrapolation none, but this run has fmu."),
+        ("strong", {"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, but this run has 1e-06."),
+        ("jacobi", {"error_tolerance": 0.5}, "the step-size control fixed, but this run has error."),
+        ("jacobi", {"step_multiples": {"j.sink": 2}}, "other step multiples, of j.sink."),
+        ("gauss-seidel", {"order": ["j.sink", "j.bad", "j.source"]}, "other order."),
+        ("jacobi", {"step_size": 0.05}, "the step size 0.1, but this run has 0.05."),
+        ("jacobi", {"output_interval": 0.2}, "the output interval None, but this run has 0.2."),
+    ],
+    ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
+)
+def test_what_is_different_is_named(
+    algorithm: str, options: dict[str, Any], words: str, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    run_system(system, tmp_path, algorithm, stop_time=0.5, checkpoint=tmp_path / "c")
+    with pytest.raises(CommandError) as refused:
+        run_system(system, tmp_path, resume=tmp_path / "c", **{"algorithm": algorithm, **options})
+    assert str(refused.value) == f"the checkpoint '{tmp_path / 'c'}' has {words}"
+
+
+def test_a_checkpoint_of_another_system_is_refused(made: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    options = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", str(tmp_path))
+    arguments = command(fmu_folder, *options)
+    arguments[1] = "tilt"
+    text = sentence(CliRunner().invoke(app, arguments), 2)
+    assert "has other FMUs, of lift.reference" in text
+
+
+def test_other_connections_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
+    components = [faulty("j.a", faulty_fmu), faulty("j.b", faulty_fmu)]
+    first, other = (wired(components, f"j.a.{y} -> j.b.u") for y in "yz")
+    run_system(first, tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
+    with pytest.raises(CommandError, match="has other connections"):
+        run_system(other, tmp_path, resume=tmp_path / "c")
+
+
+def test_components_in_another_order_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
+    """Signals are kept in the order of the components."""
+    components = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
+    run_system(wired(components), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
+    with pytest.raises(CommandError, match="has other components"):
+        run_system(wired(components[::-1]), tmp_path, resume=tmp_path / "c")
+
+
+@pytest.mark.parametrize("stop", ["0.01", "0.005"])
+def test_the_stop_time_must_come_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
+    text = sentence(emla("--resume", str(made / "c"), "--stop-time", stop), 2)
+    assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
+
+
+def test_a_checkpoint_that_is_not_there_is_named(emla: Emla) -> None:
+    assert sentence(emla("--resume", "gone"), 2) == "there is no checkpoint 'gone'."
+
+
+# ---- damaged files -----------------------------------------------------------------------------
+
+
+def archive(**content: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as target:
+        for name, value in content.items():
+            target.writestr(name, value)
+    return stream.getvalue()
+
+
+def arrays(**content: Any) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **content)
+    return stream.getvalue()
+
+
+def header(content: object) -> bytes:
+    return arrays(header=np.frombuffer(json.dumps(content).encode(), dtype=np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "is not a checkpoint, or is damaged"),
+        (b"not a checkpoint", "is not a checkpoint, or is damaged"),
+        (pickle.dumps({"a": 1}), "is not a checkpoint, or is damaged"),
+        (archive(), "is not a checkpoint, or is damaged"),
+        (archive(readme=b"hello"), "is not a checkpoint, or is damaged"),
+        (arrays(x=np.zeros(3)), "is not a checkpoint, or is damaged"),
+        (arrays(header=np.array([{}], dtype=object)), "is not a checkpoint, or is damaged"),
+        (header([1]), "is not a checkpoint, or is damaged"),
+        (header({"format": 3, "notes": {}, "arrays": ["state/x"]}), "damaged: parts of it are missing"),
+        (header({"format": 1, "notes": {}, "arrays": []}), "has the format 1; this version reads 3"),
+        (header({"format": 3, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 3, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
+    ],
+)
+def test_a_file_that_is_no_checkpoint_is_named(
+    content: bytes, words: str, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "c").write_bytes(content)
+    with pytest.raises(CommandError) as refused:
+        run_system(wired([faulty("j.a", faulty_fmu)]), tmp_path / "out", resume=tmp_path / "c")
+    assert f"'{tmp_path / 'c'}'" in str(refused.value) and words in str(refused.value)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_damaged_checkpoint_is_one_sentence_of_the_command(made: Path, emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "c").write_bytes((made / "c").read_bytes()[:-1])
+    text = sentence(emla("--resume", "c", "--stop-time", "0.02"), 2)
+    assert text.startswith("'c' is not a checkpoint, or is damaged: ")
+
+
+@examples(20, 100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(part=st.floats(0.0, 1.0, exclude_max=True))
+def test_a_checkpoint_cut_anywhere_is_refused(part: float, made: Path, tmp_path: Path) -> None:
+    content = (made / "c").read_bytes()
+    (tmp_path / "c").write_bytes(content[: int(part * len(content))])
+    with pytest.raises(CommandError, match="is not a checkpoint, or is damaged"):
+        load_checkpoint(tmp_path / "c")
+
+
+@examples(50, 300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(part=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
+def test_a_byte_that_changed_is_noticed_or_does_not_matter(
+    part: float, change: int, made: Path, tmp_path: Path
+) -> None:
+    content = bytearray((made / "c").read_bytes())
+    content[int(part * len(content))] ^= change
+    (tmp_path / "c").write_bytes(content)
+    good = load_checkpoint(made / "c")
+    try:
+        found = load_checkpoint(tmp_path / "c")
+    except CommandError:
+        return
+    assert (found.states, found.notes) == (good.states, good.notes)
+    assert found.memory.keys() == good.memory.keys()
+    assert all(np.array_equal(found.memory[n], good.memory[n]) for n in good.memory)
+
+
+# ---- checkpoints that cannot be written --------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", [".", "/", "..", "gone/c", "file/c", "out"])
+def test_a_place_that_cannot_be_written_is_named_before_anything_is_run(
+    path: str, faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(
+        CommandError, match=f"the checkpoint '{re.escape(str(Path(path)))}' cannot be written: "
+    ):
+        run_system(wired([faulty("j.a", faulty_fmu)]), Path("out"), checkpoint=Path(path))
+    assert {p.name for p in tmp_path.iterdir()} == {"file", "out"}
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("size", [0, 1000, 5000])
+def test_a_full_disk_leaves_the_earlier_checkpoint(
+    size: int, made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def save(path: Path, stepping: Stepping, notes: dict[str, Any], overwrite: bool) -> None:
+        with files_of_at_most(size):
+            save_checkpoint(path, stepping, notes, overwrite)
+
+    shutil.copy(made / "c", tmp_path / "c")
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)
+    text = sentence(emla("--stop-time", "0.02", "--output", "out", "--checkpoint", "c"), 1)
+    assert "the checkpoint 'c' cannot be written: File too large." in text
+    assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
+    assert {p.name for p in tmp_path.iterdir()} == {"c", "out"}
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_a_failure_in_the_end_leaves_the_earlier_checkpoint(
+    made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flush, calls = os.fsync, []
+
+    def fail(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) > 1:  # the manifest of the output folder
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        flush(descriptor)
+
+    shutil.copy(made / "c", tmp_path / "c")
+    monkeypatch.setattr(os, "fsync", fail)
+    text = sentence(emla("--stop-time", "0.02", "--checkpoint", "c"), 1)
+    assert "the checkpoint 'c' cannot be written: Input/output error." in text
+    assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
+    assert not (tmp_path / "c.part").exists()
+
+
+def test_a_checkpoint_is_written_when_the_last_is_long_ago(
+    faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run fails in the end, and can be continued from the last checkpoint before."""
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
+    system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
+    result = run_system(system, tmp_path, checkpoint=tmp_path / "c")
+    assert result.problem is not None
+    assert load_checkpoint(tmp_path / "c").notes["time"] == pytest.approx(0.3)
+    again = run_system(system, tmp_path, resume=tmp_path / "c")
+    assert again.problem == result.problem
+    assert len((tmp_path / "results.csv").read_text().splitlines()) == 5
+
+
+# ---- made by hand ----------------------------------------------------------------------------------
+
+ODD: list[Any] = [None, 0, -1, 1e308, "x", [], {}, [[1]], {"a": {"b": []}}, True]
+
+
+def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where something stands in nested tables and lists, the outermost first."""
+    inner = content.items() if isinstance(content, dict) else ()
+    for key, value in inner:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+@examples(15, 60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_checkpoint_made_by_hand_is_one_sentence_at_the_most(
+    data: st.DataObject, made: Path, emla: Emla, tmp_path: Path
+) -> None:
+    """Whole files in which one entry of the header, or one array, is another."""
+    with np.load(made / "c") as archive:
+        arrays = {name: archive[name] for name in archive}
+    header = json.loads(arrays["header"].tobytes())
+    if data.draw(st.booleans()):
+        path = data.draw(st.sampled_from([p for p in places(header) if p[:2] != ("notes", "identity")]))
+        inside = header
+        for key in path[:-1]:
+            inside = inside[key]
+        odd = data.draw(st.sampled_from([*ODD, "gone"]))
+        if odd == "gone":
+            del inside[path[-1]]
+        else:
+            inside[path[-1]] = odd
+    else:
+        name = data.draw(st.sampled_from([n for n in arrays if n != "header"]))
+        array = arrays[name]
+        arrays[name] = data.draw(
+            st.sampled_from(
+                [array[:0], np.append(array, array[-1:]), array.astype("U5"), array[..., None], -array]
+            )
+        )
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    with (tmp_path / "odd").open("wb") as stream:
+        np.savez(stream, **arrays)
+    result = emla("--stop-time", "0.02", "--resume", "odd")
+    assert result.exit_code in (0, 1, 2)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    if result.exit_code:
+        sentence(result, result.exit_code)

@@ -1,0 +1,285 @@
+"""Notes on a load and on models: only on what a run meets, and from every command that runs."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.study.actuator.profiles import largest_load, reference_reach
+from tests.oracles.test_actuator import FILE, with_entries
+from tests.support.commands import Emla
+from tests.support.joint_data import PROTOTYPE
+
+LOAD, PLANT = "prototype.disturbance.load", "prototype.plant"
+HOLDABLE, TOO_HEAVY = 6.5e3, 90e3
+
+
+def loads(first: float, later: float, begin: float, **others: float) -> dict[str, Any]:
+    """A load that has its first level until the second one begins, for ever."""
+    levels = {f"{LOAD}.level[1]": first, **{f"{LOAD}.level[{i}]": later for i in range(2, 7)}}
+    return {**levels, f"{LOAD}.start[2]": begin, **{f"{LOAD}.{name}": x for name, x in others.items()}}
+
+
+def profile(t: np.ndarray, first: float, later: float, begin: float, **o: float) -> np.ndarray:
+    """The same load over time, by hand."""
+    risen = np.clip((t - begin) / o.get("ramp", 0.5), 0.0, 1.0)
+    ripple = 0.5 * o.get("ripple", 0.0) * np.sin(o.get("ripple_omega", 0.0) * t)
+    return first + (later - first) * risen + ripple
+
+
+@pytest.mark.parametrize(
+    ("given", "times"),
+    [
+        ((HOLDABLE, TOO_HEAVY, 5.0, {}), (0.0, 4.9)),
+        ((HOLDABLE, TOO_HEAVY, 5.0, {}), (0.0, 5.2)),
+        ((HOLDABLE, TOO_HEAVY, 5.0, {}), (0.0, 6.0)),
+        ((HOLDABLE, TOO_HEAVY, 1e9, {}), (0.0, 6.0)),
+        ((TOO_HEAVY, HOLDABLE, 1.0, {}), (0.0, 6.0)),
+        ((TOO_HEAVY, HOLDABLE, 1.0, {}), (1.2, 6.0)),
+        ((TOO_HEAVY, HOLDABLE, 1.0, {}), (2.0, 6.0)),
+        ((HOLDABLE, -TOO_HEAVY, 5.0, {}), (0.0, 6.0)),
+        ((10e3, 10e3, 1e9, {"ripple": 8e3, "ripple_omega": 3.0}), (0.0, 6.0)),
+        ((10e3, 10e3, 1e9, {"ripple": 8e3, "ripple_omega": 3.0}), (0.0, 0.2)),
+        ((-10e3, -10e3, 1e9, {"ripple": 8e3, "ripple_omega": 3.0}), (0.0, 6.0)),
+        ((10e3, 20e3, 2.0, {"ripple": 8e3, "ripple_omega": 0.1, "ramp": 1.5}), (0.5, 3.0)),
+        ((10e3, 20e3, 2.0, {"ripple": 8e3, "ripple_omega": 5e3}), (0.0, 6.0)),
+        ((10e3, 10e3, 1e9, {"ripple": 8e3, "ripple_omega": 0.0}), (0.0, 6.0)),
+    ],
+    ids=str,
+)
+def test_the_load_is_the_largest_within_the_run(given: Any, times: tuple[float, float]) -> None:
+    """Half the width of the ripple counts, and only where its sine comes to it."""
+    first, later, begin, others = given
+    start, stop = times
+    chosen = ec.load("prototype", set=loads(first, later, begin, **others), start_time=start, stop_time=stop)
+    dense = profile(np.linspace(start, stop, 2_000_001), first, later, begin, **others)
+    found = largest_load("prototype", chosen.system, chosen.options)
+    assert found == pytest.approx(np.abs(dense).max(), rel=1e-4)
+
+
+def test_a_load_that_the_run_does_not_reach_is_not_noted() -> None:
+    """As in `--set "prototype.disturbance.load.level[1]=6.5 kN"`: the other levels never begin."""
+
+    def notes(stop: float, **values: Any) -> list[str]:
+        chosen = ec.load("prototype", actuator={"prototype": FILE}, set=loads(**values), stop_time=stop)
+        return [note for note in chosen.notes if "a load of" in note]
+
+    assert notes(6.0, first=HOLDABLE, later=TOO_HEAVY, begin=1e9) == []
+    assert notes(4.9, first=HOLDABLE, later=TOO_HEAVY, begin=5.0) == []
+    (note,) = notes(6.0, first=HOLDABLE, later=TOO_HEAVY, begin=5.0)
+    assert "a load of 9e+04 N" in note and "the motor cannot hold it" in note
+    (note,) = notes(6.0, first="90 kN", later=0.0, begin=5.0)
+    assert "a load of 9e+04 N" in note
+    (note,) = notes(6.0, first=TOO_HEAVY, later=0.0, begin="5000 ms")
+    assert "the motor cannot hold it" in note
+
+
+def test_the_note_of_the_load_follows_what_python_sets_for_a_run() -> None:
+    chosen = ec.load("prototype", actuator={"prototype": FILE}, stop_time=4.0, set=loads(0.0, 0.0, 5.0))
+    assert chosen.notes == ()
+    heavy = {f"{LOAD}.level[1]": "90 kN"}
+    (note,) = chosen.with_options({"set": heavy}).notes
+    assert "the motor cannot hold it" in note
+    assert chosen.with_options({"set": {f"{LOAD}.level[2]": TOO_HEAVY}}).notes == ()
+    assert chosen.with_options({"set": {f"{LOAD}.level[2]": TOO_HEAVY}, "stop_time": 6.0}).notes == (note,)
+
+
+MOVE = "prototype.reference.move"
+
+
+def test_way_points_beyond_the_run_do_not_count() -> None:
+    """A second move to 0.3 m, at four times the speed, begins at 5 s."""
+    beyond = {f"prototype.reference.waypoint[{i}]": 0.3 for i in range(3, 10)}
+    later = {**beyond, f"{MOVE}.start[2]": 5.0, f"{MOVE}.duration[2]": 1.5}
+    chosen = ec.load("prototype", set=later)
+
+    def reach(**options: Any) -> Any:
+        return reference_reach("prototype", chosen.system, chosen.options.updated(options))
+
+    speeds = 15 / 8 * 0.1 / 4.0, 15 / 8 * 0.15 / 1.5
+    assert reach(stop_time=5.0) == pytest.approx((0.05, 0.15, speeds[0]))
+    assert reach(stop_time=5.75) == pytest.approx((0.05, 0.225, speeds[1]))
+    assert reach(stop_time=8.0) == pytest.approx((0.05, 0.3, speeds[1]))
+    assert reach(stop_time=8.0, start_time=4.5) == pytest.approx((0.15, 0.3, speeds[1]))
+    assert reach(stop_time=8.0, start_time=6.6) == pytest.approx((0.3, 0.3, 0.0), abs=1e-12)
+    r = 0.25  # of the first move, which the run sees no more of
+    assert reach(stop_time=1.0)[1] == pytest.approx(0.05 + 0.1 * (10 * r**3 - 15 * r**4 + 6 * r**5))
+    short = ec.Actuator(**with_entries(screw__stroke="200 mm"))
+    given = {"actuator": {"prototype": short}, "set": later}
+    assert not ec.load("prototype", **given, stop_time=5.0).notes
+    with pytest.raises(ec.CommandError, match="goes from 50 to 300 mm, outside the stroke"):
+        ec.load("prototype", **given, stop_time=8.0)
+
+
+def test_moves_that_repeat_count_in_every_period() -> None:
+    chosen = ec.load("prototype", set={"prototype.reference.period": 5.0}, start_time=7.0, stop_time=7.5)
+    low, high, speed = reference_reach("prototype", chosen.system, chosen.options) or (0.0, 0.0, 0.0)
+
+    def place(t: float) -> float:
+        r = t / 4.0
+        return 0.05 + 0.1 * (10 * r**3 - 15 * r**4 + 6 * r**5)
+
+    assert (low, high) == pytest.approx((place(2.0), place(2.5)))
+    assert speed == pytest.approx(15 / 8 * 0.1 / 4.0)
+
+
+BELIEFS = {
+    "motor.R_s": {"controller.model.R_s": 1},
+    "motor.L_d": {"controller.model.L_d": 1},
+    "motor.L_q": {"controller.model.L_q": 1},
+    "motor.Phi_PM": {"controller.model.Phi_PM": 1, "observer.model.Phi_PM": 1},
+    "motor.N_p": {"controller.model.N_p": 1, "observer.model.N_p": 1},
+    "motor.B_m": {"controller.model.B_eq": 1, "observer.model.B_eq": 1},
+    "motor.J_m": {"controller.model.A_eq": 0, "observer.model.A_eq": 0},
+    "screw.M_BS": {"controller.model.A_eq": 0, "observer.model.A_eq": 0},
+    "inverter.u_max": {"controller.limit.u_max": 1},
+    "screw.v_max": {"controller.limit.v_max": 1},
+    "screw.lead": {
+        "controller.model.alpha_RL": -1,
+        "controller.model.A_eq": 0,
+        "observer.model.A_eq": 0,
+        "controller.model.B_eq": -1,
+        "observer.model.B_eq": -1,
+    },
+    "gearbox.rho": {
+        "controller.model.alpha_RL": -1,
+        "controller.model.A_eq": 0,
+        "observer.model.A_eq": 0,
+        "controller.model.B_eq": -1,
+        "observer.model.B_eq": -1,
+    },
+}
+"""What follows from a parameter of the plant, and as which power of it; 0 where it is none."""
+
+
+def parameters(chosen: Any) -> dict[str, Any]:
+    return {f"{c.name}.{name}": x for c in chosen.system.components for name, x in c.parameters.items()}
+
+
+@pytest.mark.parametrize("parameter", BELIEFS)
+def test_every_parameter_that_a_model_has_is_noted_and_followed(parameter: str, fmu_folder: Path) -> None:
+    before = parameters(ec.load("prototype"))
+    name, scale = f"{PLANT}.{parameter}", 1.5
+    changed = {name: scale * before[name]}
+    (note,) = ec.load("prototype", set=changed).notes
+    assert note.startswith(f"{name} changes, but prototype.") and "--follow-models" in note
+    for belief in BELIEFS[parameter]:
+        assert f"prototype.{belief}" in note
+    assert note.count("prototype.controller.") + note.count("prototype.observer.") == len(BELIEFS[parameter])
+
+    followed = ec.load("prototype", set=changed, follow_models=True, fmus=fmu_folder)
+    assert followed.notes == ()
+    with followed.prepare() as simulation:
+        after = parameters(simulation)
+    differing = {n for n in after if after[n] != before.get(n)}
+    assert differing == {name, *(f"prototype.{belief}" for belief in BELIEFS[parameter])}
+    for belief, power in BELIEFS[parameter].items():
+        if power:
+            expected = scale**power * before[f"prototype.{belief}"]
+            assert after[f"prototype.{belief}"] == pytest.approx(expected, rel=1e-12)
+
+
+def inertia(lead: float, m: float) -> float:
+    """A_eq of the prototype by the paper's (6), with its coupling and gearbox without inertia."""
+    alpha = 2 * math.pi / (PROTOTYPE.rho * lead)
+    return alpha * PROTOTYPE.J_m + m / alpha
+
+
+def test_what_follows_is_that_of_all_values_together(fmu_folder: Path) -> None:
+    """Values of the scenario and of a run; what is set by name stays as it is set, also in later runs."""
+    name = "prototype.controller.model.A_eq"
+    other = "prototype.observer.model.A_eq"
+    set_ = {f"{PLANT}.screw.lead": "20 mm", other: 12.0}
+    with ec.load("prototype", set=set_, follow_models=True, fmus=fmu_folder, stop_time=1e-3).prepare() as s:
+        for given, mass in (({}, 100.0), ({f"{PLANT}.screw.M_BS": "200 kg"}, 200.0), ({}, 100.0)):
+            result = s.run(set=given)
+            assert result.parameters[name] == pytest.approx(inertia(0.02, mass), rel=1e-12)
+            assert result.parameters[other] == 12.0
+            assert result.notes == ()
+        assert s.run(set={f"{PLANT}.screw.M_BS": 200.0, name: 7.0}).parameters[name] == 7.0
+    with ec.load("prototype", fmus=fmu_folder, stop_time=1e-3).prepare() as s:
+        assert s.run(set=set_).parameters[name] == pytest.approx(inertia(0.016, 100.0), rel=1e-12)
+
+
+def test_a_value_that_is_as_it_was_leaves_nothing_behind() -> None:
+    for value in (0.016, "16 mm", "1.6 cm"):
+        assert ec.load("prototype", set={f"{PLANT}.screw.lead": value}).notes == ()
+    assert len(ec.load("prototype", set={f"{PLANT}.screw.lead": "17 mm"}).notes) == 1
+
+
+def test_the_half_of_a_plant_that_a_machine_has_is_followed_too(fmu_folder: Path) -> None:
+    """Lead and ratio stand in both halves; either one tells."""
+    for name in ("lift.motor.screw.lead", "machine.plant.screw.lead[1]"):
+        (note,) = ec.load("hdrm-merged", set={name: 0.03}).notes
+        assert note.startswith(f"{name} changes, but lift.controller.model.alpha_RL")
+        assert "tilt" not in note
+
+
+LEAD = f"{PLANT}.screw.lead"
+STALE = "prototype.plant.screw.lead changes, but prototype.controller.model.alpha_RL"
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+def test_every_command_that_runs_gives_the_note(emla: Emla, fmu_folder: Path) -> None:
+    short = ("--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder))
+    set_ = ("--set", f"{LEAD}=20 mm")
+    vary = ("--vary", "prototype.controller.beta[1]=90:110", "--objective", "prototype.torque_peak_N_m")
+    commands = {
+        "run": ("run", "prototype", *set_, *short),
+        "rerun": ("rerun", "run", *short),
+        "sweep of another": ("sweep", "prototype", "--vary", f"{PLANT}.motor.R_s=0.08,0.09", *set_, *short),
+        "sweep": ("sweep", "prototype", "--vary", f"{LEAD}=18 mm:20 mm:2", *short),
+        "compare": ("compare", "prototype", "--controllers", "rsba,foc", *set_, *short),
+        "tune": ("tune", "prototype", *vary, "--evaluations", "3", "--validation", "0", *set_, *short),
+    }
+    for name, arguments in commands.items():
+        done = emla(*arguments, "--output", name)
+        text = done.stdout + done.stderr
+        expected = 1 if name == "tune" else 0  # too short for a joint to be held, which tunings require
+        assert done.exit_code == expected, text
+        assert text.count(STALE) == 1, name
+        done = emla(*arguments, "--follow-models", "--output", f"{name} too") if name != "rerun" else done
+        assert done.exit_code == expected, done.output
+        assert name == "rerun" or STALE not in done.stdout + done.stderr
+    for file in ("sweep/sweep.json", "tune/tune.json"):
+        (note, *_) = json.loads(Path(file).read_text())["notes"]
+        assert note.startswith(STALE)
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+def test_a_sweep_tells_of_loads_and_strokes_of_its_variants(fmu_folder: Path) -> None:
+    """The plan alone has no note; with its largest load or its longest way, a run would have one."""
+    given: dict[str, Any] = {
+        "actuator": {"prototype": FILE}, "set": loads(0.0, 0.0, 1e9), "fmus": fmu_folder, "workers": 1,
+        "stop_time": 0.002, "metrics": ["peak = max(prototype.plant.i_q)"],
+    }  # fmt: skip
+    level = f"{LOAD}.level[1]"
+    result = ec.sweep("prototype", {level: "1 kN:90 kN:2"}, **given)
+    (note,) = result.notes
+    assert "a load of 9e+04 N" in note and "the motor cannot hold it" in note
+    assert ec.sweep("prototype", {level: "1 kN:2 kN:2"}, **given).notes == []
+    start = f"{PLANT}.start.x_L"
+    (note, *_) = ec.sweep("prototype", {start: "46 mm:900 mm:2"}, **given).notes
+    assert note.startswith("some variants cannot run: prototype starts at 900 mm")
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+def test_a_sweep_with_models_that_follow_is_that_of_single_runs(fmu_folder: Path) -> None:
+    """Two parameters of one belief vary, one is set, one belief is set; commands repeat each variant."""
+    set_ = {f"{PLANT}.motor.J_m": 0.007, "prototype.observer.model.B_eq": 5.5}
+    options: dict[str, Any] = {"follow_models": True, "stop_time": 0.01, "fmus": fmu_folder}
+    vary = {LEAD: "15 mm:20 mm:2", f"{PLANT}.screw.M_BS": [90.0, 120.0]}
+    result = ec.sweep("prototype", vary, set=set_, workers=1, **options)
+    assert result.notes == []
+    for row in result.variants.to_dicts():
+        own = {name: row[name] for name in vary}
+        with ec.load("prototype", set={**set_, **own}, **options).prepare() as simulation:
+            run = simulation.run()
+        assert row["prototype.torque_peak_N_m"] == run.metrics["joints"]["prototype"]["torque_peak_N_m"]
+        assert run.parameters["prototype.observer.model.B_eq"] == 5.5
+        command = result.command(row["variant"])
+        assert command is not None and "--follow-models" in command and f"--set {LEAD}=" in command

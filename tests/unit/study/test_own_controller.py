@@ -1,0 +1,125 @@
+"""A user's controller: what it takes from the actuator, as a block and as an FMU."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.fmu.models import fmu_path
+from emla_cosim.study.joint import _known_units
+from emla_cosim.study.joints.joint_files import load_joint
+from fmublock import Block, Input, Output, Parameter
+from rsba_fmu import FocController, RsbaController
+from tests.support.commands import Emla
+from tests.support.paths import ROOT
+
+KNOWN = {"machine.Phi_PM": 0.12, "machine.i_max": load_joint("telescope").actuator.emla.i_max}
+
+
+class Mine(Block):
+    """A controller whose attributes have names of the machine's values."""
+
+    x_d = Input(unit="m", description="Reference position")
+    x_hat = Input(unit="m", description="Estimated position")
+    R_s = Parameter(9.0, unit="Ohm")
+    A_eq = Parameter(7.0, unit="kg.m", name="model.A_eq")
+    u_max = Parameter(300.0, unit="V", name="limit.u_max")
+    Phi_PM = Parameter(0.5, unit="Wb", name="machine.Phi_PM")
+    most = Parameter(1.0, unit="A", name="machine.i_max")
+    u_q = Output(unit="V", description="q-axis voltage")
+    u_d = Output(unit="V", description="d-axis voltage")
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        u_q = 1e4 * v.R_s * v.A_eq * v.Phi_PM * v.most * (v.x_d - v.x_hat) / v.u_max
+        return {"u_q": u_q, "u_d": 0.0 * v.x_d}
+
+
+class Odd(Mine):
+    """A controller that asks for what no actuator has."""
+
+    colour = Parameter(1.0, name="machine.colour")
+
+
+class WrongUnit(Mine):
+    """A controller that asks for a resistance in henry."""
+
+    other = Parameter(1.0, unit="H", name="machine.R_s")
+
+
+class Derived(FocController):
+    """One of the project's controllers with a change."""
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("mine") / "Mine.fmu"
+    fmublock.build(Mine, file)
+    return file
+
+
+def test_block_and_fmu_take_the_same_and_nothing_else(fmu_folder: Path, mine: Path) -> None:
+    runs = {}
+    for controller in (Mine, str(mine)):
+        scenario = ec.load("telescope", controller=controller, fmus=fmu_folder, stop_time=0.02)
+        component = scenario.system.component("telescope.controller")
+        assert component.parameters == pytest.approx(KNOWN)
+        assert "machine.Phi_PM = 0.12 Wb" in component.note
+        with scenario.prepare() as simulation:
+            runs[controller] = simulation.run()
+    ours, theirs = runs.values()
+    volts = ours["telescope.controller.u_q"]
+    np.testing.assert_array_equal(volts, theirs["telescope.controller.u_q"])
+    error = ours["telescope.reference.x_d"] - ours["telescope.observer.x_hat"]
+    factor = 1e4 * 9.0 * 7.0 * 0.12 * KNOWN["machine.i_max"] / 300.0
+    assert np.abs(volts).max() > 0.0
+    np.testing.assert_allclose(volts[0], factor * error[0], rtol=1e-12)
+
+
+def test_gains_of_a_set_override_what_the_machine_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    sets = {"own": ec.Gains("robust", {"telescope": {"most": 2.0, "R_s": 3.0}})}
+    monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(Mine, sets))
+    values = ec.load("telescope", controller="mine").system.component("telescope.controller").parameters
+    assert values["machine.i_max"] == 2.0 and values["R_s"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("block", "sentence"),
+    [
+        (Odd, r"no value for telescope\.controller\.machine\.colour; it has machine\.i_max, "),
+        (WrongUnit, r"machine\.R_s takes its value from the actuator and has the units Ohm and H"),
+    ],
+)
+def test_what_the_actuator_has_not_is_refused(block: type[Block], sentence: str) -> None:
+    with pytest.raises(ec.CommandError, match=sentence):
+        ec.load("telescope", controller=block)
+
+
+def test_controllers_derived_from_ours_know_the_machine_as_their_fmus_do(fmu_folder: Path) -> None:
+    ours = ec.load("telescope", controller=FocController).system.component("telescope.controller")
+    for controller in (Derived, str(fmu_path("FocController", "native", fmu_folder))):
+        found = ec.load("telescope", controller=controller).system.component("telescope.controller")
+        assert found.parameters == ours.parameters
+        assert "model.Phi_PM = 0.12 Wb" in found.note
+    assert not ours.note and issubclass(RsbaController, Block)
+
+
+def test_every_documented_name_has_a_value() -> None:
+    page = (ROOT / "docs/own-controller.md").read_text()
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    told = {
+        name.strip("` ")
+        for row in rows
+        if "R_s" in row or "J_c" in row or "_" in row
+        for name in row.split(",")
+    }
+    assert set(_known_units()) <= told
+
+
+def test_the_command_says_what_is_taken(emla: Emla, mine: Path) -> None:
+    done = emla("run", "lift", "--controller", str(mine), "--stop-time", "1e-3", "--no-plots")
+    assert done.exit_code == 0, done.output
+    taken = "lift.controller takes start values from the actuator: machine.Phi_PM = 0.15 Wb, machine.i_max"
+    assert taken in " ".join(done.output.split())

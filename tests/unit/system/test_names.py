@@ -1,0 +1,177 @@
+"""Names with the special characters of every format: they come out as they went in, or are refused."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+import emla_cosim.views.folder
+from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.recorders.parquet_file import ParquetFile
+from emla_cosim.run.scenarios.scenario import Scenario
+from emla_cosim.views.plots.overlay import plot_signals
+from tests.support.commands import Emla, sentence
+from tests.support.few_figures import DRAWN, draw_few
+from tests.support.tiers import mostly_slow
+
+NAMES = (
+    'a","b',
+    "it's [red]x[/red]",
+    "[/",
+    "<&amp;>]]><!--",
+    "back\\n{0}%s\\",
+    "$x^2$ and \\frac{",
+    "_hidden",
+    "ünïcödé 电 😀",
+    "=1+1",
+    " blank ",
+    "*?[x]#",
+    "a -> b",
+    "--option",
+    "/abs/olute",
+    "x=y:z",
+    "time",
+)
+UNSEEN = ("tab\there", "line\nbreak", "nul\0", "\x1b[31m", "\ud800", "\u2028")
+
+
+def renamed(name: str) -> ec.System:
+    """The lift under another name."""
+    system = ec.load("lift").system
+
+    def called(component: str) -> str:
+        return f"{name}.{component.removeprefix('lift.')}"
+
+    return ec.System(
+        tuple(replace(c, name=called(c.name)) for c in system.components),
+        tuple(replace(x, source=called(x.source), target=called(x.target)) for x in system.connections),
+    )
+
+
+def scenario(name: str, fmus: Path) -> Scenario:
+    return ec.load(renamed(name), stop_time=0.01, step_size=1e-4, fmus=fmus)
+
+
+def joined(fmus: Path) -> Scenario:
+    """A lift of each name, all in one system."""
+    parts = [renamed(name) for name in NAMES]
+    system = ec.System(
+        tuple(c for part in parts for c in part.components),
+        tuple(x for part in parts for x in part.connections),
+    )
+    return ec.load(system, stop_time=0.01, step_size=1e-4, fmus=fmus)
+
+
+SET = {f"{name}.plant.motor.R_s": 0.15 for name in NAMES}
+POSITIONS = [f"{name}.plant.x_L" for name in NAMES]
+
+
+def test_tables_and_records(fmu_folder: Path, tmp_path: Path) -> None:
+    with joined(fmu_folder).prepare() as simulation:
+        result = simulation.run(set=SET)
+        simulation.run(recorders=[ParquetFile(tmp_path / "r.parquet")], signals=POSITIONS)
+    expected = ["time", *result.names]
+    assert len(expected) == len(set(expected)) > 30 * len(NAMES)
+    result.save(tmp_path, plots=False)
+    with (tmp_path / "results.csv").open(newline="", encoding="utf-8") as stream:
+        header, *rows = csv.reader(stream)
+    assert header == expected
+    assert {len(row) for row in rows} == {len(expected)}
+    for most in (None, 3):
+        assert list(read_csv(tmp_path / "results.csv", expected, most)) == expected
+    assert polars.read_parquet(tmp_path / "r.parquet").columns == ["time", *POSITIONS]
+    units = json.loads(polars.read_parquet_metadata(tmp_path / "r.parquet")["units"])
+    assert units == {"time": "s", **dict.fromkeys(POSITIONS, "m")}
+    assert list(json.loads((tmp_path / "metrics.json").read_text())["joints"]) == list(NAMES)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert list(record["components"]) == [c.name for name in NAMES for c in renamed(name).components]
+    assert record["settings"]["set"] == SET
+
+
+MATHS = ["$x^2$ and \\frac{", "_hidden", "ünïcödé 电 😀"]
+"""Names that pictures may take for formulas, for what is to be hidden, and that a font may lack."""
+
+
+@pytest.mark.parametrize("name", mostly_slow(NAMES, MATHS))
+@pytest.mark.filterwarnings("error")
+def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_few(monkeypatch)
+    drawn: list[Any] = []
+    save = emla_cosim.views.folder.save
+    monkeypatch.setattr(emla_cosim.views.folder, "save", lambda *a: (drawn.append(a[0]), save(*a)))
+    run = scenario(name, fmu_folder).prepare().run()
+    run.save(tmp_path, plots=True)
+    assert (tmp_path / "tracking.png").read_bytes().endswith(b"IEND\xaeB`\x82")
+    assert [figure.axes[0].get_title() for figure in drawn] == [name] * DRAWN
+    assert not any(figure.axes[0].title.get_parse_math() for figure in drawn)
+    signals = [f"{name}.plant.x_L", f"{name}.reference.x_d"]
+    figure: Any = plot_signals(replace(run, name=name), signals)
+    figure._repr_png_()
+    legend = figure.axes[0].get_legend().get_texts()
+    assert [text.get_text() for text in legend] == signals
+    assert figure.get_suptitle() == name
+    assert not any(text.get_parse_math() for text in (*legend, figure._suptitle))
+
+
+def test_packages(fmu_folder: Path, tmp_path: Path) -> None:
+    original = joined(fmu_folder)
+    back = ec.load(original.export(tmp_path / "x.ssp", set=SET))
+    assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
+    assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
+    assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)
+    found, expected = back.prepare().run(stop_time=0.002), original.prepare().run(set=SET, stop_time=0.002)
+    for position in POSITIONS:
+        assert np.array_equal(found[position], expected[position]), position
+
+
+PATTERNS = ["it's [red]x[/red]", "[/", "back\\n{0}%s\\", "*?[x]#", "--option"]
+"""Names that a terminal, a command or a search may take for something else."""
+
+
+@pytest.mark.parametrize("name", mostly_slow(NAMES, PATTERNS))
+def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
+    scenario(name, fmu_folder).export(tmp_path / "x.ssp")
+    key = json.dumps(f"{name}.plant.motor.R_s", ensure_ascii=False)  # as TOML quotes it too
+    text = f'system = "x.ssp"\nstop_time = 0.01\nplots = false\n[set]\n{key} = 0.15\n'
+    (tmp_path / "my.toml").write_text(text, encoding="utf-8")
+    done = emla("run", "my.toml", "--output", "[red]", "--signals", f"{name}.plant.x_L")
+    assert done.exit_code == 0, done.output
+    assert any(name in line for line in done.stdout.splitlines() if line[:1] in "┃|")  # heads of the table
+    assert "Wrote [red]/: results.csv" in done.stdout
+    record = json.loads((tmp_path / "[red]/run.json").read_text())
+    assert record["settings"]["set"] == {f"{name}.plant.motor.R_s": 0.15}
+    refused = emla("run", "my.toml", "--signals", f"{name}.gone")
+    assert f"no signal matches '{name}.gone'" in sentence(refused, 2)
+
+
+@pytest.mark.parametrize("name", UNSEEN)
+def test_what_cannot_be_seen_is_no_name(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+    for use in (lambda s: s.prepare(), lambda s: s.export(tmp_path / "x.ssp")):
+        with pytest.raises(ec.CommandError) as refused:
+            use(scenario(name, fmu_folder))
+        assert str(refused.value) == (
+            f"the component {f'{name}.reference'!r} needs another name: one line, without control characters."
+        )
+
+
+def test_what_xml_cannot_hold_is_told(fmu_folder: Path, tmp_path: Path) -> None:
+    odd = replace(scenario("lift", fmu_folder), description="rings a bell: \a")
+    with pytest.raises(ec.CommandError, match=r"^the description 'rings a bell: \\x07' has a character that"):
+        odd.export(tmp_path / "x.ssp")
+
+
+def test_a_header_of_several_lines_is_read(tmp_path: Path) -> None:
+    """As variables of foreign FMUs may bring about."""
+    names = ["time", 'say "x"', 'a"\n,"\r\nb', "c"]
+    with (tmp_path / "r.csv").open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([k, 2.5, 3.0 * k, float("nan")] for k in range(9))
+    found = read_csv(tmp_path / "r.csv", [names[2], "gone", "time"], 3)
+    assert {n: v.tolist() for n, v in found.items()} == {names[2]: [0.0, 9.0, 18.0], "time": [0.0, 3.0, 6.0]}
