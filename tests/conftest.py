@@ -77,16 +77,10 @@ def stay_in_the_root() -> Iterator[None]:
     assert Path.cwd() == ROOT
 
 
-def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for what all processes of a test run have in common."""
-    base = tmp_path_factory.getbasetemp()
-    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-
-
 @pytest.fixture(scope="session")
-def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the native FMUs of all models, which all processes of a test run share."""
-    folder = shared_folder(tmp_path_factory) / "fmus"
+def fmu_folder() -> Path:
+    """Return the folder with the native FMUs of all models; only what is out of date is built."""
+    folder = Path(os.environ[VARIABLE]) / "fmus of tests"
     number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
     processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     models, first = list(MODELS), number * len(MODELS) // processes  # so that none waits for another

@@ -1,6 +1,7 @@
 """The joint in the variants that every tool runs; the FMUs unpacked, and our C programs compiled, once."""
 
 import ctypes
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,6 @@ from filelock import FileLock
 from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import MODELS, fmu_path
-from tests.conftest import shared_folder
 from tests.support.c_programs import Build, build
 from tests.support.joint_run import STEP, Case, moving_joint, study_joint
 
@@ -59,7 +59,7 @@ def plain_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def address_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Build:
     """Everything with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, for all processes."""
-    folder = shared_folder(tmp_path_factory) / "address"
+    folder = _shared_folder(tmp_path_factory) / "address"
     folder.mkdir(exist_ok=True)
     with FileLock(f"{folder}.lock"):
         return build("address", ["host", "fuzz"], unpacked_fmus.values(), folder)
@@ -69,3 +69,9 @@ def address_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.Te
 def thread_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Build:
     """The host and the FMUs with ThreadSanitizer."""
     return build("thread", ["host"], unpacked_fmus.values(), tmp_path_factory.mktemp("thread"))
+
+
+def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that all processes of a test run have in common."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
