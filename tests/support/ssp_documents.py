@@ -239,6 +239,12 @@ def folder(path: Path, **files: str | bytes | Path) -> Path:
     return path
 
 
+def rooted(path: Path, *parts: str, files: Mapping[str, Any] | None = None, **more: str) -> Path:
+    """A folder in `path` whose root system has these parts, with files beside it."""
+    version = more.pop("version", "1.0")
+    return folder(path / "ssp", root=ssd(system("root", *parts, **more), version=version), **(files or {}))
+
+
 def packed(path: Path, unpacked: Path) -> Path:
     """A package with all files of a folder."""
     files = {str(f.relative_to(unpacked)): f.read_bytes() for f in unpacked.rglob("*") if f.is_file()}

@@ -1,11 +1,11 @@
-"""Documents that are wrong: refused with a sentence that says what and where."""
+"""Invalid documents are refused with a message that says what is wrong and where."""
 
 from pathlib import Path
 
 import pytest
 
 from fmublock.archive import write_archive
-from tests.support.refusals import Refused, refusals
+from tests.support.refusals import problem_of
 from tests.support.ssp_documents import (
     NAMESPACES,
     UNITS,
@@ -18,6 +18,7 @@ from tests.support.ssp_documents import (
     folder,
     linear,
     packed,
+    rooted,
     ssd,
     ssm,
     ssv,
@@ -30,38 +31,25 @@ A = component("a", "a.fmu", "u:input y:output")
 B = component("b", "a.fmu", "u:input y:output")
 
 
-@pytest.fixture
-def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Refused:
-    return refusals(tmp_path, monkeypatch)
-
-
-@pytest.fixture
-def fmu(tmp_path: Path) -> Path:
-    return fake_fmu(
-        tmp_path / "a.fmu",
-        "u:input:m",
-        "w:input:K",
-        "y:output:m",
-        "k:parameter:m",
-        "n:parameter:Integer",
-        "on:parameter:Boolean",
-        "mode:parameter:Enumeration",
-        "x:parameter:nowhere",
-        units={**UNITS, "nowhere": ""},
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    variables = (
+        "u:input:m w:input:K y:output:m k:parameter:m n:parameter:Integer on:parameter:Boolean "
+        "mode:parameter:Enumeration x:parameter:nowhere"
     )
+    path = tmp_path_factory.mktemp("fmu") / "a.fmu"
+    return fake_fmu(path, *variables.split(), units={**UNITS, "nowhere": ""})
 
-
-def check(sentence: str, *words: str) -> None:
-    """All of the words are in it, in this order."""
-    rest = sentence
-    for word in words:
-        assert word in rest, sentence
-        rest = rest[rest.index(word) + len(word) :]
-
-
-# ---- structure ---------------------------------------------------------------------------------
 
 FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
+NO_DIRECTION = "not lead from an output to an input"
+THROUGH = system("s", connection("in -> out"), ports="in:input out:output")
+BRANCH = system("t", component("a", "a.fmu", "u:input"), connection("in -> a.u"), ports="in:input")
+INNER = system("i", A, connection("in -> a.u"), ports="in:input:mm", id="it")
+KELVIN = (
+    component("c", "a.fmu", "y:output"),
+    connection("c.y -> a.u", suppress_unit_conversion=True),
+)  # shows the unit of the connector where a value passes it
 
 
 @pytest.mark.parametrize(
@@ -70,106 +58,90 @@ FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
         ((A, connection("a.y -> c.u")), ["a.y -> c.u", "element 'c'", "'root' has a"]),
         ((A, B, connection("a.z -> b.u")), ["a.z -> b.u", "'z'", "'a' has u and y"]),
         ((A, connection("a.y -> out")), ["a.y -> out", "'out'", "'root' has none"]),
-        ((A, B, connection("a.y -> b.y")), ["a.y -> b.y", "not lead from an output to an input"]),
-        ((A, B, connection("a.u -> b.u")), ["a.u -> b.u", "not lead from an output to an input"]),
+        ((A, B, connection("a.y -> b.y")), ["a.y -> b.y", NO_DIRECTION]),
+        ((A, B, connection("a.u -> b.u")), ["a.u -> b.u", NO_DIRECTION]),
         ((A, B, FIRST, SECOND), ["b.u", "two connections", "a.y -> b.u and b.y -> b.u"]),
         ((A, A), ["line", "'root'", "second element 'a'"]),
         ((component("a", "a.fmu", "u:input u:input"),), ["second connector a.u"]),
         ((component("a", "a.fmu", "z:input"),), ["a.z", "no variable", "'a.fmu'"]),
         ((component("a", "a.fmu", "u:output"),), ["a.u", "kind output", "input"]),
         ((component("a", "a.fmu", "u:input:Integer"),), ["a.u", "type Integer", "Real"]),
+        ((A, component("b", "a.fmu", "w:input"), connection("a.y -> b.w")), ["a.y -> b.w", "m and K"]),
+        ((component("a", "a.fmu", "u:input:K"), *KELVIN), ["the variable of a.u", "K and m"]),
         (
-            (A, component("b", "a.fmu", "w:input"), connection("a.y -> b.w")),
-            ["a.y -> b.w", "units m and K"],
+            (B, component("a", "a.fmu", "u:input:inch"), connection("b.y -> a.u")),
+            ["b.y -> a.u", "units m and inch", "not defined", "`--lenient`"],
         ),
-        ((component("a", "a.fmu", "u:input:K"),), ["the connector and the variable of a.u", "K and m"]),
-        ((B, component("a", "a.fmu", "u:input:inch"), connection("b.y -> a.u")),
-         ["b.y -> a.u", "units m and inch", "not defined", "`--lenient`"]),
         ((A, B, connection("a.y -> b.u", table("Integer", _1=2))), ["a.y -> b.u", "IntegerMapping"]),
         ((A, B, connection("a.y -> b.u", linear("NaN"))), ["line", "factor nan"]),
         ((A, B, connection("a.y -> b.u", linear(1, "-INF"))), ["line", "offset -inf"]),
         ((component("a", "a.txt", type="text/plain"),), ["'a'", "type 'text/plain'"]),
         ((component("a", "#b"),), ["'a' refers to '#b'", "no system has this id"]),
-        ((component("a", "a.fmu"), component("a_b", "a.fmu", id="a.b"),
-          system("a.b"), system("a_c", component("c", "a.fmu")), component("a_c.c", "a.fmu")),
-         ["two components 'a_c.c'"]),
+        (
+            (system("a_c", component("c", "a.fmu")), component("a_c.c", "a.fmu")),
+            ["two components 'a_c.c'"],
+        ),
+        ((THROUGH, BRANCH, connection("s.out -> s.in"), connection("s.out -> t.in")), ["s.out form a loop"]),
+        (
+            (INNER, component("c", "#it", "out:output", type=DEFINITION)),
+            ["'out' of the component 'c' is not one of '#it'"],
+        ),
+        (
+            (INNER, component("c", "#it", "in:output", type=DEFINITION)),
+            ["'in' of the component 'c' is of kind output", "input"],
+        ),
+        (
+            (INNER, component("c", "#it", "in:input:m", type=DEFINITION)),
+            ["'in' of the component 'c' is in m", "in mm"],
+        ),
     ],
-)  # fmt: skip
-def test_structures(parts: tuple, words: list, refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    # a connector in a unit that the variable does not have shows where a value passes it
-    inputs = [p for p in parts if 'unit="K"' in p]
-    more = [component("c", "a.fmu", "y:output"), connection("c.y -> a.u")] if inputs else []
-    if inputs:
-        more[-1] = connection("c.y -> a.u", suppress_unit_conversion=True)
-    path = folder(tmp_path / "ssp", root=ssd(system("root", *parts, *more)), a__fmu=fmu)
-    check(refused(path), "'SystemStructure.ssd'", *words)
+)
+def test_invalid_structures(parts: tuple, words: list, tmp_path: Path, fmu: Path) -> None:
+    problem_of(rooted(tmp_path, *parts, files={"a__fmu": fmu}), "'SystemStructure.ssd'", *words)
 
 
-def test_components_without_a_source(refused: Refused, tmp_path: Path) -> None:
-    path = folder(tmp_path / "ssp", root=ssd(system("root", component("a", None)), version="2.0"))
-    check(refused(path), "'SystemStructure.ssd'", "'a' has no source")
+def test_component_without_a_source(tmp_path: Path) -> None:
+    path = rooted(tmp_path, component("a", None), version="2.0")
+    problem_of(path, "'SystemStructure.ssd'", "'a' has no source")
 
 
-def test_connectors_in_a_circle(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    through = system("s", connection("in -> out"), ports="in:input out:output")
-    leads = connection("s.out -> s.in")
-    branch = system("t", component("a", "a.fmu", "u:input"), connection("in -> a.u"), ports="in:input")
-    root = system("root", through, branch, leads, connection("s.out -> t.in"))
-    sentence = refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
-    check(sentence, "the connections of s.out form a loop")
+def holding(source: str, **more: object) -> str:
+    """A structure with a component that refers to another document."""
+    return ssd(system("s", component("c", source, type=DEFINITION), **more))
 
 
-def test_a_component_unlike_its_system(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    inner = system("i", A, connection("in -> a.u"), ports="in:input:mm", id="it")
-    for ports, words in (
-        ("out:output", ["'out' of the component 'c' is not one of '#it'"]),
-        ("in:output", ["'in' of the component 'c' is of kind output", "input"]),
-        ("in:input:m", ["'in' of the component 'c' is in m", "in mm"]),
-    ):
-        root = system("root", inner, component("c", "#it", ports, type=DEFINITION))
-        check(refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu)), *words)
-
-
-def test_systems_inside_themselves(refused: Refused, tmp_path: Path) -> None:
-    def holding(source: str, **more: object) -> str:
-        return ssd(system("s", component("c", source, type=DEFINITION), **more))
-
-    for files in (
+@pytest.mark.parametrize(
+    "files",
+    [
         {"root": holding("SystemStructure.ssd")},
         {"root": holding("./SystemStructure.ssd")},
         {"root": holding("b.ssd"), "b__ssd": holding("SystemStructure.ssd")},
         {"root": holding("b.ssd"), "b__ssd": holding("b.ssd")},
         {"root": holding("#top", id="top")},
         {"root": holding("SystemStructure.ssd#top", id="top")},
-    ):
-        check(refused(folder(tmp_path / "ssp", **files)), "'c' refers to '", "which contains it")
+    ],
+)
+def test_systems_that_contain_themselves(files: dict, tmp_path: Path) -> None:
+    problem_of(folder(tmp_path, **files), "'c' refers to '", "which contains it")
 
 
-def test_a_package_inside_itself(refused: Refused, tmp_path: Path) -> None:
-    inner = folder(
-        tmp_path / "inner", root=ssd(system("s", component("c", "SystemStructure.ssd", type=DEFINITION)))
-    )
-    outer = folder(tmp_path / "outer", root=ssd(system("s", component("p", "inner.ssp", type=PACKAGE))))
+def test_package_that_contains_itself(tmp_path: Path) -> None:
+    inner = folder(tmp_path / "inner", root=holding("SystemStructure.ssd"))
+    outer = rooted(tmp_path, component("p", "inner.ssp", type=PACKAGE))
     packed(outer / "inner.ssp", inner)
-    sentence = refused(packed(tmp_path / "outer.ssp", outer))
-    check(sentence, "'SystemStructure.ssd/inner.ssp", "'c' refers to 'SystemStructure.ssd'", "contains it")
+    path = packed(tmp_path / "outer.ssp", outer)
+    problem_of(path, "'SystemStructure.ssd/inner.ssp", "'c' refers to 'SystemStructure.ssd'", "contains it")
 
 
-def test_documents_too_deep_inside_each_other(refused: Refused, tmp_path: Path) -> None:
-    chain = {
-        f"s{i}__ssd": ssd(system("s", component("c", f"s{i + 1}.ssd", type=DEFINITION))) for i in range(60)
-    }
-    path = folder(tmp_path / "ssp", root=ssd(system("s", component("c", "s0.ssd", type=DEFINITION))), **chain)
-    check(refused(path), "'SystemStructure.ssd/s0.ssd/", "'c' is nested more than 50 levels deep")
-
-
-def test_references_that_make_many_of_few(refused: Refused, tmp_path: Path) -> None:
+def test_too_deep_and_too_many_references(tmp_path: Path) -> None:
+    chain = {f"s{i}__ssd": holding(f"s{i + 1}.ssd") for i in range(60)}
+    path = folder(tmp_path / "deep", root=holding("s0.ssd"), **chain)
+    problem_of(path, "'SystemStructure.ssd/s0.ssd/", "'c' is nested more than 50 levels deep")
     doubled = [
         system(f"s{i}", *(component(n, f"#s{i + 1}", type=DEFINITION) for n in "ab"), id=f"s{i}")
         for i in range(40)
     ]
-    path = folder(tmp_path / "ssp", root=ssd(system("root", *doubled, system("last", id="s40"))))
-    check(refused(path), "more than 10000 components")
+    problem_of(rooted(tmp_path, *doubled, system("last", id="s40")), "more than 10000 components")
 
 
 # ---- XML ---------------------------------------------------------------------------------------
@@ -178,66 +150,84 @@ BOMB = "<!DOCTYPE x [<!ENTITY a 'ha'>" + "".join(
     f"<!ENTITY {new} '{10 * f'&{old};'}'>" for old, new in zip("abcdefghi", "bcdefghij", strict=True)
 )
 EXTERNAL = "<!DOCTYPE x [<!ENTITY j SYSTEM 'file://SECRET'>"
+GOOD = {
+    "ssd": ssd(system("root", component("a", "a.fmu", bindings=binding("a.ssv", "a.ssm")))),
+    "ssv": ssv(k=1.0),
+    "ssm": ssm(entry("k", "k")),
+}
+XML = {
+    "empty": (lambda text: "", ["not well-formed"]),
+    "text": (lambda text: "no XML", ["not well-formed", "line 1"]),
+    "cut off": (lambda text: text[:-9], ["not well-formed", "line"]),
+    "other root": (lambda text: f"<x {NAMESPACES}/>", ["has the root 'x'"]),
+    "attribute": (
+        lambda text: text.replace(" source=" if "MappingEntry" in text else " name=", " nonsense=", 1),
+        ["line", "not valid SSP", "attribute"],
+    ),
+    "version": (lambda text: with_head(text, "", "1.0", "7.0"), ["line", "not valid SSP", "version"]),
+    "expanded bomb": (lambda text: with_head(text, f"{BOMB}]>", ">", ">&j;"), []),
+    "bomb": (lambda text: with_head(text, f"{BOMB}]>"), ["DOCTYPE"]),
+    "external entity": (lambda text: with_head(text, f"{EXTERNAL}]>", ">", ">&j;"), ["DOCTYPE"]),
+    "external": (lambda text: with_head(text, "<!DOCTYPE x SYSTEM 'file://SECRET'>"), ["DOCTYPE"]),
+}
 
 
-@pytest.mark.parametrize("kind", ["ssd", "ssv", "ssm"])
-def test_what_is_no_document(kind: str, refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    good = {"ssd": ssd(system("root", A)), "ssv": ssv(k=1.0), "ssm": ssm(entry("k", "k"))}[kind]
-    secret = tmp_path / "secret"
+def with_head(text: str, head: str, old: str = "=", new: str = "=") -> str:
+    """The document with something behind the XML declaration, and one change below."""
+    declaration, body = text.split("?>", 1)
+    return f"{declaration}?>{head}{body.replace(old, new, 1)}"
+
+
+@pytest.mark.parametrize("kind", GOOD)
+@pytest.mark.parametrize("name", XML)
+def test_invalid_xml(kind: str, name: str, tmp_path: Path, fmu: Path) -> None:
+    change, words = XML[name]
+    secret = tmp_path / "file"
     secret.write_text("the secret")
-    head, body = good.split("?>", 1)
-    for text, words in (
-        ("", ["not well-formed"]),
-        ("no XML", ["not well-formed", "line 1"]),
-        (good[:-9], ["not well-formed", "line"]),
-        (f"<x {NAMESPACES}/>", ["has the root 'x'"]),
-        (good.replace("name=", "nonsense=", 1) if kind != "ssm" else good.replace("source=", "s="),
-         ["line", "not valid SSP", "attribute"]),
-        (f"{head}?>{body.replace('1.0', '7.0', 1)}", ["line", "not valid SSP", "version"]),
-        (f"{head}?>{BOMB}]>{body.replace('>', '>&j;', 1)}", [""]),
-        (f"{head}?>{BOMB}]>{body.replace('=', '=', 1)}", ["DOCTYPE"]),
-        (f"{head}?>{EXTERNAL.replace('SECRET', str(secret))}]>{body.replace('>', '>&j;', 1)}", ["DOCTYPE"]),
-        (f"{head}?><!DOCTYPE x SYSTEM 'file://{secret}'>{body}", ["DOCTYPE"]),
-    ):  # fmt: skip
-        bound = binding("a.ssv", "a.ssm")
-        files = {
-            "root": ssd(system("root", component("a", "a.fmu", bindings=bound))),
-            "a__ssv": ssv(k=1.0),
-            "a__ssm": ssm(entry("k", "k")),
-        }
-        name = {"ssd": "root", "ssv": "a__ssv", "ssm": "a__ssm"}[kind]
-        sentence = refused(folder(tmp_path / "ssp", **{**files, name: text}, a__fmu=fmu))
-        check(sentence, {"ssd": "SystemStructure.ssd"}.get(kind, f"a.{kind}"), *words)
-        assert "secret" not in sentence.replace(str(secret), "")
+    files = {"root": GOOD["ssd"], "a__ssv": GOOD["ssv"], "a__ssm": GOOD["ssm"]}
+    text = change(GOOD[kind]).replace("SECRET", str(secret))
+    path = folder(tmp_path / "ssp", **{**files, "root" if kind == "ssd" else f"a__{kind}": text}, a__fmu=fmu)
+    message = problem_of(path, "SystemStructure.ssd" if kind == "ssd" else f"a.{kind}", *words)
+    assert "secret" not in message
 
 
-def test_what_is_wrong_inside(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    for bound, words in (
+@pytest.mark.parametrize(
+    ("bound", "words"),
+    [
         (binding(ssv(k=1.0).replace("<ssv:Real", "<ssv:Reel")), ["line", "Reel"]),
         (binding(ssv(k=1.0), ssm("<ssm:Entry/>")), ["line", "Entry"]),
         ("<ssd:ParameterBinding/>", ["line", "ParameterBinding has neither a source nor content"]),
-    ):
-        root = system("root", component("a", "a.fmu", bindings=bound))
-        check(refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu)), "SystemStructure.ssd", *words)
+    ],
+)
+def test_invalid_bindings(bound: str, words: list, tmp_path: Path, fmu: Path) -> None:
+    path = rooted(tmp_path, component("a", "a.fmu", bindings=bound), files={"a__fmu": fmu})
+    problem_of(path, "SystemStructure.ssd", *words)
 
 
-def test_times_that_are_none(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    osp = (
-        "<ssd:Annotations><ssc:Annotation type='com.opensimulationplatform'><osp:FixedStepAlgorithm "
-        "xmlns:osp='http://opensimulationplatform.com/SSP/OSPAnnotations' baseStepSize='tiny'/>"
-        "</ssc:Annotation></ssd:Annotations>"
-    )
-    for experiment, words in (
-        (f"<ssd:DefaultExperiment>{osp}</ssd:DefaultExperiment>", ["line", "step size 'tiny'"]),
+OSP = (
+    "<ssd:DefaultExperiment><ssd:Annotations><ssc:Annotation type='com.opensimulationplatform'>"
+    "<osp:FixedStepAlgorithm xmlns:osp='http://opensimulationplatform.com/SSP/OSPAnnotations' "
+    "baseStepSize='tiny'/></ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>"
+)
+
+
+@pytest.mark.parametrize(
+    ("experiment", "words"),
+    [
+        (OSP, ["line", "step size 'tiny'"]),
         ("<ssd:DefaultExperiment startTime='soon'/>", ["line", "startTime"]),
         ("<ssd:DefaultExperiment startTime='INF'/>", ["inf"]),
         ("<ssd:DefaultExperiment startTime='NaN'/>", ["nan"]),
-    ):
-        path = folder(tmp_path / "ssp", root=ssd(system("root", A), experiment=experiment), a__fmu=fmu)
-        check(refused(path), *words)
+    ],
+)
+def test_invalid_times(experiment: str, words: list, tmp_path: Path, faulty_fmu: Path) -> None:
+    root = ssd(system("root", component("a", "Faulty.fmu")), experiment=experiment)
+    problem_of(folder(tmp_path, root=root, Faulty__fmu=faulty_fmu), *words)
 
 
 # ---- values ------------------------------------------------------------------------------------
+
+TWICE = "<ssv:Parameter name='k'><ssv:Real value='2'/></ssv:Parameter></ssv:Parameters>"
 
 
 @pytest.mark.parametrize(
@@ -253,21 +243,18 @@ def test_times_that_are_none(refused: Refused, tmp_path: Path, fmu: Path) -> Non
         (ssv(k=(1.0, "K")), "", ["parameter 'k' and a.k", "K and m"]),
         (ssv(k=(1.0, "inch")), "", ["parameter 'k' and a.k", "inch and m", "not defined"]),
         (ssv(x=(1.0, "m")), "", ["parameter 'x' and a.x", "m and nowhere", "not defined"]),
-        (ssv(k=1.0).replace("</ssv:Parameters>", "<ssv:Parameter name='k'><ssv:Real value='2'/>"
-                            "</ssv:Parameter></ssv:Parameters>"), "", ["line", "'k'", "second value"]),
+        (ssv(k=1.0).replace("</ssv:Parameters>", TWICE), "", ["line", "'k'", "second value"]),
         (ssv(k=1.0, n=2), ssm(entry("k", "k"), entry("n", "k")), ["line", "'n' to 'k'", "'k'"]),
         (ssv(k=1.0), ssm(entry("k", "k", linear("INF"))), ["line", "factor inf"]),
         (ssv(version="2.0", k=9.5).replace('"9.5"', '"1 2"'), "", ["line", "'k'", "2 values"]),
         (ssv(version="2.0", k=9.5).replace('"9.5"', '""'), "", ["line", "'k'", "0 values"]),
         (ssv(version="2.0", label="").replace('<ssv:String value=""/>', "<ssv:String/>"), "", ["0 values"]),
     ],
-)  # fmt: skip
-def test_parameters(
-    given: str, mapping: str, words: list, refused: Refused, tmp_path: Path, fmu: Path
-) -> None:
-    root = system("root", component("a", "a.fmu", bindings=binding("k.ssv", "k.ssm" if mapping else "")))
-    files = {"k__ssv": given} | ({"k__ssm": mapping} if mapping else {})
-    check(refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu, **files)), "'", *words)
+)
+def test_invalid_parameters(given: str, mapping: str, words: list, tmp_path: Path, fmu: Path) -> None:
+    part = component("a", "a.fmu", bindings=binding("k.ssv", "k.ssm" if mapping else ""))
+    files = {"a__fmu": fmu, "k__ssv": given} | ({"k__ssm": mapping} if mapping else {})
+    problem_of(rooted(tmp_path, part, files=files), "'", *words)
 
 
 @pytest.mark.parametrize(
@@ -278,11 +265,11 @@ def test_parameters(
         ({"fault": "none"}, ["a.fault", "none", "not a whole number"]),
     ],
 )
-def test_values_that_the_fmu_cannot_have(
-    given: dict, words: list, refused: Refused, tmp_path: Path, faulty_fmu: Path
+def test_values_out_of_the_range_of_a_variable(
+    given: dict, words: list, tmp_path: Path, faulty_fmu: Path
 ) -> None:
-    root = system("root", component("a", "Faulty.fmu", bindings=binding(ssv(**given))))
-    check(refused(folder(tmp_path / "ssp", root=ssd(root), Faulty__fmu=faulty_fmu)), *words)
+    part = component("a", "Faulty.fmu", bindings=binding(ssv(**given)))
+    problem_of(rooted(tmp_path, part, files={"Faulty__fmu": faulty_fmu}), *words)
 
 
 # ---- files -------------------------------------------------------------------------------------
@@ -307,10 +294,9 @@ def test_values_that_the_fmu_cannot_have(
         (".", ["'.'", "does not exist"]),
     ],
 )
-def test_uris(uri: str, words: list, refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    """Whether an FMU, a document, a parameter set or a mapping is named."""
-    del fmu  # lies outside
-    path = folder(tmp_path / "ssp", k__ssv=ssv(k=1.0), real__fmu=tmp_path / "a.fmu")
+def test_uris_of_all_kinds_of_files(uri: str, words: list, tmp_path: Path, fmu: Path) -> None:
+    files = {"k__ssv": ssv(k=1.0), "real__fmu": fmu}
+    (tmp_path / "a.fmu").write_bytes(fmu.read_bytes())
     for part in (
         component("a", uri),
         component("a", uri, type=DEFINITION),
@@ -318,68 +304,44 @@ def test_uris(uri: str, words: list, refused: Refused, tmp_path: Path, fmu: Path
         component("a", "real.fmu", bindings=binding(uri)),
         component("a", "real.fmu", bindings=binding("k.ssv", uri)),
     ):
-        folder(path, root=ssd(system("root", part)))
-        check(refused(path), "SystemStructure.ssd'", *words)
+        problem_of(rooted(tmp_path, part, files=files), "SystemStructure.ssd'", *words)
 
 
-def test_links_that_lead_outside(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    path = folder(tmp_path / "ssp", root=ssd(system("root", component("a", "link.fmu"))))
+def test_links_that_lead_outside(tmp_path: Path, fmu: Path) -> None:
+    path = rooted(tmp_path, component("a", "link.fmu"))
     (path / "link.fmu").symlink_to(fmu)
-    check(refused(path), "'link.fmu'", "outside")
+    problem_of(path, "'link.fmu'", "outside")
 
 
 @pytest.mark.parametrize("uri", ["missing.ssv", "../modelDescription.xml", "/etc/passwd", "http://x/y.ssv"])
-def test_files_that_the_fmu_has_not(uri: str, refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    root = system("root", component("a", "a.fmu", bindings=binding(uri, source_base="component")))
-    sentence = refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
-    check(sentence, f"'{uri}' inside 'a.fmu'", "does not exist")
+def test_files_that_are_not_inside_the_fmu(uri: str, tmp_path: Path, fmu: Path) -> None:
+    part = component("a", "a.fmu", bindings=binding(uri, source_base="component"))
+    problem_of(rooted(tmp_path, part, files={"a__fmu": fmu}), f"'{uri}' inside 'a.fmu'", "does not exist")
 
 
-def test_variants_that_are_not_there(refused: Refused, tmp_path: Path) -> None:
+def test_missing_variants_of_a_structure(tmp_path: Path) -> None:
     path = folder(tmp_path / "ssp", B__ssd=ssd(system("root")))
-    check(refused(path), "'SystemStructure.ssd'", "B.ssd", "#B.ssd'")
-    check(refused(f"{path}#C.ssd"), "'C.ssd'", "has B.ssd", f"{path}#B.ssd'")
-    check(refused(packed(tmp_path / "p.ssp", path)), "no 'SystemStructure.ssd'", "p.ssp#B.ssd")
+    problem_of(path, "'SystemStructure.ssd'", "B.ssd", "#B.ssd'")
+    problem_of(f"{path}#C.ssd", "'C.ssd'", "has B.ssd", f"{path}#B.ssd'")
+    problem_of(packed(tmp_path / "p.ssp", path), "no 'SystemStructure.ssd'", "p.ssp#B.ssd")
     for fragment in ("C.ssd", "../B.ssd", "sub/B.ssd", "%00", "."):
-        outer = folder(
-            tmp_path / "outer", root=ssd(system("s", component("p", f"p.ssp#{fragment}", type=PACKAGE)))
-        )
-        folder(outer, p__ssp=tmp_path / "p.ssp")
-        check(refused(outer), "p.ssp#", "has B.ssd")
+        part = component("p", f"p.ssp#{fragment}", type=PACKAGE)
+        problem_of(rooted(tmp_path / "o", part, files={"p__ssp": tmp_path / "p.ssp"}), "p.ssp#", "has B.ssd")
 
 
-def test_variants_outside_of_their_package(refused: Refused, tmp_path: Path, fmu: Path) -> None:
-    """A good structure is there, but the package is somebody else's."""
+def test_variants_outside_of_their_package(tmp_path: Path, fmu: Path) -> None:
     outside = folder(tmp_path, outside__ssd=ssd(system("root", component("a", "a.fmu"))), a__fmu=fmu)
     path = folder(tmp_path / "v", B__ssd=ssd(system("root")))
     packed(tmp_path / "v.ssp", path)
     for fragment in ("../../../outside.ssd", f"{outside}/outside.ssd", "%2e%2e/../../outside.ssd"):
-        root = ssd(system("s", component("p", f"v.ssp#{fragment}", type=PACKAGE)))
-        outer = folder(tmp_path / "outer", root=root, v__ssp=tmp_path / "v.ssp")
-        check(refused(outer), "v.ssp#", "no 'outside.ssd'", "has B.ssd")
+        part = component("p", f"v.ssp#{fragment}", type=PACKAGE)
+        outer = rooted(tmp_path / "o", part, files={"v__ssp": tmp_path / "v.ssp"})
+        problem_of(outer, "v.ssp#", "no 'outside.ssd'", "has B.ssd")
     (path / "link.ssd").symlink_to(outside / "outside.ssd")
-    check(refused(f"{path}#link.ssd"), "no 'link.ssd'")
+    problem_of(f"{path}#link.ssd", "no 'link.ssd'")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"no zip", ["not an FMU", "zip"]),
-        (b"", ["not an FMU"]),
-        ({"x": b""}, ["not an FMU", "modelDescription.xml"]),
-        ({"modelDescription.xml": b"no XML"}, ["not an FMU"]),
-        ({"modelDescription.xml": b'<fmiModelDescription fmiVersion="1.0"/>'}, ["modelName"]),
-        ({"modelDescription.xml": b'<fmiModelDescription fmiVersion="7"/>'}, ["version: 7"]),
-    ],
-)
-def test_what_is_no_fmu(content: object, words: list, refused: Refused, tmp_path: Path) -> None:
-    path = folder(tmp_path / "ssp", root=ssd(system("root", component("a", "a.fmu"))))
-    if isinstance(content, dict):
-        write_archive(path / "a.fmu", content)
-    elif isinstance(content, bytes):
-        (path / "a.fmu").write_bytes(content)
-    check(refused(path), "a.fmu'", *words)
-
+# ---- FMUs --------------------------------------------------------------------------------------
 
 FMI_3 = """<fmiModelDescription fmiVersion="3.0" modelName="a" instantiationToken="a">
 <ModelExchange modelIdentifier="a"/><ModelVariables>
@@ -389,37 +351,43 @@ FMI_3 = """<fmiModelDescription fmiVersion="3.0" modelName="a" instantiationToke
 FMI_1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a" guid="a"
 numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/><Implementation>
 <CoSimulation_StandAlone><Capabilities/></CoSimulation_StandAlone></Implementation></fmiModelDescription>"""
-
-
-def test_a_kind_that_the_fmu_does_not_have(refused: Refused, tmp_path: Path) -> None:
-    one = component("a", "a.fmu", implementation="ModelExchange")
-    path = folder(tmp_path / "ssp", root=ssd(system("root", one)))
-    write_archive(path / "a.fmu", {"modelDescription.xml": description("a", "u:input").encode()})
-    check(refused(path), "a.fmu'", "has no ModelExchange, only CoSimulation")
+PLAIN = component("a", "a.fmu")
+EXCHANGE = component("a", "a.fmu", implementation="ModelExchange")
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("part", "content", "words"),
     [
-        (FMI_3, ["the clock 'tick'", "for co-simulation only"]),
-        (FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
-        (description("a", "u:input:x", units={"x": 'm="1" factor="0"'}), ["unit 'x'", "factor 0"]),
+        (PLAIN, b"not a zip", ["not an FMU", "zip"]),
+        (PLAIN, b"", ["not an FMU"]),
+        (PLAIN, None, ["not an FMU", "modelDescription.xml"]),
+        (PLAIN, "no XML", ["not an FMU"]),
+        (PLAIN, '<fmiModelDescription fmiVersion="1.0"/>', ["modelName"]),
+        (PLAIN, '<fmiModelDescription fmiVersion="7"/>', ["version: 7"]),
+        (PLAIN, FMI_3, ["the clock 'tick'", "for co-simulation only"]),
+        (PLAIN, FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
+        (PLAIN, description("a", "u:input:x", units={"x": 'm="1" factor="0"'}), ["unit 'x'", "factor 0"]),
+        (EXCHANGE, description("a", "u:input"), ["has no ModelExchange, only CoSimulation"]),
     ],
 )
-def test_fmus_of_other_kinds(text: str, words: list, refused: Refused, tmp_path: Path) -> None:
-    path = folder(tmp_path / "ssp", root=ssd(system("root", component("a", "a.fmu"))))
-    write_archive(path / "a.fmu", {"modelDescription.xml": text.encode()})
-    check(refused(path), "a.fmu'", *words)
+def test_fmus_that_cannot_be_read(
+    part: str, content: str | bytes | None, words: list, tmp_path: Path
+) -> None:
+    path = rooted(tmp_path, part)
+    if isinstance(content, bytes):
+        (path / "a.fmu").write_bytes(content)
+    else:
+        text = {"x": b""} if content is None else {"modelDescription.xml": content.encode()}
+        write_archive(path / "a.fmu", text)
+    problem_of(path, "a.fmu'", *words)
 
 
-def test_entities_of_a_model_description(refused: Refused, tmp_path: Path) -> None:
-    secret = tmp_path / "secret"
+@pytest.mark.parametrize("head", [BOMB, EXTERNAL], ids=["bomb", "external"])
+def test_entities_of_a_model_description(head: str, tmp_path: Path) -> None:
+    secret = tmp_path / "file"
     secret.write_text("the secret")
-    path = folder(tmp_path / "ssp", root=ssd(system("root", component("a", "a.fmu"))))
-    head, body = description("a", "u:input").split("?>", 1)
-    for kind in (BOMB, EXTERNAL.replace("SECRET", str(secret))):
-        inside = body.replace("<ModelVariables>", "<ModelVariables>&j;")
-        write_archive(path / "a.fmu", {"modelDescription.xml": f"{head}?>{kind}]>{inside}".encode()})
-        sentence = refused(path)
-        check(sentence, "a.fmu'")
-        assert "the secret" not in sentence
+    path = rooted(tmp_path, PLAIN)
+    text = with_head(description("a", "u:input"), f"{head.replace('SECRET', str(secret))}]>")
+    text = text.replace("<ModelVariables>", "<ModelVariables>&j;")
+    write_archive(path / "a.fmu", {"modelDescription.xml": text.encode()})
+    assert "the secret" not in problem_of(path, "a.fmu'")
