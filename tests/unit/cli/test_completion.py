@@ -1,4 +1,4 @@
-"""What shells are told to complete: as bash, zsh and fish ask, and how they come to ask."""
+"""Shell completion: what bash, zsh and fish get, and the installation of the script that asks for it."""
 
 import os
 import shutil
@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.option import RUN
+from emla_cosim.cli.app import app
+from emla_cosim.cli.completion import VARIABLE, answer
 from emla_cosim.run.options import list_options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.registration import register
@@ -17,70 +19,96 @@ CALLED_FROM = "import shellingham; shellingham.detect_shell = lambda: ('{}', '')
 PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.cli.program import main; main()"
 
 
-def emla(*arguments: str, **environment: str | None) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own, with these variables, or without those that are None."""
-    around = {**os.environ, **{n: v for n, v in environment.items() if v is not None}}
-    for name in (n for n, v in environment.items() if v is None):
-        around.pop(name, None)
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False, env=around
-    )
+class Shell:
+    """Asks for the completions of the last word of a line, in this process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._set, self._capsys = monkeypatch.setenv, capsys
+
+    def complete(self, line: str, shell: str = "bash") -> list[str]:
+        """Return the lines that the shell reads."""
+        variables = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
+        if shell != "bash":
+            variables = {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+        for name, value in {VARIABLE: f"complete_{shell}", **variables}.items():
+            self._set(name, value)
+        with pytest.raises(SystemExit):
+            answer(app)
+        captured = self._capsys.readouterr()
+        assert captured.err == ""
+        return captured.out.split("\n")[:-1]
 
 
-def completed(line: str, shell: str = "bash") -> list[str]:
-    """What completes the last word of a line."""
-    if shell == "bash":
-        words = line.split(" ")
-        asked = {"COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
-    else:
-        asked = {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
-    ended = emla(_EMLA_COMPLETE=f"complete_{shell}", **asked)
-    assert ended.stderr == ""
-    return ended.stdout.split("\n")[:-1] if ended.stdout else []
-
-
-def test_commands_and_scenarios_complete() -> None:
-    register()
-    assert completed("emla r") == ["run", "rerun"]
-    assert set(completed("emla run ")) == set(SCENARIOS)
-    assert completed("emla -q run lif") == ["lift"]
-    assert completed("emla sweep study-r") == ["study-robustness"]
-
-
-def test_options_and_their_choices_complete() -> None:
-    flags = set(completed("emla run lift --"))
-    assert {o.flag for o in list_options(RUN).values()} <= flags and "--quiet" in flags
-    assert completed("emla run lift --algorithm gauss") == ["gauss-seidel"]
-    assert completed("emla run lift --output ") == [""], "the shell offers files"
-
-
-def test_zsh_and_fish_ask_in_their_own_ways() -> None:
-    assert '"lift"' in "".join(completed("emla run lif", "zsh"))
-    assert completed("emla run lif", "fish") == ["lift"]
+@pytest.fixture
+def shell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(monkeypatch, capsys)
 
 
 @pytest.mark.parametrize(
-    "asked",
+    ("line", "expected"),
     [
-        {"_EMLA_COMPLETE": "complete_bash"},
-        {"_EMLA_COMPLETE": "complete_bash", "COMP_WORDS": "emla 'run", "COMP_CWORD": "x"},
-        {"_EMLA_COMPLETE": "complete_tcsh"},
-        {"_EMLA_COMPLETE": ""},
-        {"_EMLA_COMPLETE": "complete_bash", "COMP_WORDS": "emla nope --x", "COMP_CWORD": "9"},
+        ("emla r", ["run", "rerun"]),
+        ("emla -q run lif", ["lift"]),
+        ("emla sweep study-r", ["study-robustness"]),
+        ("emla build EmlaP", ["EmlaPlant"]),
+        ("emla run lift --algorithm gauss", ["gauss-seidel"]),
+        ("emla run lift --controller f", ["foc"]),
+        ("emla run lift --gains pub", ["published"]),
+        ("emla run lift --output ", [""]),  # the shell completes files
     ],
 )
-def test_a_shell_that_asks_nonsense_gets_no_traceback(asked: dict[str, str]) -> None:
-    assert "Traceback" not in emla(**asked).stderr
+def test_names_complete(line: str, expected: list[str], shell: Shell) -> None:
+    register()
+    assert shell.complete(line) == expected
 
 
-def test_completion_is_installed_in_the_users_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bash itself, with what was installed, completes a command."""
-    monkeypatch.setitem(globals(), "PROGRAM", CALLED_FROM.format("bash") + PROGRAM)
-    ended = emla("--install-completion", HOME=str(tmp_path), SHELL="/bin/bash")
+def test_scenarios_and_options_complete(shell: Shell) -> None:
+    register()
+    assert set(shell.complete("emla run ")) == set(SCENARIOS)
+    flags = set(shell.complete("emla run lift --"))
+    assert {o.flag for o in list_options(RUN).values()} <= flags and "--quiet" in flags
+
+
+def test_zsh_and_fish(shell: Shell) -> None:
+    assert '"lift"' in "".join(shell.complete("emla run lif", "zsh"))
+    assert shell.complete("emla run lif", "fish") == ["lift"]
+
+
+# ---- the program -------------------------------------------------------------------------------------
+
+
+def emla(*arguments: str, program: str = PROGRAM, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own with these variables."""
+    around = {**os.environ, **environment}
+    return subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=False, env=around
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {VARIABLE: "complete_bash"},
+        {VARIABLE: "complete_bash", "COMP_WORDS": "emla 'run", "COMP_CWORD": "x"},
+        {VARIABLE: "complete_tcsh"},
+        {VARIABLE: ""},
+        {VARIABLE: "complete_bash", "COMP_WORDS": "emla nope --x", "COMP_CWORD": "9"},
+    ],
+)
+def test_invalid_requests_give_no_traceback(environment: dict[str, str]) -> None:
+    assert "Traceback" not in emla(**environment).stderr
+
+
+@pytest.mark.slow
+def test_installed_script_completes_in_bash(tmp_path: Path) -> None:
+    called = CALLED_FROM.format("bash") + PROGRAM
+    ended = emla("--install-completion", program=called, HOME=str(tmp_path), SHELL="/bin/bash")
     assert ended.returncode == 0 and str(tmp_path) in ended.stdout
     script = tmp_path / ".bash_completions/emla.sh"
     assert str(script) in (tmp_path / ".bashrc").read_text()
-    assert script.read_text().strip() == emla("--show-completion", SHELL="/bin/bash").stdout.strip()
+    shown = emla("--show-completion", program=called, SHELL="/bin/bash").stdout
+    assert script.read_text().strip() == shown.strip()
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("There is no bash on this machine.")
@@ -94,20 +122,18 @@ def test_completion_is_installed_in_the_users_home(tmp_path: Path, monkeypatch: 
     assert found.stdout == "lift\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("home", "shell", "reason"),
     [
-        ("/dev/null", "/bin/bash", "cannot install completion for bash"),
-        ("/proc/none", "/bin/zsh", "cannot install completion for "),
-        ("/tmp", "/bin/none", "supported shells: bash"),
+        ("/dev/null", "bash", "cannot install completion for bash"),
+        ("/proc/none", "zsh", "cannot install completion for "),
+        ("/tmp", "none", "supported shells: bash"),
     ],
 )
-def test_what_keeps_it_from_being_installed_is_told_in_one_sentence(
-    home: str, shell: str, reason: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The shell that calls is not looked for here: it may be any."""
-    monkeypatch.setitem(globals(), "PROGRAM", CALLED_FROM.format(Path(shell).name) + PROGRAM)
-    ended = emla("--install-completion", HOME=home, SHELL=shell)
+def test_failed_installation_gives_one_message(home: str, shell: str, reason: str) -> None:
+    called = CALLED_FROM.format(shell) + PROGRAM
+    ended = emla("--install-completion", program=called, HOME=home, SHELL=f"/bin/{shell}")
     assert ended.returncode == 1
     assert ended.stderr.startswith("Error: ") and len(ended.stderr.splitlines()) == 1
     assert reason in ended.stderr

@@ -1,4 +1,4 @@
-"""Values of the command line: converted late, but to what typer itself makes of them."""
+"""Values of the command line are converted late, to the same values and messages as by typer."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -52,7 +52,7 @@ def test_values_and_messages_are_those_of_typer(arguments: list[str]) -> None:
     assert run(PlainCommand, arguments) == run(TyperCommand, arguments)
 
 
-def test_parameters_of_another_release_of_typer_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parameters_of_other_typer_releases_are_not_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     others = [SimpleNamespace(), SimpleNamespace(get_runtime_param=int), SimpleNamespace(type_descriptor=int)]
     before = [dict(vars(one)) for one in others]
     monkeypatch.setattr(TyperCommand, "get_params", lambda self, ctx: others)
