@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.job import Job, load_job
-from benchmarks.registry import C_LOOP, FMU_CALLS, TOOLS, Tool
+from benchmarks.registry import C_LOOP, FMU_CALLS, Tool
 from benchmarks.rounds import Result, check_signals, measured
 from benchmarks.run import README
 from benchmarks.study import study_job
@@ -45,18 +45,6 @@ def test_c_loop_gives_the_bits_of_our_master(job: Job) -> None:
         assert found.steps == expected.steps == STEPS
 
 
-def test_the_clocks_of_other_tools_make_no_difference(job: Job) -> None:
-    """Their last bits differ, but the FMUs count steps."""
-    found = {clock: run_loop(job, clock=clock).signals for clock in ("decimal", "products", "sums")}
-    assert len(set(map(tuple, found.values()))) == 1
-
-
-def test_every_tool_has_a_module() -> None:
-    folder = Path(emla.__file__).parent
-    assert all((folder / f"{tool.module}.py").is_file() for tool in TOOLS)
-    assert len({tool.name for tool in TOOLS}) == len(TOOLS)
-
-
 def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
     initialized = replace(job, initial=tuple(run_loop(job.with_steps(0)).signals))
     initialized.save(tmp_path / "job.json")
@@ -90,10 +78,6 @@ def test_rows_hold_medians_ranges_and_what_comes_on_top_of_the_fmus() -> None:
         ("ours (ours 1.2)", "50,000", "40,000 - 62,500", "0.25", "16.0"),
         ("another", "not measured", "-", "-", "-"),
     ]
-
-
-def test_rows_do_without_the_c_loop() -> None:
-    assert rows(RESULTS[2:3]) == [("ours (ours 1.2)", "50,000", "40,000 - 62,500", "-", "-")]
 
 
 def test_table_comes_as_text_markdown_and_json() -> None:

@@ -1,4 +1,4 @@
-"""What the pages of the documentation show works as shown; see `support.pages`."""
+"""Commands and code in the documentation work as shown; see `support.pages`."""
 
 import sys
 from pathlib import Path
@@ -21,17 +21,22 @@ def place(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch)
     return tmp_path
 
 
-WITH_BLOCKS = [p for p in PAGES if list(fences(p.read_text(encoding="utf-8")))]
-HEAVY = (
-    "blocks.md", "manipulator-pictures.md", "manipulator.md", "recipes.md", "sweeps.md", "trajectory.md",
-    "tune.md", "tutorial.md", "verify.md",
-)  # fmt: skip
-"""Pages whose commands take long; those of the README are of the same kinds."""
+def is_executed(page: Path) -> bool:
+    """Return whether a page shows anything that is executed."""
+    return any(
+        fence.what.partition("=")[0] != "not-run" and fence.language in ("sh", "python")
+        for fence in fences(page.read_text(encoding="utf-8"))
+    )
+
+
+EXECUTED = [page for page in PAGES if is_executed(page)]
+BY_DEFAULT = ("actuator.md", "info.md", "inputs.md", "joints.md", "master.md", "python.md", "systems.md")
+"""Pages of which each takes about a second."""
 
 
 @pytest.mark.parametrize(
     "page",
-    mostly_slow(WITH_BLOCKS, [p for p in WITH_BLOCKS if p.name not in HEAVY]),
+    mostly_slow(EXECUTED, [page for page in EXECUTED if page.name in BY_DEFAULT]),
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_a_page_works_as_shown(page: Path, place: Path) -> None:
@@ -50,7 +55,7 @@ def test_a_page_works_as_shown(page: Path, place: Path) -> None:
         ("Two.\n\n```python run\nraise SystemExit(3)\n```\n", "line 3: ended with 3"),
     ],
 )
-def test_what_does_not_work_is_found(text: str, words: str, tmp_path: Path) -> None:
+def test_a_page_that_does_not_work_is_reported(text: str, words: str, tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(text, encoding="utf-8")
     with pytest.raises(PageError, match=words):
@@ -66,7 +71,7 @@ def test_blocks_of_a_page_share_their_names(tmp_path: Path) -> None:
     assert reader.kinds == {"python", "not-run"}
 
 
-def test_a_line_that_was_not_shown_is_found() -> None:
+def test_missing_lines_of_output_are_reported() -> None:
     shown = "one\ntwo  \nthree\n"
     assert missing("one\n...\nthree\n", shown) == []
     assert missing("o...\ntwo ...\nthree\n", shown) == []

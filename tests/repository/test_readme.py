@@ -1,21 +1,15 @@
-"""The README is short, and its examples work as shown."""
+"""README, ARCHITECTURE and CONTRIBUTING: short, and what they name exists."""
 
 import re
-from pathlib import Path
 
-import numpy as np
 import pytest
-from fmpy import simulate_fmu
-from fmpy.validation import validate_fmu
 
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.study.loading import load
-from fmublock import build
 from tests.support.pages import fences
 from tests.support.paths import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = (ROOT / "docs/blocks.md").read_text(encoding="utf-8")
 MODEL_LIST = (ROOT / "docs/models.md").read_text(encoding="utf-8")
 
 
@@ -24,18 +18,6 @@ def test_the_readme_is_short() -> None:
     assert len(lines) <= 120
     assert sum(line.startswith("```sh") for line in lines[:30]) == 2
     assert sum(line.startswith("![") for line in lines[:30]) == 1
-
-
-def test_the_block_of_the_guide_becomes_an_fmu(tmp_path: Path) -> None:
-    (code,) = (fence.content for fence in fences(BLOCKS) if "class Drive" in fence.content)
-    namespace: dict[str, type] = {}
-    exec(compile(code, "blocks.md", "exec"), namespace)
-    build(namespace["Drive"], tmp_path / "Drive.fmu")
-    assert validate_fmu(str(tmp_path / "Drive.fmu")) == []
-    result = simulate_fmu(
-        str(tmp_path / "Drive.fmu"), start_values={"F": 4.0}, stop_time=3.0, output_interval=0.5
-    )
-    assert result["v"] == pytest.approx(2.0 * (1 - np.exp(-0.2 * result["time"])), rel=1e-10)
 
 
 def test_every_command_of_the_readme_is_executed() -> None:
@@ -52,3 +34,16 @@ def test_every_model_and_scenario_named_exists() -> None:
     assert set(re.findall(r"\[(\w+)\]\(../fmus/\w+/README.md\)", MODEL_LIST)) <= set(MODELS)
     for target in re.findall(r"\]\(((?!http)[^)]+)\)", README):
         assert (ROOT / target.partition("#")[0]).exists(), target
+
+
+@pytest.mark.parametrize("page", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
+def test_every_named_file_exists(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    top = {folder.name for folder in ROOT.iterdir() if folder.is_dir()}
+    rooms = {folder.name for folder in (ROOT / "orchestration/emla_cosim").iterdir() if folder.is_dir()}
+    named = re.findall(r"`(\w+)/([^`* ]*)`", text)
+    assert len(named) > 15
+    for first, rest in named:
+        assert first in top | rooms, f"{first}/{rest}"
+        folder = ROOT / first if first in top else ROOT / "orchestration/emla_cosim" / first
+        assert (folder / rest.replace("NAME", "EmlaPlant")).exists(), f"{first}/{rest}"

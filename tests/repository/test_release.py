@@ -17,6 +17,8 @@ from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, fmu_path
 from fmublock.platforms import host_platform
 from tests.support.paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 HEADING = re.compile(rf"^## {re.escape(VERSION)}, .*$", re.MULTILINE)
 DATED = f"## {VERSION}, {date(2026, 1, 31)}"
@@ -128,12 +130,6 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
     assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
 
 
-def test_the_changes_are_those_of_this_version_alone(made: Path) -> None:
-    text = (made / f"CHANGES-{VERSION}.md").read_text(encoding="utf-8")
-    assert text.startswith(f"{DATED}\n\n### ")
-    assert text.count("\n## ") == 0 and "# Changelog" not in text
-
-
 @pytest.mark.parametrize(
     ("heading", "words"),
     [
@@ -156,18 +152,6 @@ def test_what_is_not_ready_is_refused(heading: str, words: str, tree: Path, tmp_
     assert re.match(f"Error: .*{words}", done.stderr), done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "release").exists()
-
-
-def test_a_draft_is_made_of_what_there_is(tree: Path, python_fmu_folder: Path, tmp_path: Path) -> None:
-    changelog = tree / "CHANGELOG.md"
-    before = changelog.read_text(encoding="utf-8")
-    changelog.write_text(HEADING.sub(f"## {VERSION}, unreleased", before), encoding="utf-8")
-    try:
-        done = released(tree, tmp_path / "release", python_fmu_folder, "--draft")
-    finally:
-        changelog.write_text(before, encoding="utf-8")
-    assert done.returncode == 0, done.stderr
-    assert ", unreleased" in (tmp_path / "release" / f"CHANGES-{VERSION}.md").read_text(encoding="utf-8")
 
 
 def test_a_platform_that_there_is_not_is_a_wrong_command(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The documentation as a site: built strictly, complete, and in need of nothing from elsewhere."""
+"""The documentation as a site: built strictly, complete, with nothing loaded from other sites."""
 
 import ast
 import os
@@ -15,6 +15,8 @@ from tests.support.paths import ROOT
 
 pytest.importorskip("mkdocs", reason="The extra 'docs' is not installed.")
 nbformat = pytest.importorskip("nbformat", reason="The extra 'docs' is not installed.")
+
+pytestmark = pytest.mark.slow
 
 CONFIGURATION = "docs/site/mkdocs.yml"
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
@@ -72,7 +74,7 @@ def test_every_option_is_in_the_table(site: Path) -> None:
     assert {option.flag for option in list_options().values()} <= flags
 
 
-def test_pages_need_nothing_from_elsewhere(site: Path) -> None:
+def test_pages_load_nothing_from_other_sites(site: Path) -> None:
     pages = [p.relative_to(site) for p in site.rglob("*.html")]
     assert len(pages) > 20
     for name in pages:
@@ -91,7 +93,7 @@ def test_equations_are_typeset(site: Path) -> None:
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_shows_what_it_computed(site: Path, notebook: Path) -> None:
+def test_a_notebook_shows_its_results(site: Path, notebook: Path) -> None:
     shown = page(site, f"notebooks/{notebook.stem}.html")
     pictures = shown.xpath("//article//img/@src")
     assert pictures
@@ -100,7 +102,7 @@ def test_a_notebook_shows_what_it_computed(site: Path, notebook: Path) -> None:
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_kept_without_outputs(notebook: Path) -> None:
+def test_a_notebook_is_committed_without_outputs(notebook: Path) -> None:
     read = nbformat.read(notebook, as_version=4)
     nbformat.validate(read)
     code = [cell for cell in read.cells if cell.cell_type == "code"]
