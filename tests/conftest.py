@@ -17,9 +17,8 @@ from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
 from tests.support.commands import Emla, widen_terminal
 from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
-from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.few_figures import draw_empty
-from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.hand_written_fmus import build_faulty_fmu, build_handwritten_fmu
 from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
@@ -117,11 +116,23 @@ def cluster(machine: "ClusterAddress") -> "Iterator[Client]":
         yield client
 
 
+@pytest.fixture(scope="session")
+def scheduler() -> "Iterator[Client]":
+    """A client for sweeps whose variants run in this process."""
+    from tests.support.in_process_workers import InProcessClient
+
+    with InProcessClient() as client:
+        yield client
+
+
 @pytest.fixture
-def on_one_cluster(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sweeps that would start a cluster go to that one: it takes 3 s, and sweep/ tests it often enough."""
-    farm = import_module("emla_cosim.sweeps.executor")
-    monkeypatch.setattr(farm, "local_cluster", lambda _: nullcontext(request.getfixturevalue("machine")))
+def on_one_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let sweeps run their variants in this process instead of on a cluster of this machine."""
+    from tests.support.in_process_workers import InProcessClient
+
+    executor = import_module("emla_cosim.sweeps.executor")
+    monkeypatch.setattr(executor, "local_cluster", lambda _: nullcontext(("in-process", None)))
+    monkeypatch.setattr(executor, "Client", InProcessClient)
 
 
 @pytest.fixture(scope="session")

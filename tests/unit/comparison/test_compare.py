@@ -78,7 +78,9 @@ def test_a_file_in_the_place_of_the_folder_is_told(emla: Emla, tmp_path: Path) -
 
 
 @pytest.fixture(scope="module")
-def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
+def compared(
+    fmu_folder: Path, scheduler: Client, tmp_path_factory: pytest.TempPathFactory
+) -> ec.CompareResult:
     return ec.compare(
         "study",
         ["rsba", "foc"],
@@ -86,7 +88,7 @@ def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPat
         seeds=0,
         stop_time=0.4,
         fmus=fmu_folder,
-        scheduler=cluster,
+        scheduler=scheduler,
         output=tmp_path_factory.mktemp("compared"),
     )
 

@@ -1,8 +1,11 @@
 """The table of margins, compared with the equations of the drive; loops without margins are said in words."""
 
+from pathlib import Path
+
 import numpy as np
 import polars
 import pytest
+from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.comparison.margin_tables import missed_conditions
@@ -18,7 +21,9 @@ FASTEST = 0.402  # s: half of the move of 0.803 s, on the grid
 
 
 @pytest.fixture(scope="module")
-def compared(tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
+def compared(
+    fmu_folder: Path, scheduler: Client, tmp_path_factory: pytest.TempPathFactory
+) -> ec.CompareResult:
     return ec.compare(
         "lift",
         ["rsba", "foc"],
@@ -27,7 +32,8 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
         seeds=0,
         set=DELAY,
         stop_time=0.8,
-        workers=1,
+        fmus=fmu_folder,
+        scheduler=scheduler,
         output=tmp_path_factory.mktemp("margins"),
     )
 

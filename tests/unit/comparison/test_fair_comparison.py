@@ -193,14 +193,16 @@ def test_what_is_random_gets_seeds(prepared: dict[str, Preparation]) -> None:
 
 
 @pytest.fixture(scope="module")
-def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
+def compared(
+    fmu_folder: Path, scheduler: Client, tmp_path_factory: pytest.TempPathFactory
+) -> ec.CompareResult:
     return ec.compare(
         "study",
         ["rsba", "foc"],
         seeds=3,
         stop_time=0.4,
         fmus=fmu_folder,
-        scheduler=cluster,
+        scheduler=scheduler,
         output=tmp_path_factory.mktemp("compared"),
     )
 

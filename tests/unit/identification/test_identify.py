@@ -1,7 +1,6 @@
 """`identify` and `emla identify` with FMUs: against SciPy on the same equations, wrong data, files."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,8 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.progress import Progress
 from fmublock import Block, Input, Output, Parameter, State, build
-from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla, sentence
-from tests.support.reluctant_fmu import build_reluctant_fmu
+from tests.support.hand_written_fmus import build_reluctant_fmu
 from tests.support.toy_fmu import PRODUCER
 
 
@@ -42,6 +40,8 @@ class Cart(Block):
     def outputs(self, v: Any) -> dict[str, Any]:
         return {"P": v.F * v.v}
 
+
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
 TIME = np.linspace(0.0, 2.0, 201)
 FORCE = 3.0 * np.sign(np.sin(5.0 * TIME)) + TIME
@@ -76,12 +76,6 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(2) as client:
-        yield client
-
-
 def noisy(sigma: float = 1e-3, seed: int = 4, **changed: float) -> np.ndarray:
     return motion(**(TRUE | changed)) + sigma * np.random.default_rng(seed).standard_normal(len(TIME))
 
@@ -98,9 +92,9 @@ RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 1e-3}
 RANGES = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.c": "0:5"}
 
 
-def test_estimates_and_errors_are_those_of_scipy(fmu: Path, cluster: Client) -> None:
+def test_estimates_and_errors_are_those_of_scipy(fmu: Path, scheduler: Client) -> None:
     x = noisy()
-    found = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(x), **RUN)
+    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(x), **RUN)
     expected = least_squares(
         lambda p: motion(*p) - x, [1.5, 0.8, 0.5], "3-point", diff_step=1e-3, xtol=1e-12, ftol=1e-12
     )
@@ -119,14 +113,16 @@ def test_estimates_and_errors_are_those_of_scipy(fmu: Path, cluster: Client) -> 
     )
 
 
-def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(fmu: Path, cluster: Client) -> None:
+def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(
+    fmu: Path, scheduler: Client
+) -> None:
     other = 4.0 * np.sin(2.0 * TIME)
     held_out = data(motion(**TRUE, held=np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, other)), other)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
     without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     x = noisy()
     for vary, good in ((RANGES, True), (without, False)):
-        found = ec.identify(str(fmu), vary, experiments=[second], scheduler=cluster, **data(x), **RUN)
+        found = ec.identify(str(fmu), vary, experiments=[second], scheduler=scheduler, **data(x), **RUN)
         first, last = found.fits
         assert last.held_out and last.samples == len(TIME)
         assert first.is_white == good and (last.fit > 0.999) == good
@@ -134,7 +130,7 @@ def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(fmu: Pa
         assert not any("second" in note for note in found.notes)
 
 
-def test_held_out_experiments_run_once(fmu: Path, cluster: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_held_out_experiments_run_once(fmu: Path, scheduler: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     from emla_cosim.identification import prediction
 
     ran, whole = list[int](), prediction.Predictor._run
@@ -151,7 +147,7 @@ def test_held_out_experiments_run_once(fmu: Path, cluster: Client, monkeypatch: 
         {"Cart.m": "0.2:10"},
         experiments=[second],
         sigma={"Cart.x": 1e-3},
-        scheduler=cluster,
+        scheduler=scheduler,
         **x,
         **RUN,
     )
@@ -159,12 +155,12 @@ def test_held_out_experiments_run_once(fmu: Path, cluster: Client, monkeypatch: 
 
 
 def test_batches_fit_into_memory_and_change_nothing(
-    fmu: Path, cluster: Client, monkeypatch: pytest.MonkeyPatch
+    fmu: Path, scheduler: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run of 2001 rows and two columns has 32 kB; two batches of eight points are the smallest."""
     from emla_cosim.identification import prediction
 
-    whole = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(noisy()), **RUN)
+    whole = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(noisy()), **RUN)
     asked, predict = list[int](), prediction.Predictor.predict
 
     def counted(self: prediction.Predictor, points: Any, *more: Any) -> Any:
@@ -175,42 +171,42 @@ def test_batches_fit_into_memory_and_change_nothing(
 
     monkeypatch.setattr(prediction.Predictor, "predict", counted)
     monkeypatch.setattr(prediction, "_MEMORY", 10_000)
-    found = ec.identify(str(fmu), RANGES, scheduler=cluster, **data(noisy()), **RUN)
+    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(noisy()), **RUN)
     assert max(asked) == 8 and len(asked) > 20
     for name in RANGES:
         assert found[name].value == whole[name].value and found[name].error == whole[name].error
 
 
-def test_what_data_do_not_tell_is_said(fmu: Path, cluster: Client) -> None:
+def test_what_data_do_not_tell_is_said(fmu: Path, scheduler: Client) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
-    found = ec.identify(str(fmu), vary, scheduler=cluster, **data(noisy(c=0.0)), **RUN)
+    found = ec.identify(str(fmu), vary, scheduler=scheduler, **data(noisy(c=0.0)), **RUN)
     assert found["Cart.idle"].problem == "it has no influence on the measured signals"
     for name in ("Cart.m", "Cart.b", "Cart.gain"):  # the whole equation times a factor
         assert "do not tell it from a combination of" in str(found[name].problem), found[name]
     assert not found.is_identified and np.isnan(found.correlations).all()
 
 
-def test_sensors_are_estimated_with_the_model(fmu: Path, cluster: Client) -> None:
+def test_sensors_are_estimated_with_the_model(fmu: Path, scheduler: Client) -> None:
     clean = motion(1.3, 0.7, 0.0)
     late = 0.02 + 1.05 * np.interp(TIME - 0.03, TIME, clean)
     x = late + 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "offset(Cart.x)": "-10cm:10cm", "delay(Cart.x)": "0:100ms"}
     options = data(x / 1.05 + 0.02 * (1 - 1 / 1.05))
-    found = ec.identify(str(fmu), vary, sigma={"Cart.x": "0.1 mm"}, scheduler=cluster, **options, **RUN)
+    found = ec.identify(str(fmu), vary, sigma={"Cart.x": "0.1 mm"}, scheduler=scheduler, **options, **RUN)
     assert found["offset(Cart.x)"].value == pytest.approx(0.02, abs=2e-4)
     assert found["delay(Cart.x)"].value == pytest.approx(0.03, abs=1e-3)
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert "offset(Cart.x)" not in found.set and set(found.set) == {"Cart.m", "Cart.b"}
 
 
-def test_experiments_are_ranked_by_what_they_tell(fmu: Path, cluster: Client) -> None:
+def test_experiments_are_ranked_by_what_they_tell(fmu: Path, scheduler: Client) -> None:
     def experiment(name: str, force: np.ndarray) -> ec.Experiment:
         return ec.Experiment(name, (), {"input": data(FORCE, force)["input"]})
 
     asked = [experiment("still", 1e-9 * FORCE), experiment("weak", 0.1 * FORCE), experiment("strong", FORCE)]
     vary = {"Cart.m": "0.5:4", "Cart.b": "0.1:5"}
     found = ec.identify(
-        str(fmu), vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True, scheduler=cluster, **RUN
+        str(fmu), vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True, scheduler=scheduler, **RUN
     )
     assert [one.experiment for one in found.candidates] == ["strong", "weak", "still"]
     strong, weak, _ = found.candidates
@@ -257,7 +253,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("changed", "message"), BAD)
 def test_bad_requests_end_before_any_run(
-    changed: dict[str, Any], message: str, fmu: Path, cluster: Client
+    changed: dict[str, Any], message: str, fmu: Path, scheduler: Client
 ) -> None:
     asked = dict(changed)
     times = np.asarray(asked.pop("times", TIME))
@@ -267,26 +263,26 @@ def test_bad_requests_end_before_any_run(
     one = ec.Input(data=dict(zip(names, (times, x), strict=True)), signals=signals, **settings)
     vary = asked.pop("vary", RANGES)
     with pytest.raises(CommandError, match=message):
-        ec.identify(str(fmu), vary, measured=[one], scheduler=cluster, **asked, **RUN)
+        ec.identify(str(fmu), vary, measured=[one], scheduler=scheduler, **asked, **RUN)
 
 
-def test_runs_that_fail_are_avoided(fmu: Path, cluster: Client) -> None:
+def test_runs_that_fail_are_avoided(fmu: Path, scheduler: Client) -> None:
     """A negative drag makes the position grow beyond all numbers."""
     found = ec.identify(
         str(fmu),
         {"Cart.m": "0.01:10", "Cart.b": "-500:5"},
         starts=4,
-        scheduler=cluster,
+        scheduler=scheduler,
         **data(noisy(c=0.0)),
         **RUN,
     )
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert any("failed, most because: " in note for note in found.notes)
     with pytest.raises(RunError, match="runs of all starting points fail"):
-        ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=cluster, **data(noisy()), **RUN)
+        ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=scheduler, **data(noisy()), **RUN)
 
 
-def test_columns_that_are_called_as_signals_are_compared(fmu: Path, cluster: Client) -> None:
+def test_columns_that_are_called_as_signals_are_compared(fmu: Path, scheduler: Client) -> None:
     x, told = noisy(), Interrupting()
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
@@ -296,7 +292,7 @@ def test_columns_that_are_called_as_signals_are_compared(fmu: Path, cluster: Cli
             RANGES,
             measured=[ec.Input(data=columns, columns=chosen)],
             input=[ec.Input(data=driven)],
-            scheduler=cluster,
+            scheduler=scheduler,
             progress=told,
             **RUN,
         )
@@ -304,16 +300,16 @@ def test_columns_that_are_called_as_signals_are_compared(fmu: Path, cluster: Cli
     assert any("columns that were not compared: remark" in note for note in told.notes)
 
 
-def test_short_names_of_a_single_fmu_are_full_ones_in_the_result(fmu: Path, cluster: Client) -> None:
+def test_short_names_of_a_single_fmu_are_full_ones_in_the_result(fmu: Path, scheduler: Client) -> None:
     one = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
     vary = {"Cart.m": "0.2:10", "offset(x)": "-0.1:0.1"}
     options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
-    found = ec.identify(str(fmu), vary, measured=[one], sigma={"x": 1e-3}, scheduler=cluster, **options)
+    found = ec.identify(str(fmu), vary, measured=[one], sigma={"x": 1e-3}, scheduler=scheduler, **options)
     assert found.fits[0].signal == "Cart.x" and found.sigma == {"Cart.x": 1e-3}
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.01)
 
 
-def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, cluster: Client) -> None:
+def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, scheduler: Client) -> None:
     """The run goes on after the last sample, which was taken later than its time says."""
     early = TIME <= 1.9
     x = np.interp(TIME[early] + 0.05, TIME, motion(**TRUE))
@@ -321,7 +317,7 @@ def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, cluster: Clie
     driven = data(x, FORCE)["input"]
     vary = {"Cart.m": "0.2:10", "delay(Cart.x)": "-0.1:0.1"}
     options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}}
-    found = ec.identify(str(fmu), vary, measured=[one], input=driven, scheduler=cluster, **options)
+    found = ec.identify(str(fmu), vary, measured=[one], input=driven, scheduler=scheduler, **options)
     assert found["delay(Cart.x)"].value == pytest.approx(-0.05, abs=1e-3)
     assert found["Cart.m"].value == pytest.approx(1.3, rel=2e-3) and found.fits[0].rms < 1e-4
 
@@ -337,7 +333,7 @@ def test_a_damaged_record_is_no_start(value: str, tmp_path: Path) -> None:
     assert read_unfinished(tmp_path, ["p"]) is None
 
 
-def test_start_values_that_an_fmu_does_not_take_are_told(tmp_path: Path, cluster: Client) -> None:
+def test_start_values_that_an_fmu_does_not_take_are_told(tmp_path: Path, scheduler: Client) -> None:
     careless = str(build_reluctant_fmu(tmp_path / "reluctant.fmu"))
     name = ec.load(careless).system.components[0].name
     run = ec.load(careless, stop_time=1.0, step_size=0.01).prepare().run()
@@ -348,7 +344,7 @@ def test_start_values_that_an_fmu_does_not_take_are_told(tmp_path: Path, cluster
         careless,
         {f"{name}.gain": "0.5:20"},
         measured=[one],
-        scheduler=cluster,
+        scheduler=scheduler,
         stop_time=1.0,
         step_size=0.01,
         set={f"{name}.stubborn": True},
@@ -370,7 +366,7 @@ class Interrupting(Progress):
 
 
 def test_an_interrupted_search_keeps_the_best_and_continues(
-    fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fmu: Path, scheduler: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from emla_cosim.identification import prediction
 
@@ -382,13 +378,13 @@ def test_an_interrupted_search_keeps_the_best_and_continues(
         return whole(self, *asked)
 
     monkeypatch.setattr(prediction.Predictor, "predict", limited)
-    found = ec.identify(str(fmu), RANGES, scheduler=cluster, output=place, **data(x), **RUN)
+    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, output=place, **data(x), **RUN)
     assert not found.complete and found["Cart.m"].problem == "interrupted"
     record = json.loads((place / "identify.json").read_text())
     assert record["status"] == "unfinished" and record["estimates"][0]["value"] == found["Cart.m"].value
     monkeypatch.setattr(prediction.Predictor, "predict", whole)
     told = Interrupting()
-    again = ec.identify(str(fmu), RANGES, scheduler=cluster, output=place, progress=told, **data(x), **RUN)
+    again = ec.identify(str(fmu), RANGES, scheduler=scheduler, output=place, progress=told, **data(x), **RUN)
     assert any("continued from the unfinished result" in note for note in told.notes)
     assert again.complete and again["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert json.loads((place / "identify.json").read_text())["status"] == "completed"

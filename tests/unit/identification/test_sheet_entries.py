@@ -1,6 +1,5 @@
 """Entries of data sheets as unknown parameters: the start values that follow, wrong entries, the estimate."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,10 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.identification.plan import IdentificationPlan
 from emla_cosim.identification.sheet_entries import SheetEntries
 from emla_cosim.sweeps.worker_payload import Preparation
-from tests.support.clusters import shared_cluster
+
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
 ENTRY, LEAD = "prototype.screw.lead", "prototype.plant.screw.lead"
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(2) as client:
-        yield client
 
 
 def prepared(options: dict[str, Any]) -> dict[str, Any]:
@@ -51,7 +45,7 @@ def test_an_entry_changes_the_start_values_that_loading_changes(fmu_folder: Path
             assert (LEAD in found) == (i == 0)
 
 
-def test_an_entry_is_estimated(fmu_folder: Path, cluster: Client, tmp_path: Path) -> None:
+def test_an_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path) -> None:
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
     true = {"sheet": {ENTRY: "15.2 mm"}, "set": {"prototype.plant.friction.F_C": 300.0}}
     run = ec.load("prototype", **common, **true).prepare().run()
@@ -62,7 +56,7 @@ def test_an_entry_is_estimated(fmu_folder: Path, cluster: Client, tmp_path: Path
         {name: "14 mm:18.1 mm", "prototype.plant.friction.F_C": "1:2000"},
         measured=[ec.Input(data={"time": run.time, x: run[x], i_q: run[i_q]}, signals={x: x, i_q: i_q})],
         sigma={x: "1 um", i_q: "0.1 A"},
-        scheduler=cluster,
+        scheduler=scheduler,
         output=tmp_path / "found",
         plots=False,
         **common,
@@ -75,7 +69,7 @@ def test_an_entry_is_estimated(fmu_folder: Path, cluster: Client, tmp_path: Path
     assert again.prepare().run()[x] == pytest.approx(run[x], abs=1e-7)
 
 
-def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, cluster: Client) -> None:
+def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, scheduler: Client) -> None:
     """The search starts in the middle of the range, with an efficiency above 1."""
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
     run = ec.load("prototype", **common, sheet={"prototype.gearbox.efficiency": 0.8}).prepare().run()
@@ -85,7 +79,7 @@ def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, cluster:
         {name: "0.5:1.9"},
         measured=[ec.Input(data={"time": run.time, i_q: run[i_q]}, signals={i_q: i_q})],
         sigma={i_q: "0.1 A"},
-        scheduler=cluster,
+        scheduler=scheduler,
         starts=4,
         **common,
     )

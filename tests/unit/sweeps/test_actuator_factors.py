@@ -10,6 +10,8 @@ from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 from tests.support.rigid_load import Half
 
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
+
 SHEET = ROOT / "docs/actuator.toml"
 SHORT: dict[str, Any] = {"stop_time": 0.4}
 
@@ -100,10 +102,5 @@ def test_an_entry_of_a_single_run(emla: Emla) -> None:
 def test_a_component_called_actuator_keeps_its_parameters() -> None:
     """Other people's systems have such components."""
     system = ec.System.of({"actuator": Half, "other": Half}, [])
-    found = ec.sweep(
-        system,
-        {"actuator.k": "100:400:2"},
-        step_size=1e-2,
-        stop_time=1e-2,
-    )
+    found = ec.sweep(system, {"actuator.k": "100:400:2"}, step_size=1e-2, stop_time=1e-2)
     assert [found.options(i)["set"] for i in range(2)] == [{"actuator.k": 100.0}, {"actuator.k": 400.0}]

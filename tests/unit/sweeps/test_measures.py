@@ -88,10 +88,7 @@ def test_any_two_signals_meet_in_an_expression(one: str, other: str) -> None:
 @pytest.mark.parametrize(
     "metrics, words",
     [
-        (
-            ["lift.eror_m"],
-            r"'lift\.eror_m', which does not exist; did you mean lift\.error_m",
-        ),
+        (["lift.eror_m"], r"'lift\.eror_m', which does not exist; did you mean lift\.error_m"),
         (["mine = max("], "'mine = max.' cannot be computed: unable to parse"),
         (["mine = foo(lift.plant.x)"], "unsupported function 'foo'"),
         (["mine = lift.plant.x"], "gives a value for each row; apply max"),

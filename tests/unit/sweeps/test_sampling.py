@@ -181,13 +181,7 @@ def test_a_hundred_thousand_runs_take_little_time(method: str) -> None:
             0,
             "'grid' has no number of runs: a grid is as large as its levels make it.",
         ),
-        (
-            "one-at-a-time",
-            UNITS,
-            4,
-            0,
-            "'one-at-a-time' has no number of runs: it runs the nominal variant",
-        ),
+        ("one-at-a-time", UNITS, 4, 0, "'one-at-a-time' has no number of runs: it runs the nominal variant"),
         (
             "sobol",
             UNITS * 7068,

@@ -15,6 +15,8 @@ from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.targets import Target
 from tests.support.commands import Emla
 
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
+
 NAME = "study-robustness"
 JOINTS = ("lift", "tilt", "telescope")
 

@@ -87,14 +87,14 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
 
 @pytest.mark.parametrize("high", [0.9, 1.0])
 def test_they_are_in_the_record_with_their_warning(
-    high: float, cluster: Client, system: System, tmp_path: Path
+    high: float, scheduler: Client, system: System, tmp_path: Path
 ) -> None:
     plan: dict[str, Any] = {
         "vary": {"p.y.x_1": f"0:{high}", "p.y.x_2": "0:1"},
         "metrics": ["y = last(p.y.y)", "same = 1"],
         "sampling": "saltelli",
         "runs": 32,
-        "scheduler": cluster,
+        "scheduler": scheduler,
         "stop_time": 0.1,
         "step_size": 0.1,
     }

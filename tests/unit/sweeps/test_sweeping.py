@@ -10,50 +10,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars
 import pytest
 from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.recorders.metrics import is_verdict
-from emla_cosim.sweeps import executor
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.sensitivity import sobol_indices
 from emla_cosim.sweeps.stored import read_sweep
-from emla_cosim.system.model import Component, Replacement, System
-from fmublock import Block, Output, Parameter, build, sin
+from emla_cosim.system.model import Replacement
 from tests.support.commands import Emla
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.hand_written_fmus import Fault
 from tests.support.paths import FOREIGN_MAPPING
-from tests.support.toy_fmu import PRODUCER
 
 R_S, SIGNAL = "lift.plant.motor.R_s", "lift.plant.i_q"
 TABLE: dict[str, Any] = {"stop_time": 0.02}
 
 
-class Ishigami(Block):
-    """Ishigami's function of three parameters."""
-
-    x_1 = Parameter(0.0)
-    x_2 = Parameter(0.0)
-    x_3 = Parameter(0.0)
-    f = Output()
-
-    def outputs(self, v: Any) -> dict[str, Any]:
-        return {
-            "f": sin(v.x_1) + 7.0 * sin(v.x_2) * sin(v.x_2) + 0.1 * v.x_3 * v.x_3 * v.x_3 * v.x_3 * sin(v.x_1)
-        }
-
-
-@pytest.fixture(scope="module")
-def ishigami(tmp_path_factory: pytest.TempPathFactory) -> System:
-    path = tmp_path_factory.mktemp("ishigami") / "Ishigami.fmu"
-    build(Ishigami, path, producer=PRODUCER)
-    return System((Component("s.f", "Ishigami", {}, path),), ())
-
-
-def figures(row: dict[str, Any], result: Any) -> bool:
+def has_figures(row: dict[str, Any], result: Any) -> bool:
     """Whether a row has the figures of a result, to the bit."""
     own = {name: row[f"lift.{name}"] for name in result.metrics["joints"]["lift"] if f"lift.{name}" in row}
     assert own
@@ -67,16 +41,17 @@ def _none(value: Any) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))
 
 
-def test_it_gives_what_single_runs_give(
-    cluster: Client, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plan: dict[str, Any] = {
-        "vary": {R_S: "0.05:0.3:7", "step_size": [5e-5, 1e-4], "gains": ["robust", "published"]},
-        "signals": [SIGNAL], "scheduler": cluster, "fmus": fmu_folder, **TABLE,
-    }  # fmt: skip
-    result = sweep("lift", **plan, output=tmp_path / "a")
-    assert result.complete and result.variants["variant"].to_list() == list(range(28))
-    expected = list(itertools.product(np.linspace(0.05, 0.3, 7), [5e-5, 1e-4], ["robust", "published"]))
+FACTORS: dict[str, Any] = {
+    "vary": {R_S: "0.05:0.3:3", "step_size": [5e-5, 1e-4], "gains": ["robust", "published"]},
+    "signals": [SIGNAL],
+    **TABLE,
+}
+
+
+def test_variants_equal_single_runs(scheduler: Client, fmu_folder: Path) -> None:
+    result = sweep("lift", **FACTORS, scheduler=scheduler, fmus=fmu_folder)
+    assert result.complete and result.variants["variant"].to_list() == list(range(12))
+    expected = list(itertools.product([0.05, 0.175, 0.3], [5e-5, 1e-4], ["robust", "published"]))
     rows = result.variants.select(R_S, "step_size", "gains").rows()
     assert [r[1:] for r in rows] == [e[1:] for e in expected]
     assert [r[0] for r in rows] == pytest.approx([e[0] for e in expected], rel=1e-15)
@@ -84,30 +59,31 @@ def test_it_gives_what_single_runs_give(
     series = result.series.collect().partition_by("variant", as_dict=True)
     for gains in ("robust", "published"):
         with ec.load("lift", gains=gains, fmus=fmu_folder).prepare() as simulation:
-            for row in result.variants.filter(polars.col("gains") == gains).to_dicts():
+            for row in result.variants.filter(gains=gains).to_dicts():
                 run = simulation.run(set={R_S: row[R_S]}, step_size=row["step_size"], **TABLE)
-                assert figures(row, run)
-                own = series[row["variant"],]
-                assert np.array_equal(own[SIGNAL].to_numpy(), run[SIGNAL])
-                assert np.array_equal(own["time"].to_numpy(), run["time"])
-
-    monkeypatch.setattr(executor, "_CHUNK_S", 1e-9)
-    monkeypatch.setattr(executor, "_CHUNK_S_PER_THREAD", 0.0)
-    names = list(cluster.scheduler_info()["workers"])
-    with monkeypatch.context() as patched:  # on one of the workers alone, in chunks of one
-        submit = cluster.submit
-        patched.setattr(cluster, "submit", lambda *a, **k: submit(*a, **k, workers=names[:1]))
-        again = sweep("lift", **plan, output=tmp_path / "b")
-    one, other = ((tmp_path / name / "variants.parquet").read_bytes() for name in "ab")
-    assert one == other
-    assert again.series is not None and again.series.collect().equals(result.series.collect())
+                assert has_figures(row, run)
+                signals = series[row["variant"],]
+                assert np.array_equal(signals[SIGNAL].to_numpy(), run[SIGNAL])
+                assert np.array_equal(signals["time"].to_numpy(), run["time"])
 
 
-def test_the_command_of_a_variant_gives_its_figures(cluster: Client, emla: Emla, fmu_folder: Path) -> None:
+@pytest.mark.slow
+def test_processes_of_a_cluster_give_the_same_files(
+    cluster: Client, scheduler: Client, fmu_folder: Path, tmp_path: Path
+) -> None:
+    for name, client in (("a", scheduler), ("b", cluster)):
+        sweep("lift", **FACTORS, scheduler=client, fmus=fmu_folder, output=tmp_path / name)
+    first, second = (ec.read_sweep(tmp_path / name) for name in "ab")
+    assert (tmp_path / "a/variants.parquet").read_bytes() == (tmp_path / "b/variants.parquet").read_bytes()
+    assert first.series is not None and second.series is not None
+    assert first.series.collect().equals(second.series.collect())
+
+
+def test_command_of_a_variant_gives_its_figures(scheduler: Client, emla: Emla, fmu_folder: Path) -> None:
     result = sweep(
         "lift",
         {"lift.plant.motor.[RL]_[sd]": "±7%", "algorithm": ["jacobi", "gauss-seidel"]},
-        runs=3, scheduler=cluster, fmus=fmu_folder, **TABLE,
+        runs=3, scheduler=scheduler, fmus=fmu_folder, **TABLE,
     )  # fmt: skip
     assert result.factors == ["lift.plant.motor.R_s", "lift.plant.motor.L_d", "algorithm"]
     for row in result.variants.to_dicts():
@@ -121,7 +97,7 @@ def test_the_command_of_a_variant_gives_its_figures(cluster: Client, emla: Emla,
         assert all(row[n] == own[n[5:]] or (_none(row[n]) and own[n[5:]] is None) for n in result.figures)
 
 
-def test_the_fmu_of_a_component_varies(cluster: Client, fmu_folder: Path, foreign_plant: Path) -> None:
+def test_fmu_of_a_component_varies(scheduler: Client, fmu_folder: Path, foreign_plant: Path) -> None:
     """Another plant in the place of ours, which a mapping fits, beside the same one under another name."""
     copy = foreign_plant.with_name("Copy.fmu")
     copy.write_bytes(foreign_plant.read_bytes())
@@ -130,31 +106,31 @@ def test_the_fmu_of_a_component_varies(cluster: Client, fmu_folder: Path, foreig
         "fmus": fmu_folder, **TABLE,
     }  # fmt: skip
     vary = {"lift.plant": [str(foreign_plant), str(copy)], "lift.reference.move.start[1]": [0.0, 0.001]}
-    result = sweep("lift", vary, scheduler=cluster, **options)
+    result = sweep("lift", vary, scheduler=scheduler, **options)
     assert result.variants["status"].to_list() == ["done"] * 4
     peaks = result.variants["lift.torque_peak_N_m"].to_list()
     assert peaks[:2] == peaks[2:]
     with ec.load("lift", **options).prepare() as simulation:
         run = simulation.run(set={"lift.reference.move.start[1]": 0.001})
-    assert figures(result.variants.row(1, named=True), run)
+    assert has_figures(result.variants.row(1, named=True), run)
 
 
-def test_one_factor_multiplies_several_values(cluster: Client, fmu_folder: Path) -> None:
+def test_one_factor_scales_several_values(scheduler: Client, fmu_folder: Path) -> None:
     both = [R_S, "lift.plant.motor.Phi_PM"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
         before = [simulation[name] for name in both]
         simulation.finish()
         result = sweep(
             "lift", {"k": {"of": both, "distribution": "values", "values": [0.9, 1.1], "relative": True}},
-            scheduler=cluster, fmus=fmu_folder, **TABLE,
+            scheduler=scheduler, fmus=fmu_folder, **TABLE,
         )  # fmt: skip
         for row in result.variants.to_dicts():
             values = {name: x * row["k"] for name, x in zip(both, before, strict=True)}
             assert result.options(row["variant"]) == {"set": values}
-            assert figures(row, simulation.run(set=values))
+            assert has_figures(row, simulation.run(set=values))
 
 
-def test_metrics_of_every_kind(cluster: Client, fmu_folder: Path) -> None:
+def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
     def last(result: Any) -> float:
         return float(result[SIGNAL][-1])
 
@@ -165,7 +141,7 @@ def test_metrics_of_every_kind(cluster: Client, fmu_folder: Path) -> None:
         "n = 1",
         last,
     ]
-    result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=cluster, fmus=fmu_folder, **TABLE)
+    result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=scheduler, fmus=fmu_folder, **TABLE)
     named = [figure for figure in result.figures if not is_verdict(figure)]
     assert named == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
@@ -174,10 +150,11 @@ def test_metrics_of_every_kind(cluster: Client, fmu_folder: Path) -> None:
             i_q = run[SIGNAL]
             assert row["largest"] == np.max(np.abs(i_q)) and row["high"] is bool(np.max(i_q) > 0)
             assert (row["n"], row["last"]) == (1.0, i_q[-1])
-            assert figures(row, run)
+            assert has_figures(row, run)
 
 
-def test_what_users_register_reaches_workers_and_leaves_them(
+@pytest.mark.slow
+def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
     cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def rows(outline: ec.Outline) -> Any:
@@ -207,7 +184,7 @@ def test_what_users_register_reaches_workers_and_leaves_them(
     assert "table.rows" not in sweep("lift", **plan).figures
 
 
-def test_every_way_to_end(cluster: Client, faulty_fmu: Path) -> None:
+def test_failed_variants_have_status_and_problem(scheduler: Client, faulty_fmu: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     faults = [Fault.NONE, Fault.DISCARD, Fault.ERROR, Fault.EXIT_INITIALIZATION, Fault.NAN_Y, 99]
 
@@ -217,7 +194,7 @@ def test_every_way_to_end(cluster: Client, faulty_fmu: Path) -> None:
         return 1.0
 
     result = sweep(
-        system, {"j.bad.fault": [int(f) for f in faults]}, metrics=[picky], scheduler=cluster,
+        system, {"j.bad.fault": [int(f) for f in faults]}, metrics=[picky], scheduler=scheduler,
         stop_time=1.0, step_size=0.1,
     )  # fmt: skip
     found = dict(zip(faults, result.variants.select("status", "problem", "end_s").rows(), strict=True))
@@ -230,7 +207,7 @@ def test_every_way_to_end(cluster: Client, faulty_fmu: Path) -> None:
 @pytest.mark.parametrize(
     "raised", ["sys.exit(3)", "1 / 0", "(_ for _ in ()).throw(KeyboardInterrupt)", "'x'"]
 )
-def test_a_metric_that_raises(raised: str, cluster: Client, faulty_fmu: Path) -> None:
+def test_exceptions_of_metrics_fail_the_variant(raised: str, scheduler: Client, faulty_fmu: Path) -> None:
     """Even what would end the thread of a worker is what came out of a variant."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     metric = eval(f"lambda result: {raised}", {"sys": sys})
@@ -238,7 +215,7 @@ def test_a_metric_that_raises(raised: str, cluster: Client, faulty_fmu: Path) ->
         system,
         {"j.bad.b": [0.1, 0.2]},
         metrics={"m": metric},
-        scheduler=cluster,
+        scheduler=scheduler,
         stop_time=1.0,
         step_size=0.1,
     )
@@ -246,18 +223,18 @@ def test_a_metric_that_raises(raised: str, cluster: Client, faulty_fmu: Path) ->
     assert all(text.startswith("the metric 'm' raised ") for text in result.variants["problem"])
 
 
-def test_a_metric_that_cannot_be_sent(cluster: Client, faulty_fmu: Path) -> None:
+def test_metric_that_cannot_be_pickled_is_refused(scheduler: Client, faulty_fmu: Path) -> None:
     lock = threading.Lock()
     with pytest.raises(ec.CommandError, match="the metric 'm' cannot be sent to workers"):
         sweep(
             line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1]},
-            metrics={"m": lambda _: lock}, scheduler=cluster, stop_time=1.0, step_size=0.1,
+            metrics={"m": lambda _: lock}, scheduler=scheduler, stop_time=1.0, step_size=0.1,
         )  # fmt: skip
 
 
-def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
+def test_variants_fail_if_requirements_are_not_met(scheduler: Client, fmu_folder: Path) -> None:
     result = sweep(
-        "lift", {R_S: [0.1, 5.0]}, require=["lift.torque_peak_N_m > 180"], scheduler=cluster,
+        "lift", {R_S: [0.1, 5.0]}, require=["lift.torque_peak_N_m > 180"], scheduler=scheduler,
         fmus=fmu_folder, **TABLE,
     )  # fmt: skip
     peaks = result.variants["lift.torque_peak_N_m"].to_list()
@@ -267,7 +244,7 @@ def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("on_one_cluster")
-def test_what_a_plan_requires_ends_the_command(emla: Emla, tmp_path: Path) -> None:
+def test_unmet_requirements_are_exit_code_1(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(
         'scenario = "lift"\nstop_time = 0.02\nrequire = ["lift.torque_peak_N_m > 180"]\n'
         f'[vary]\n"{R_S}" = [0.1, 5.0]\n'
@@ -278,22 +255,3 @@ def test_what_a_plan_requires_ends_the_command(emla: Emla, tmp_path: Path) -> No
     assert ", 1 failed" in done.stdout.splitlines()[0]
     assert "--require 'lift.torque_peak_N_m > 180'" in done.stdout
     assert read_sweep(tmp_path / "out").required == ["lift.torque_peak_N_m > 180"]
-
-
-def test_sobol_indices_of_ishigami(ishigami: System, cluster: Client) -> None:
-    bounds = f"{-math.pi}:{math.pi}"
-    result = sweep(
-        ishigami, {f"s.f.x_{i}": bounds for i in (1, 2, 3)}, sampling="saltelli", runs=256,
-        metrics=["f = max(s.f.f)"], scheduler=cluster, stop_time=1.0, step_size=1.0, output_interval=1.0,
-    )  # fmt: skip
-    x, f = (result.variants.select(n).to_numpy() for n in ([f"s.f.x_{i}" for i in (1, 2, 3)], ["f"]))
-    expected = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    assert np.allclose(f[:, 0], expected, rtol=1e-12, atol=1e-12)
-    v_1, v_2, v_13 = 0.5 * (1 + 0.1 * math.pi**4 / 5) ** 2, 49 / 8, 0.01 * math.pi**8 * (1 / 18 - 1 / 50)
-    whole = v_1 + v_2 + v_13
-    found = sobol_indices(result, "f")
-    first, total = [v_1 / whole, v_2 / whole, 0.0], [(v_1 + v_13) / whole, v_2 / whole, v_13 / whole]
-    # intervals hold 95 % of all samples; those of this one are wide enough, and not too wide to say anything
-    assert np.all(np.abs(found.first - first) <= found.first_confidence)
-    assert np.all(np.abs(found.total - total) <= found.total_confidence)
-    assert np.all(found.first_confidence < 0.25) and np.all(found.total_confidence < 0.25)

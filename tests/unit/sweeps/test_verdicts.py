@@ -19,8 +19,8 @@ from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.summary import figures_table, find_worst_variants, status_line
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.hand_written_fmus import Fault
 from tests.support.sweep_results import swept
 from tests.support.toy_fmu import PRODUCER
 
@@ -69,17 +69,17 @@ def growth(tmp_path_factory: pytest.TempPathFactory) -> System:
     return System((Component("j.y", "Growth", {}, path),), ())
 
 
-def plan(cluster: Client, **others: Any) -> dict[str, Any]:
+def plan(scheduler: Client, **others: Any) -> dict[str, Any]:
     vary = {"j.y.a": GAINS, "j.y.k": RATES}
-    return {"vary": vary, "scheduler": cluster, "stop_time": 1.0, "step_size": 0.1, **others}
+    return {"vary": vary, "scheduler": scheduler, "stop_time": 1.0, "step_size": 0.1, **others}
 
 
 @pytest.mark.parametrize("metrics", [None, ["j.largest"], ["peak = max(j.y.y)"], ["j.held", "j.largest"]])
 def test_every_table_keeps_the_verdict(
-    metrics: Any, growth: System, cluster: Client, monkeypatch: pytest.MonkeyPatch
+    metrics: Any, growth: System, scheduler: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(ec.METRICS, "limit", limit_metrics)
-    result = sweep(growth, metrics=metrics, **plan(cluster))
+    result = sweep(growth, metrics=metrics, **plan(scheduler))
     assert set(result.variants["status"]) == {"done"}
     product = np.array([a * k for a in GAINS for k in RATES])
     assert result.variants["j.held"].to_list() == (product < 2.0).tolist()
@@ -98,11 +98,11 @@ def test_every_table_keeps_the_verdict(
 
 
 def test_a_sweep_that_is_resumed_has_the_same_verdicts_and_all_of_its_time(
-    growth: System, cluster: Client, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    growth: System, scheduler: Client, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """As if it had ended after two of its variants, which took 1000 s."""
     monkeypatch.setitem(ec.METRICS, "limit", limit_metrics)
-    given = plan(cluster, metrics=["j.largest"])
+    given = plan(scheduler, metrics=["j.largest"])
     whole = sweep(growth, output=tmp_path / "a", **given)
     shutil.copytree(tmp_path / "a", tmp_path / "b")
     part = whole.variants.select("variant", "status", "problem", "end_s", *whole.figures).filter(
@@ -120,19 +120,19 @@ def test_a_sweep_that_is_resumed_has_the_same_verdicts_and_all_of_its_time(
 
 
 def test_a_sweep_begun_without_verdicts_is_not_resumed(
-    growth: System, cluster: Client, tmp_path: Path
+    growth: System, scheduler: Client, tmp_path: Path
 ) -> None:
-    sweep(growth, output=tmp_path / "a", **plan(cluster))
+    sweep(growth, output=tmp_path / "a", **plan(scheduler))
     record = json.loads((tmp_path / "a/sweep.json").read_text())
     record["identity"]["metrics"], record["status"] = "of before", "unfinished"
     (tmp_path / "a/sweep.json").write_text(json.dumps(record))
     (tmp_path / "a" / MANIFEST).unlink()  # which knows that the record was changed
     with pytest.raises(ec.CommandError, match="different metrics"):
-        sweep(growth, output=tmp_path / "a", resume=True, **plan(cluster))
+        sweep(growth, output=tmp_path / "a", resume=True, **plan(scheduler))
 
 
-def test_without_a_verdict_nothing_is_called_held(growth: System, cluster: Client) -> None:
-    result = sweep(growth, metrics=["largest = max(j.y.y)"], **plan(cluster))
+def test_without_a_verdict_nothing_is_called_held(growth: System, scheduler: Client) -> None:
+    result = sweep(growth, metrics=["largest = max(j.y.y)"], **plan(scheduler))
     assert str(status_line(result)) == "9 variants: 9 done"
     figure = result.plot("map")
     assert figure.get_suptitle() == "system: which variants are done"
@@ -180,7 +180,9 @@ def test_an_old_name_ends_in_the_new_one(old: str) -> None:
     assert f"'{figure}' is now called '{of}.{RENAMED[figure]}'" in str(caught.value)
 
 
-def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(cluster: Client, faulty_fmu: Path) -> None:
+def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(
+    scheduler: Client, faulty_fmu: Path
+) -> None:
     """Both in one variant; its neighbour only has the metric that fails."""
 
     def failing(result: Any) -> float:
@@ -189,7 +191,7 @@ def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(cluster: Clie
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     result = sweep(
         system, {"j.bad.fault": [int(Fault.DISCARD), int(Fault.NONE)]}, metrics={"m": failing},
-        scheduler=cluster, stop_time=1.0, step_size=0.1,
+        scheduler=scheduler, stop_time=1.0, step_size=0.1,
     )  # fmt: skip
     discarded, other = result.variants["problem"].to_list()
     with pytest.raises(ec.RunError) as caught:
@@ -199,7 +201,7 @@ def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(cluster: Clie
 
 
 def test_the_provenance_is_that_of_the_fmu_of_each_variant(
-    growth: System, cluster: Client, tmp_path: Path
+    growth: System, scheduler: Client, tmp_path: Path
 ) -> None:
     """Two FMUs that differ, each with the same values: all four are told apart, whatever their order."""
 
@@ -212,7 +214,7 @@ def test_the_provenance_is_that_of_the_fmu_of_each_variant(
 
     def provenances(files: list[Any]) -> dict[tuple[str, float], str]:
         vary = {"j.y": [str(file) for file in files], "j.y.a": [1.0, 2.0]}
-        result = sweep(growth, **{**plan(cluster), "vary": vary})
+        result = sweep(growth, **{**plan(scheduler), "vary": vary})
         keys = result.variants.select("j.y", "j.y.a").rows()
         return dict(zip(keys, result.variants["provenance"].to_list(), strict=True))
 
@@ -227,12 +229,12 @@ def test_the_provenance_is_that_of_the_fmu_of_each_variant(
 LEADS = [0.016, 0.028, 0.04]
 
 
-def test_a_screw_that_the_controller_does_not_know_is_not_held(cluster: Client, fmu_folder: Path) -> None:
+def test_a_screw_that_the_controller_does_not_know_is_not_held(scheduler: Client, fmu_folder: Path) -> None:
     """Where models follow, every lead is held; where they do not, those are whose errors end within 1 mm."""
     lead = "prototype.plant.screw.lead"
     given: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 1.0}
     result = sweep(
-        "prototype", {lead: LEADS}, metrics=["prototype.torque_peak_N_m"], scheduler=cluster, **given
+        "prototype", {lead: LEADS}, metrics=["prototype.torque_peak_N_m"], scheduler=scheduler, **given
     )
     errors = []
     with ec.load("prototype", **given).prepare() as simulation:
@@ -246,6 +248,6 @@ def test_a_screw_that_the_controller_does_not_know_is_not_held(cluster: Client, 
     assert all(text.startswith("prototype ") for text in result.variants["problem"][1:])
     (note,) = result.notes
     assert note.startswith(f"{lead} changes") and "--follow-models" in note
-    followed = sweep("prototype", {lead: LEADS}, scheduler=cluster, follow_models=True, **given)
+    followed = sweep("prototype", {lead: LEADS}, scheduler=scheduler, follow_models=True, **given)
     assert followed.variants["prototype.held"].to_list() == [True, True, True]
     assert max(followed.variants["prototype.position_error_m"].to_list()) < 1e-4

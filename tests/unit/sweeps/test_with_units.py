@@ -18,6 +18,8 @@ from fmublock import Block, Output, Parameter, build
 from tests.support.commands import Emla
 from tests.support.toy_fmu import PRODUCER
 
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
+
 LEAD, L_D, L_Q = "lift.plant.screw.lead", "lift.plant.motor.L_d", "lift.plant.motor.L_q"
 
 

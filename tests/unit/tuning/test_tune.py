@@ -26,8 +26,8 @@ from emla_cosim.tuning.plan import load_tuning_plan
 from emla_cosim.tuning.score import Objective
 from emla_cosim.tuning.search import Search
 from fmublock import Block, Output, Parameter, build
-from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla
+from tests.support.tiers import mostly_slow
 from tests.support.toy_fmu import PRODUCER
 
 
@@ -65,8 +65,8 @@ def valley(tmp_path_factory: pytest.TempPathFactory) -> System:
     return System((Component("v.f", "Valley", {}, path),), ())
 
 
-def test_it_finds_the_lowest_point(valley: System, cluster: Client) -> None:
-    result = ec.tune(valley, **VALLEY, scheduler=cluster)
+def test_lowest_point_is_found(valley: System, scheduler: Client) -> None:
+    result = ec.tune(valley, **VALLEY, scheduler=scheduler)
     assert result.start.values == {"v.f.x": 1.0, "v.f.y": 1.0}
     assert result.start.training.objective == 5.0
     assert result.best.values == pytest.approx({"v.f.x": 3.0, "v.f.y": 3.0}, rel=0.01)
@@ -75,53 +75,56 @@ def test_it_finds_the_lowest_point(valley: System, cluster: Client) -> None:
     assert result.history.height <= VALLEY["evaluations"]
 
 
-def test_it_finds_the_lowest_point_that_is_as_required(valley: System, cluster: Client) -> None:
-    result = ec.tune(valley, **VALLEY, require=["total <= 4"], scheduler=cluster)
+def test_lowest_point_under_a_condition_is_found(valley: System, scheduler: Client) -> None:
+    result = ec.tune(valley, **VALLEY, require=["total <= 4"], scheduler=scheduler)
     # (x - 3)^2 + 10 (x - y)^2 with x + y = 4: x = 83/41
     assert result.best.values == pytest.approx({"v.f.x": 83 / 41, "v.f.y": 81 / 41}, rel=0.02)
     assert result.best.training.holds
 
 
-def test_a_margin_keeps_away_from_a_condition(valley: System, cluster: Client) -> None:
-    result = ec.tune(_plan(valley, margin=0.25), require=["total <= 4"], scheduler=cluster)
+def test_margin_keeps_a_distance_to_conditions(valley: System, scheduler: Client) -> None:
+    result = ec.tune(_plan(valley, margin=0.25), require=["total <= 4"], scheduler=scheduler)
     values = [float(x) for x in result.best.values.values() if x is not None]
     assert sum(values) == pytest.approx(3.0, rel=0.02)
 
 
-def test_what_derives_from_gains_follows_them(valley: System, cluster: Client) -> None:
+def test_derived_values_follow_the_gains(valley: System, scheduler: Client) -> None:
     given = {**VALLEY, "vary": {"radius": "0.5:20"}, "evaluations": 40}
     derive = {"v.f.x": "radius", "v.f.y": "2 * radius - 3"}
-    result = ec.tune(valley, **given, derive=derive, scheduler=cluster)
+    result = ec.tune(valley, **given, derive=derive, scheduler=scheduler)
     assert result.set["v.f.y"] == 2 * result.set["v.f.x"] - 3
     assert result.set["v.f.x"] == pytest.approx(3.0, rel=0.02)
 
 
-def test_cases_have_their_weights_conditions_and_values(valley: System, cluster: Client) -> None:
+def test_cases_have_weights_conditions_and_values(valley: System, scheduler: Client) -> None:
     cases = [ec.Case("usual"), ec.Case("shifted", 3.0, {"v.f.z": 10}, ["total < 12"])]
     plan = _plan(valley, cases=cases, objective="total", evaluations=1)
-    score = ec.tune(plan, scheduler=cluster).start.training
+    score = ec.tune(plan, scheduler=scheduler).start.training
     assert score.by_case == {"usual": 2.0, "shifted": 12.0}
     assert score.objective == (1 * 2.0 + 3 * 12.0) / 4
     assert score.list_unmet() == ["shifted: total < 12, but it is 12"]
 
 
-def test_the_number_of_workers_changes_nothing(valley: System, cluster: Client) -> None:
-    given = {**VALLEY, "evaluations": 40}
-    with shared_cluster(1) as other:
-        one, two = (ec.tune(valley, **given, scheduler=c) for c in (cluster, other))
-    assert one.history.equals(two.history)
-    assert (one.best, one.seeds) == (two.best, two.seeds)
+@pytest.mark.slow
+def test_processes_of_a_cluster_find_the_same_gains(
+    valley: System, scheduler: Client, cluster: Client
+) -> None:
+    first, second = (
+        ec.tune(valley, **{**VALLEY, "evaluations": 40}, scheduler=c) for c in (scheduler, cluster)
+    )
+    assert first.history.equals(second.history)
+    assert (first.best, first.seeds) == (second.best, second.seeds)
 
 
-def test_another_seed_tries_other_gains(valley: System, cluster: Client) -> None:
+def test_another_seed_tries_other_gains(valley: System, scheduler: Client) -> None:
     given = {**VALLEY, "evaluations": 8}
-    one, two = (ec.tune(valley, **given, seed=seed, scheduler=cluster) for seed in (0, 1))
+    one, two = (ec.tune(valley, **given, seed=seed, scheduler=scheduler) for seed in (0, 1))
     assert not one.history["v.f.x"].equals(two.history["v.f.x"])
     assert not {*one.seeds["training"]} & {*two.seeds["training"]}
 
 
-def test_gains_are_looked_at_on_seeds_they_were_not_tuned_on(valley: System, cluster: Client) -> None:
-    result = ec.tune(_plan(valley, objective="bias", evaluations=1, tolerance=0.0), scheduler=cluster)
+def test_validation_seeds_differ_from_training_seeds(valley: System, scheduler: Client) -> None:
+    result = ec.tune(_plan(valley, objective="bias", evaluations=1, tolerance=0.0), scheduler=scheduler)
     training, validation = result.seeds["training"], result.seeds["validation"]
     assert not {*training} & {*validation}
     best = result.best
@@ -131,7 +134,7 @@ def test_gains_are_looked_at_on_seeds_they_were_not_tuned_on(valley: System, clu
     assert (result.problem() is None) == (best.ratio <= 1.0)
 
 
-def test_what_is_ended_early_keeps_the_best_so_far(valley: System, cluster: Client, tmp_path: Path) -> None:
+def test_interrupted_tuning_keeps_the_best_gains(valley: System, scheduler: Client, tmp_path: Path) -> None:
     class Ending(Progress):
         tried = 0
 
@@ -140,7 +143,7 @@ def test_what_is_ended_early_keeps_the_best_so_far(valley: System, cluster: Clie
             if self.tried > 30:
                 os.kill(os.getpid(), signal.SIGINT)
 
-    result = ec.tune(valley, **VALLEY, scheduler=cluster, output=tmp_path, progress=Ending())
+    result = ec.tune(valley, **VALLEY, scheduler=scheduler, output=tmp_path, progress=Ending())
     assert not result.complete
     assert 20 < result.history.height < 60
     assert result.best.training.objective == result.history["objective"].min()
@@ -148,7 +151,7 @@ def test_what_is_ended_early_keeps_the_best_so_far(valley: System, cluster: Clie
 
 
 @pytest.mark.usefixtures("on_one_cluster")
-def test_what_is_found_runs_as_it_was_found(emla: Emla, tmp_path: Path, fmu_folder: Path) -> None:
+def test_written_scenario_repeats_the_best_run(emla: Emla, tmp_path: Path, fmu_folder: Path) -> None:
     told = emla(
         *(
             "tune",
@@ -173,7 +176,7 @@ def test_what_is_found_runs_as_it_was_found(emla: Emla, tmp_path: Path, fmu_fold
 
 
 @pytest.mark.usefixtures("on_one_cluster")
-def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
+def test_unmet_conditions_are_exit_code_1(emla: Emla) -> None:
     told = emla(
         *(
             "tune",
@@ -192,38 +195,45 @@ def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
     )
 
 
-@pytest.mark.parametrize("name", list(TUNINGS))
-def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) -> None:
-    given = load_tuning_plan(name)
+@pytest.mark.parametrize("name", TUNINGS)
+def test_plans_of_the_study_have_margins(name: str) -> None:
     joint = name.partition("-")[2]
-    assert [case.margins for case in given.cases if case.margins] == [
+    assert [case.margins for case in load_tuning_plan(name).cases if case.margins] == [
         [joint, f"{joint}.controller.u_q->{joint}.plant.u_q"]
     ]
-    short = replace(given, cases=[replace(case, margins=(), at=None) for case in given.cases])
-    plan = ec.tune(
-        short, evaluations=1, training=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder
-    )
-    assert plan.complete
-    assert all(value is not None for value in plan.start.values.values())
-    assert len(plan.start.training.worst) == 10
+
+
+@pytest.mark.parametrize("name", mostly_slow(TUNINGS, ["foc-telescope"]))
+def test_plans_of_the_study_run(name: str, scheduler: Client, fmu_folder: Path) -> None:
+    given = load_tuning_plan(name)
+    plan = replace(given, cases=[replace(case, margins=(), at=None) for case in given.cases])
+    once: dict[str, Any] = {"evaluations": 1, "training": 1, "validation": 1, "stop_time": 0.31}
+    result = ec.tune(plan, **once, scheduler=scheduler, fmus=fmu_folder)
+    assert result.complete
+    assert all(value is not None for value in result.start.values.values())
+    assert len(result.start.training.worst) == 10
 
 
 DELAY = {"lift.plant.inverter.delay": 1e-4}
 AT = {"at": 0.3, "stop_time": 0.45}
 
 
-def with_margins(fmus: Path, *loops: str, at: float | None = None, **given: Any) -> ec.TuneResult:
+def with_margins(
+    scheduler: Client, fmus: Path, *loops: str, at: float | None = None, **given: Any
+) -> ec.TuneResult:
     """Tune the lift's `compensated`, whose position loop has little margin, with one set of gains."""
     cases = [ec.Case("usual"), ec.Case("late", 0.0, DELAY, margins=loops, at=at)]
     options = {"gains": "compensated", "stop_time": AT["stop_time"], "fmus": fmus}
     plan = ec.TuningPlan(
         "margins", "lift", {"lift.controller.beta[1]": "500:3000"}, "lift.position_error_m", cases=cases
     )
-    return ec.tune(plan, evaluations=1, workers=1, validation=0, **options, **given)
+    return ec.tune(plan, evaluations=1, scheduler=scheduler, validation=0, **options, **given)
 
 
-def test_margins_are_conditions_with_the_figures_of_linearize(fmu_folder: Path, tmp_path: Path) -> None:
-    result = with_margins(fmu_folder, "lift", at=AT["at"], output=tmp_path / "out", plots=False)
+def test_margins_are_conditions_with_the_figures_of_linearize(
+    scheduler: Client, fmu_folder: Path, tmp_path: Path
+) -> None:
+    result = with_margins(scheduler, fmu_folder, "lift", at=AT["at"], output=tmp_path / "out", plots=False)
     settings = {"gains": "compensated", "set": DELAY, "stop_time": AT["stop_time"], "fmus": fmu_folder}
     (margins,) = ec.linearize("lift", open="lift", at=AT["at"], duration=0.15, **settings).margins.values()
     worst = {name.partition(": ")[2]: one for name, one in result.best.training.worst["late"].items()}
@@ -237,8 +247,10 @@ def test_margins_are_conditions_with_the_figures_of_linearize(fmu_folder: Path, 
     assert recorded["plan"]["cases"][1]["margins"] == ["lift"]
 
 
-def test_margins_are_not_measured_where_another_condition_fails(fmu_folder: Path) -> None:
-    result = with_margins(fmu_folder, "lift", at=AT["at"], require=["lift.position_error_m < 1e-12"])
+def test_margins_are_not_measured_where_another_condition_fails(scheduler: Client, fmu_folder: Path) -> None:
+    result = with_margins(
+        scheduler, fmu_folder, "lift", at=AT["at"], require=["lift.position_error_m < 1e-12"]
+    )
     worst = result.best.training.worst["late"]
     assert worst["lift: Ms <= 2.2"] == {"figure": None, "met": False}
 
@@ -250,11 +262,11 @@ def test_margins_are_not_measured_where_another_condition_fails(fmu_folder: Path
         (["lift"], 0.4, "'at' of the case 'late' of the tuning is 0.4 s; choose a time from 0 to 0.3 s"),
     ],
 )
-def test_wrong_loops_are_one_sentence(
-    loops: list[str], at: float | None, sentence: str, fmu_folder: Path
+def test_invalid_loops_give_one_message(
+    loops: list[str], at: float | None, sentence: str, scheduler: Client, fmu_folder: Path
 ) -> None:
     with pytest.raises(CommandError, match=re.escape(sentence)):
-        with_margins(fmu_folder, *loops, at=at)
+        with_margins(scheduler, fmu_folder, *loops, at=at)
 
 
 @pytest.mark.parametrize(
@@ -284,15 +296,15 @@ def test_wrong_loops_are_one_sentence(
         ({"tolerance": -1.0}, "'tolerance' of the tuning is -1.0; it must be a number from 0"),
     ],
 )
-def test_what_is_wrong_is_a_sentence(
-    given: dict[str, Any], sentence: str, valley: System, cluster: Client
+def test_invalid_plans_give_one_message(
+    given: dict[str, Any], sentence: str, valley: System, scheduler: Client
 ) -> None:
     with pytest.raises(CommandError) as told:
-        ec.tune(_plan(valley, **given), scheduler=cluster)
+        ec.tune(_plan(valley, **given), scheduler=scheduler)
     assert sentence in str(told.value)
 
 
-def test_a_file_with_a_key_that_is_none_is_a_sentence(tmp_path: Path) -> None:
+def test_unknown_key_of_a_file_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "gains.toml"
     file.write_text('scenario = "tilt"\nevaluation = 3\n[vary]\na = "1:2"\n')
     with pytest.raises(CommandError, match="has the key 'evaluation'; did you mean 'evaluations'"):
@@ -300,7 +312,7 @@ def test_a_file_with_a_key_that_is_none_is_a_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dimension", [1, 3])
-def test_a_search_that_has_come_to_rest_begins_elsewhere_with_twice_as_many_points(dimension: int) -> None:
+def test_converged_search_restarts_with_twice_as_many_points(dimension: int) -> None:
     search = Search([0.0] * dimension, 1)  # begins at the end of a range
     sizes, firsts = list[int](), list[Any]()
     for _ in range(1000):
@@ -326,12 +338,12 @@ def test_expressions_are_those_of_python() -> None:
 
 
 @pytest.mark.parametrize("text", ["max(1)", "max()", "sqrt(1, 2)", "abs()", "log(1, 2, 3)", "max(*a)", "1j"])
-def test_what_is_no_expression_is_named(text: str) -> None:
+def test_invalid_expressions_are_reported(text: str) -> None:
     with pytest.raises(CommandError, match=re.escape(f"here: '{text}' is not an expression; use")):
         parse_expression(text, "here")
 
 
-def test_what_is_lost_later_or_less_is_better() -> None:
+def test_order_of_scores() -> None:
     judge = Objective(
         parse_expression("j.e", "here"), [ec.Case("usual")], [[parse_requirement("j.e < 1")]], 0.0, 10.0
     )
