@@ -1,6 +1,5 @@
 """Documents of an SSP: inside each other, as packages and folders, of both versions; names and times."""
 
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -9,15 +8,19 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.ssp.reader.flat_document import read_ssp
+from emla_cosim.study.loading import load
+from fmublock.archive import write_archive
 from tests.support.ssp_documents import (
     binding,
     component,
     connection,
+    description,
     entry,
     fake_fmu,
     folder,
     linear,
     packed,
+    rooted,
     ssd,
     ssm,
     ssv,
@@ -33,8 +36,8 @@ def fmu(tmp_path: Path) -> Path:
     return fake_fmu(tmp_path / "a.fmu", "u:input:m", "y:output:m", "k:parameter:m")
 
 
-def inner(bindings: str = "", **more: object) -> str:
-    """A system of one component, whose input and output it shows in mm."""
+def inner(bindings: str = binding(ssv(**{"a.k": 2.0})), **more: object) -> str:
+    """A system of one component, whose input and output are connectors in mm."""
     return system(
         "inner",
         component("a", "a.fmu", "u:input y:output", binding(ssv(k=1.0))),
@@ -59,59 +62,53 @@ def two(source: str, type_: str, *more: str) -> str:
     )
 
 
-def check_two(path: Path) -> None:
+def check_two(path: Path, more: list[str] | None = None) -> None:
     """The bindings of the components come after those of the system inside, and 5 are in mm."""
     found = understood(path)
-    assert [c.name for c in found.system.components] == ["first.a", "second.a"]
+    assert [c.name for c in found.system.components] == ["first.a", "second.a", *(more or [])]
     assert found.wires() == {"first.a.y -> second.a.u": pytest.approx((1.0, 5e-3))}
     assert (found.values("first.a"), found.values("second.a")) == ({"k": 2.0}, {"k": 3.0})
 
 
-def test_another_ssd_as_component(tmp_path: Path, fmu: Path) -> None:
+def test_ssd_in_a_folder_as_component(tmp_path: Path, fmu: Path) -> None:
     path = folder(tmp_path / "ssp", root=two("sub/inner.ssd", DEFINITION))
     folder(path / "sub", a__fmu=fmu, inner__ssd=ssd(inner(binding("k.ssv"))), k__ssv=ssv(**{"a.k": 2.0}))
     check_two(path)
 
 
-def test_another_ssp_as_component(tmp_path: Path, fmu: Path) -> None:
-    inside = folder(tmp_path / "inner", root=ssd(inner(binding(ssv(**{"a.k": 2.0})))), a__fmu=fmu)
+def test_ssp_as_component(tmp_path: Path, fmu: Path) -> None:
+    inside = folder(tmp_path / "inner", root=ssd(inner()), a__fmu=fmu)
     path = folder(tmp_path / "ssp", root=two("inner.ssp", PACKAGE))
     packed(path / "inner.ssp", inside)
     check_two(path)
     check_two(packed(tmp_path / "outer.ssp", path))
 
 
-def test_a_system_of_the_same_document_as_component(tmp_path: Path, fmu: Path) -> None:
-    """It is an element as well, on its own."""
-    definition = inner(binding(ssv(**{"a.k": 2.0})), id="the-one")
-    found = understood(folder(tmp_path / "ssp", root=two("#the-one", DEFINITION, definition), a__fmu=fmu))
-    assert [c.name for c in found.system.components] == ["first.a", "second.a", "inner.a"]
-    assert found.wires() == {"first.a.y -> second.a.u": pytest.approx((1.0, 5e-3))}
-    assert [found.values(f"{name}.a")["k"] for name in ("first", "second", "inner")] == [2.0, 3.0, 2.0]
-
-
-def test_a_system_of_another_document_as_component(tmp_path: Path, fmu: Path) -> None:
-    other = ssd(system("other", inner(binding(ssv(**{"a.k": 2.0})), id="it"), component("not", "a.fmu")))
-    path = folder(tmp_path / "ssp", root=two("inner.ssd#it", DEFINITION), inner__ssd=other, a__fmu=fmu)
-    check_two(path)
+def test_systems_with_an_id_as_components(tmp_path: Path, fmu: Path) -> None:
+    """A system of the same document is an element as well, on its own; so may one of another document be."""
+    same = two("#the-one", DEFINITION, inner(id="the-one"))
+    check_two(folder(tmp_path / "same", root=same, a__fmu=fmu), ["inner.a"])
+    other = ssd(system("other", inner(id="it"), component("not", "a.fmu")))
+    root = two("inner.ssd#it", DEFINITION)
+    check_two(folder(tmp_path / "other", root=root, inner__ssd=other, a__fmu=fmu))
 
 
 def test_units_that_only_the_component_declares(tmp_path: Path, fmu: Path) -> None:
-    plain = ssd(inner(binding(ssv(**{"a.k": 2.0}))).replace('<ssc:Real unit="mm"/>', "<ssc:Real/>", 1))
+    plain = ssd(inner().replace('<ssc:Real unit="mm"/>', "<ssc:Real/>", 1))
     check_two(folder(tmp_path / "ssp", root=two("i.ssd", DEFINITION), i__ssd=plain, a__fmu=fmu))
 
 
-# ---- where it lies -----------------------------------------------------------------------------
+# ---- packages and variants ---------------------------------------------------------------------
 
 
 @pytest.fixture
 def variants(tmp_path: Path, fmu: Path) -> Path:
     """A folder with two structures that differ in a value."""
 
-    def one(k: float) -> str:
+    def variant(k: float) -> str:
         return ssd(system("root", component("a", "resources/a.fmu", "u:input", binding(ssv(k=k)))))
 
-    path = folder(tmp_path / "variants", root=one(1.0), B__ssd=one(2.0))
+    path = folder(tmp_path / "variants", root=variant(1.0), B__ssd=variant(2.0))
     folder(path / "resources", a__fmu=fmu)
     return path
 
@@ -122,51 +119,47 @@ def test_folder_package_and_document_mean_the_same(variants: Path, tmp_path: Pat
         assert understood(path).values("a") == {"k": 1.0}
     for path in (f"{variants}#B.ssd", f"{package}#B.ssd", variants / "B.ssd"):
         assert understood(Path(path)).values("a") == {"k": 2.0}
+    for name in ("x#B.ssp", "y"):  # a package may have the name of a variant, and no suffix
+        assert understood(packed(tmp_path / name, variants)).values("a") == {"k": 1.0}
 
 
-def test_a_variant_of_a_package_inside(variants: Path, tmp_path: Path) -> None:
-    path = tmp_path / "outer"
-    path.mkdir()
-    packed(path / "v.ssp", variants)
+def test_variant_of_a_package_as_component(variants: Path, tmp_path: Path) -> None:
+    packed(tmp_path / "v.ssp", variants)
     for source, k in (("v.ssp", 1.0), ("v.ssp#B.ssd", 2.0), ("v.ssp#%42.ssd", 2.0)):
-        folder(path, root=ssd(system("root", component("s", source, type=PACKAGE))))
+        part = component("s", source, type=PACKAGE)
+        path = rooted(tmp_path, part, files={"v__ssp": tmp_path / "v.ssp"})
         assert understood(path).values("s.a") == {"k": k}
 
 
-def test_fmus_are_there_until_the_end(
+def test_fmus_are_unpacked_until_the_document_is_closed(
     variants: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     with read_ssp(packed(tmp_path / "v.ssp", variants)) as document:
-        (component_,) = document.system.components
-        assert component_.fmu is not None and component_.fmu.is_file()
+        (part,) = document.system.components
+        assert part.fmu is not None and part.fmu.is_file()
         assert list(temporary.iterdir()) != []
     assert list(temporary.iterdir()) == []
-
-
-def test_a_package_may_be_called_like_a_variant(variants: Path, tmp_path: Path) -> None:
-    assert understood(packed(tmp_path / "x#B.ssp", variants)).values("a") == {"k": 1.0}
-    shutil.copy(tmp_path / "x#B.ssp", tmp_path / "y")
-    assert understood(tmp_path / "y").values("a") == {"k": 1.0}
 
 
 # ---- versions, times, names --------------------------------------------------------------------
 
 
 def test_documents_of_version_2(tmp_path: Path, fmu: Path) -> None:
-    other = fake_fmu(tmp_path / "b.fmu", "u:input:m", "k:parameter:m", "n:parameter:Integer")
-    given = ssv(version="2.0", k=(2e3, "Float64", "mm"), n=(4, "Int32"))
-    mapping = ssm(entry("k", "k", linear(2.0)), entry("n", "n"), version="2.0")
-    root = system(
-        "root",
+    root = (
         component("a", "a.fmu", "y:output:Float64"),
         component("b", "b.fmu", "u:input:Float64:mm n:parameter:Int32", binding("b.ssv", "b.ssm")),
         connection("a.y -> b.u"),
     )
-    files = {"a__fmu": fmu, "b__fmu": other, "b__ssv": given, "b__ssm": mapping}
-    found = understood(folder(tmp_path / "ssp", root=ssd(root, version="2.0"), **files))
+    files = {
+        "a__fmu": fmu,
+        "b__fmu": fake_fmu(tmp_path / "b.fmu", "u:input:m", "k:parameter:m", "n:parameter:Integer"),
+        "b__ssv": ssv(version="2.0", k=(2e3, "Float64", "mm"), n=(4, "Int32")),
+        "b__ssm": ssm(entry("k", "k", linear(2.0)), entry("n", "n"), version="2.0"),
+    }
+    found = understood(rooted(tmp_path, *root, files=files, version="2.0"))
     assert found.wires() == {"a.y -> b.u": pytest.approx((1.0, 0.0))}
     assert found.values("b") == {"k": 4.0, "n": 4}
 
@@ -186,25 +179,59 @@ OSP = (
 
 
 @pytest.mark.parametrize(
-    ("experiment", "annotation", "expected"),
+    ("experiment", "of_system", "of_experiment", "expected"),
     [
-        ("", "", (None, None, None)),
-        ('startTime="1" stopTime="2.5"', "", (1.0, 2.5, None)),
-        ('stopTime="2.5"', OSP, (None, 2.5, 0.5)),
-        ('stopTime="2.5"', OMS, (None, 2.5, 0.25)),
-        ('stopTime="2.5"', CVODE, (None, 2.5, 0.25)),
+        ("", "", "", (None, None, None)),
+        ('startTime="1" stopTime="2.5"', "", "", (1.0, 2.5, None)),
+        ('stopTime="2.5"', "", OSP, (None, 2.5, 0.5)),
+        ('stopTime="2.5"', OMS, "", (None, 2.5, 0.25)),
+        ('stopTime="2.5"', CVODE, "", (None, 2.5, 0.25)),
     ],
 )
-def test_times(experiment: str, annotation: str, expected: tuple, tmp_path: Path) -> None:
-    inside = annotation if annotation == OSP else ""
-    root = (
-        system("root").replace("</ssd:System>", f"{annotation}</ssd:System>")
-        if inside == ""
-        else system("root")
-    )
-    text = ssd(root, experiment=f"<ssd:DefaultExperiment {experiment}>{inside}</ssd:DefaultExperiment>")
-    with read_ssp(folder(tmp_path, root=text)) as document:
+def test_times(experiment: str, of_system: str, of_experiment: str, expected: tuple, tmp_path: Path) -> None:
+    root = system("root").replace("</ssd:System>", f"{of_system}</ssd:System>")
+    times = f"<ssd:DefaultExperiment {experiment}>{of_experiment}</ssd:DefaultExperiment>"
+    with read_ssp(folder(tmp_path, root=ssd(root, experiment=times))) as document:
         assert (document.start_time, document.stop_time, document.step_size) == expected
+
+
+SLOW = '<DefaultExperiment stopTime="2" stepSize="0.01"/>'
+FAST = '<DefaultExperiment stopTime="3" stepSize="0.005"/>'
+
+
+def without_times(path: Path, first: str, second: str) -> Path:
+    """A package of two FMUs with these default experiments, and without times of its own."""
+    for name, variable, times in (("a", "y:output", first), ("b", "u:input", second)):
+        text = description(name, variable).replace("<ModelVariables>", f"{times}<ModelVariables>")
+        write_archive(path / f"{name}.fmu", {"modelDescription.xml": text.encode()})
+    parts = component("a", "a.fmu", "y:output"), component("b", "b.fmu", "u:input"), connection("a.y -> b.u")
+    return rooted(path, *parts, files={f"{n}__fmu": path / f"{n}.fmu" for n in "ab"})
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "stop", "step", "of_fmus"),
+    [(SLOW, FAST, 3.0, 0.005, True), (SLOW, "", 2.0, 0.01, True), ("", "", 10.0, 0.01, False)],
+)
+def test_default_times_come_from_the_fmus(
+    tmp_path: Path, first: str, second: str, stop: float, step: float, of_fmus: bool
+) -> None:
+    scenario = load(without_times(tmp_path, first, second))
+    assert (scenario.options.stop_time, scenario.options.step_size) == (stop, step)
+    assert scenario.notes == (
+        f"the package has no stop time; without --stop-time it runs for {stop:g} s"
+        + ", the longest of its FMUs" * of_fmus,
+        f"the package has no step size; without --step-size it is {step:g} s"
+        + ", the shortest of its FMUs" * of_fmus,
+    )
+
+
+def test_times_of_the_user_override_default_times(tmp_path: Path) -> None:
+    path = without_times(tmp_path, SLOW, "")
+    scenario = load(path, stop_time=0.5, step_size=0.25)
+    assert (scenario.options.stop_time, scenario.options.step_size, scenario.notes) == (0.5, 0.25, ())
+    short = load(path, stop_time=0.005)  # shorter than the steps of the FMUs
+    assert (short.options.stop_time, short.options.step_size) == (0.005, pytest.approx(5e-6))
+    assert len(short.notes) == 1
 
 
 @pytest.mark.parametrize(
@@ -219,22 +246,25 @@ def test_times(experiment: str, annotation: str, expected: tuple, tmp_path: Path
 )
 def test_names_of_components(names: tuple, ids: tuple, expected: list, tmp_path: Path, fmu: Path) -> None:
     parts = [component(n, "a.fmu", id=i) for n, i in zip(names, ids, strict=True)]
-    found = understood(folder(tmp_path / "ssp", root=ssd(system("root", *parts)), a__fmu=fmu))
+    found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
     assert [c.name for c in found.system.components] == expected
 
 
-def test_an_id_inside_a_system_is_no_name(tmp_path: Path, fmu: Path) -> None:
-    """It is written at the top level alone; deeper ones are of whoever made the package."""
-    inside = system("s", component("lift_plant", "a.fmu", id="lift.plant"), component("b", "a.fmu", id="b"))
-    called_so = system("tilt_plant", component("a", "a.fmu", id="tilt.plant"))
-    root = system("root", inside, called_so, component("crane_pump", "a.fmu", id="crane.pump"))
-    found = understood(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
+def test_only_ids_of_the_top_level_are_names(tmp_path: Path, fmu: Path) -> None:
+    """Deeper ones belong to the author of the package."""
+    parts = (
+        system("s", component("lift_plant", "a.fmu", id="lift.plant"), component("b", "a.fmu", id="b")),
+        system("tilt_plant", component("a", "a.fmu", id="tilt.plant")),
+        component("crane_pump", "a.fmu", id="crane.pump"),
+    )
+    found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
     names = [c.name for c in found.system.components]
     assert names == ["s.lift_plant", "s.b", "tilt_plant.a", "crane.pump"]
 
 
-def test_the_xml_library_is_loaded_with_the_first_document() -> None:
-    """Commands that read and write none do not wait for it."""
+@pytest.mark.slow
+def test_xml_library_is_loaded_with_the_first_document() -> None:
+    """Commands that read and write no documents do not wait for it."""
     code = (
         "import sys\n"
         "import emla_cosim.ssp.reader.flat_document, emla_cosim.ssp.writer.package_writer, "

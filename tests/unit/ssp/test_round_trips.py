@@ -1,22 +1,21 @@
-"""What is exported, read and exported again is the same, byte for byte."""
+"""Packages that are exported, read and exported again are the same, byte for byte."""
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
-from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.run.preparation import prepare_system
 from emla_cosim.study.loading import load
 from emla_cosim.system.resolution import resolve_system
 from tests.support.paths import FOREIGN_MAPPING
-from tests.support.ssp_documents import folder, understood
+from tests.support.ssp_documents import Understood, folder, understood
 
-MAPPING = FOREIGN_MAPPING
+POWER = "lift.plant.tau_m * lift.plant.v_L"
 
 
 @pytest.fixture(autouse=True)
@@ -24,48 +23,72 @@ def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def export(source: str, file: str, fmus: Path, *options: str) -> dict[str, bytes]:
-    """The files of an exported package."""
-    result = CliRunner().invoke(app, ["export", source, file, "--fmus", str(fmus), *options])
-    assert result.exit_code == 0, result.output
-    with zipfile.ZipFile(file) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-def there_and_back(scenario: str, fmus: Path, *options: str) -> dict[str, bytes]:
-    """Export, export what was read, and compare; returns the files."""
-    first = export(scenario, "first.ssp", fmus, *options)
-    assert export("first.ssp", "second.ssp", fmus) == first
+def there_and_back(scenario: str, fmus: Path, **options: Any) -> Understood:
+    """Export, export what was read, compare; return what is read at last."""
+    load(scenario, fmus=fmus, **options).export(Path("first.ssp"))
+    load("first.ssp", fmus=fmus).export(Path("second.ssp"))
+    with zipfile.ZipFile("first.ssp") as first, zipfile.ZipFile("second.ssp") as second:
+        assert first.namelist() == second.namelist()
+        assert [n for n in first.namelist() if first.read(n) != second.read(n)] == []
     assert Path("first.ssp").read_bytes() == Path("second.ssp").read_bytes()
-    return first
+    return understood(Path("second.ssp"))
 
 
-@pytest.mark.parametrize("scenario", ["study", "published"])
-def test_scenarios(scenario: str, fmu_folder: Path) -> None:
-    there_and_back(scenario, fmu_folder)
+def replaced(name: str, plant: Path | str) -> dict[str, Any]:
+    return {"replace": {name: {"fmu": plant, "mapping": FOREIGN_MAPPING}}}
 
 
-def test_sampled_components_and_bonds(fmu_folder: Path) -> None:
-    bonds = {"axis": "lift.plant.tau_m * lift.plant.v_L"}
-    scenario = load("lift", fmus=fmu_folder, bonds=bonds)
-    file = scenario.export("sampled.ssp")
-    found = load(file).system
-    samples = {c.name for c in scenario.system.components if c.samples}
-    assert samples and samples < {c.name for c in found.components}
-    assert {c.name for c in found.components if c.samples} == samples
-    assert {name: str(bond) for name, bond in found.bonds.items()} == bonds
-    again = load(file, fmus=fmu_folder).export("again.ssp")
-    assert again.read_bytes() == file.read_bytes()
+def test_study(fmu_folder: Path) -> None:
+    """Names, connections and values are those of the scenario, one name with a value for each component."""
+    step, force = "solver.internal_step", "model.A_eq"
+    given = {"set": {f"lift.plant.{step}": 3e-5, f"tilt.controller.{force}": 0.0456}}
+    found = there_and_back("study", fmu_folder, **given)
+    study = load("study", fmus=fmu_folder, **given)
+    system, fmus = prepare_system(study.system, study.options, Progress())
+    expected = resolve_system(system, {name: read_interface(file) for name, file in fmus.items()})
+    assert found.plain.connections == expected.connections
+    values = [{c.name: c.parameters for c in s.components} for s in (found.plain, expected)]
+    assert values[0] == values[1]
+    assert found.values("lift.plant")[step] == 3e-5
+    assert step not in found.values("lift.controller")
+    assert found.values("tilt.controller")[force] == 0.0456 != found.values("tilt.observer")[force]
 
 
-def test_bond_without_a_signal_is_refused(fmu_folder: Path) -> None:
-    scenario = load("lift", fmus=fmu_folder, bonds={"axis": "lift.plant.tau_m * lift.plant.v_L"})
-    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
+def test_replaced_component(fmu_folder: Path, foreign_plant: Path) -> None:
+    """Its file may have any name; a value set by the FMU's name leaves the mapping."""
+    folder(Path("strange"), **{"Plant #1 100%__fmu": foreign_plant})
+    options = replaced("lift.plant", "strange/Plant #1 100%.fmu")
+    found = there_and_back("lift", fmu_folder, **options)
+    with zipfile.ZipFile("first.ssp") as archive:
+        assert {"resources/lift_plant.ssm", "resources/Plant__1_100_.fmu"} < set(archive.namelist())
+    plant, values = found.system.component("lift.plant"), found.values("lift.plant")
+    assert plant.aliases["start.x_L"].variable == "Screw.Start_mm"
+    assert values["Screw.Start_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
+    assert values["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
+    found = there_and_back("first.ssp", fmu_folder, set={"lift.plant.Motor.Rs_mOhm": 77.0})
+    assert found.values("lift.plant")["Motor.Rs_mOhm"] == 77.0
+    with pytest.raises(CommandError, match=r"lift\.plant\.motor\.R_s = much is not a number\."):
+        load("lift", fmus=fmu_folder, **options, set={"lift.plant.motor.R_s": "much"}).export(Path("x.ssp"))
+
+
+@pytest.fixture
+def bonded(fmu_folder: Path) -> Path:
+    """The unpacked package of a lift with two bonds."""
+    scenario = load("lift", fmus=fmu_folder, bonds={"axis": POWER, "other": POWER})
+    with zipfile.ZipFile(scenario.export(Path("lift.ssp"))) as archive:
         archive.extractall("unpacked")
-    document = Path("unpacked/SystemStructure.ssd")
-    document.write_text(document.read_text().replace(' flow="lift.plant.v_L"', ""))
-    with pytest.raises(CommandError, match="the Bond has no 'flow'"):
-        load("unpacked")
+    return Path("unpacked")
+
+
+def test_sampled_components_and_bonds(bonded: Path, fmu_folder: Path) -> None:
+    scenario, found = load("lift", fmus=fmu_folder), load(bonded)
+    samples = {c.name for c in scenario.system.components if c.samples}
+    assert samples and samples < {c.name for c in found.system.components}
+    assert {c.name for c in found.system.components if c.samples} == samples
+    assert {name: str(bond) for name, bond in found.system.bonds.items()} == {"axis": POWER, "other": POWER}
+    assert not found.notes
+    again = load("lift.ssp", fmus=fmu_folder).export(Path("again.ssp"))
+    assert again.read_bytes() == Path("lift.ssp").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -78,85 +101,24 @@ def test_bond_without_a_signal_is_refused(fmu_folder: Path) -> None:
     ids=["component", "signal", "no component"],
 )
 def test_unknown_names_in_our_annotation_are_reported(
-    before: str, after: str, notes: list[str], fmu_folder: Path
+    before: str, after: str, notes: list[str], bonded: Path
 ) -> None:
-    scenario = load("lift", fmus=fmu_folder, bonds={"axis": "lift.plant.tau_m * lift.plant.v_L"})
-    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
-        archive.extractall("unpacked")
-    assert not load("unpacked").notes
-    document = Path("unpacked/SystemStructure.ssd")
+    document = bonded / "SystemStructure.ssd"
     assert before in document.read_text()
-    document.write_text(document.read_text().replace(before, after))
-    (note,) = load("unpacked").notes
+    document.write_text(document.read_text().replace(before, after, 1))
+    (note,) = load(bonded).notes
     assert all(words in note for words in notes)
 
 
-def test_two_bonds_of_one_name_are_refused(fmu_folder: Path) -> None:
-    power = "lift.plant.tau_m * lift.plant.v_L"
-    scenario = load("lift", fmus=fmu_folder, bonds={"axis": power, "other": power})
-    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
-        archive.extractall("unpacked")
-    document = Path("unpacked/SystemStructure.ssd")
-    document.write_text(document.read_text().replace('name="other"', 'name="axis"'))
-    with pytest.raises(CommandError, match="two power bonds have the name 'axis'"):
-        load("unpacked")
-
-
-def test_a_replaced_component(fmu_folder: Path, foreign_plant: Path) -> None:
-    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
-    files = there_and_back("study", fmu_folder, *options)
-    assert "resources/lift_plant.ssm" in files
-    found = understood(Path("second.ssp"))
-    plant = found.system.component("lift.plant")
-    assert plant.aliases["start.x_L"].variable == "Screw.Start_mm"
-    assert found.values("lift.plant")["Screw.Start_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
-    assert found.values("lift.plant")["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
-
-
-def test_one_name_with_a_value_for_each_component(fmu_folder: Path) -> None:
-    step, force = "solver.internal_step", "model.A_eq"
-    options = ["--set", f"lift.plant.{step}=3e-5", "--set", f"tilt.controller.{force}=0.0456"]
-    there_and_back("study", fmu_folder, *options)
-    found = understood(Path("second.ssp"))
-    assert found.values("lift.plant")[step] == 3e-5
-    assert step not in found.values("lift.controller")
-    assert found.values("tilt.controller")[force] == 0.0456
-    assert found.values("tilt.observer")[force] != 0.0456
-
-
-def test_what_is_read_is_what_was_exported(fmu_folder: Path) -> None:
-    """Names, connections and values."""
-    export("study", "first.ssp", fmu_folder)
-    study = load("study", fmus=fmu_folder)
-    system, fmus = prepare_system(study.system, study.options, Progress())
-    interfaces = {name: read_interface(file) for name, file in fmus.items()}
-    expected, found = resolve_system(system, interfaces), understood(Path("first.ssp")).plain
-    assert found.connections == expected.connections
-    assert {c.name: c.parameters for c in found.components} == {
-        c.name: c.parameters for c in expected.components
-    }
-
-
-def test_a_variable_set_by_the_name_of_the_fmu(fmu_folder: Path, foreign_plant: Path) -> None:
-    """Our name for it is another one, which the mapping then leaves out."""
-    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
-    export("lift", "first.ssp", fmu_folder, *options)
-    export("first.ssp", "second.ssp", fmu_folder, "--set", "lift.plant.Motor.Rs_mOhm=77")
-    export("second.ssp", "third.ssp", fmu_folder)
-    assert Path("second.ssp").read_bytes() == Path("third.ssp").read_bytes()
-    assert understood(Path("third.ssp")).values("lift.plant")["Motor.Rs_mOhm"] == 77.0
-
-
-def test_a_value_of_a_replaced_component_that_is_no_number(fmu_folder: Path, foreign_plant: Path) -> None:
-    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
-    more = ["--set", "lift.plant.motor.R_s=much", "--fmus", str(fmu_folder)]
-    result = CliRunner().invoke(app, ["export", "lift", "first.ssp", *options, *more])
-    assert result.exit_code == 2, result.output
-    assert "lift.plant.motor.R_s = much is not a number." in result.stderr
-
-
-def test_files_of_strange_names(fmu_folder: Path, foreign_plant: Path) -> None:
-    folder(Path("strange"), **{"Plant #1 100%__fmu": foreign_plant})
-    options = ["--replace", "lift.plant=strange/Plant #1 100%.fmu", "--mapping", f"lift.plant={MAPPING}"]
-    files = there_and_back("lift", fmu_folder, *options)
-    assert "resources/Plant__1_100_.fmu" in files
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        (' flow="lift.plant.v_L"', "", "the Bond has no 'flow'"),
+        ('name="other"', 'name="axis"', "two power bonds have the name 'axis'"),
+    ],
+)
+def test_invalid_bonds(before: str, after: str, message: str, bonded: Path) -> None:
+    document = bonded / "SystemStructure.ssd"
+    document.write_text(document.read_text().replace(before, after))
+    with pytest.raises(CommandError, match=message):
+        load(bonded)

@@ -4,7 +4,6 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import polars
 import pytest
 from pyssp_standard.ssd import SSD
@@ -19,16 +18,14 @@ from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from fmublock import Block, Input, Output
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import ROOT
+from tests.support.hand_written_fmus import build_all_types_3_fmu
 from tests.support.ssp_documents import (
     binding,
     component,
     connection,
     entry,
-    folder,
     linear,
-    ssd,
+    rooted,
     ssm,
     ssv,
     system,
@@ -52,9 +49,7 @@ class Pair(Block):
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     path = tmp_path_factory.mktemp("fmus")
-    third = build_handwritten_fmu(
-        path / "Third.fmu", ROOT / "tests" / "support" / "fmi3" / "fmi3.c", platform=fmpy.platform_tuple
-    )
+    third = build_all_types_3_fmu(path / "Third.fmu")
     return {
         "Third": third,
         "Pair": fmublock.build(Pair, path / "Pair.fmu"),
@@ -76,13 +71,13 @@ def third(name: str, bindings: str = "", *more: str, matrix: str = MATRIX) -> st
         *(connector(f"{t}_{d}", k, t) for t in TYPES for d, k in (("in", "input"), ("out", "output"))),
         *more,
     ]
-    text = component(name, "Third.fmu", bindings=bindings)
-    group = f"<ssd:Connectors>{''.join(ports)}</ssd:Connectors>"
-    return (
-        text.replace("<ssd:ParameterBindings>", f"{group}<ssd:ParameterBindings>")
-        if bindings
-        else text.replace("></ssd:Component>", f">{group}</ssd:Component>")
-    )
+    return with_connectors(component(name, "Third.fmu", bindings=bindings), *ports)
+
+
+def with_connectors(text: str, *ports: str) -> str:
+    """The element with these connectors in front of what it has."""
+    head, rest = text.split(">", 1)
+    return f"{head}><ssd:Connectors>{''.join(ports)}</ssd:Connectors>{rest}"
 
 
 def wire(start: str, end: str, inside: str = "", **indices: str) -> str:
@@ -107,16 +102,12 @@ TWO_BY_TWO = '<ssc:Dimension size="2"/><ssc:Dimension size="2"/>'
 def written(path: Path, fmus: dict[str, Path], *parts: str, **more: Any) -> Path:
     """A folder with a system of these parts, and all FMUs."""
     files = {f"{name}__fmu": file for name, file in fmus.items()}
-    return folder(path / "ssp", root=ssd(system("root", *parts, **more), version="2.0"), **files)
+    return rooted(path, *parts, files=files, version="2.0", **more)
 
 
 def run(what: Path | System, **options: Any) -> ec.Result:
     with ec.load(what, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
         return simulation.run()
-
-
-def columns(found: ec.Result) -> dict[str, list[float]]:
-    return {name: list(found[name]) for name in found.names}
 
 
 def test_whole_arrays_elements_and_values(fmus: dict[str, Path], tmp_path: Path) -> None:
@@ -146,14 +137,12 @@ def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp
     vector = '<ssc:Dimension size="2"/>'
 
     def pair(name: str, source: str) -> str:
-        ports = connector("u", "input", inside=vector) + connector("y", "output", inside=vector)
-        return component(name, source).replace(
-            "></ssd:Component>", f"><ssd:Connectors>{ports}</ssd:Connectors></ssd:Component>"
-        )
+        ports = connector("u", "input", inside=vector), connector("y", "output", inside=vector)
+        return with_connectors(component(name, source), *ports)
 
     inner = system("s", pair("three", "Pair3.fmu"), wire("in", "three.u"), wire("three.y", "out"))
-    ports = connector("in", "input", inside="<ssc:Dimension/>") + connector("out", "output", inside=vector)
-    inner = inner.replace("<ssd:Elements>", f"<ssd:Connectors>{ports}</ssd:Connectors><ssd:Elements>")
+    ports = connector("in", "input", inside="<ssc:Dimension/>"), connector("out", "output", inside=vector)
+    inner = with_connectors(inner, *ports)
     path = written(
         tmp_path,
         fmus,
@@ -177,14 +166,13 @@ def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tm
         third("t"),
         wire("in", "t.u", startIndices="1 2", endIndices="2 2"),
         wire("t.y", "out", startIndices="2 2", endIndices="2 1"),
-    ).replace(
-        "<ssd:Elements>",
-        f"<ssd:Connectors>{connector('in', 'input', inside=matrix)}"
-        f"{connector('out', 'output', inside=matrix)}</ssd:Connectors><ssd:Elements>",
     )
-    reference = (
-        '<ssd:SignalDictionaryReference name="NAME" dictionary="bus"><ssd:Connectors>'
-        f"{connector('signal', 'inout', inside=matrix)}</ssd:Connectors></ssd:SignalDictionaryReference>"
+    inner = with_connectors(
+        inner, connector("in", "input", inside=matrix), connector("out", "output", inside=matrix)
+    )
+    reference = with_connectors(
+        '<ssd:SignalDictionaryReference name="NAME" dictionary="bus"></ssd:SignalDictionaryReference>',
+        connector("signal", "inout", inside=matrix),
     )
     path = written(
         tmp_path,
@@ -226,16 +214,14 @@ def test_replaced_components_keep_the_names_of_elements(fmus: dict[str, Path], t
 def test_documents_of_version_1_name_elements_or_whole_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
     ports = "u:input u[1,1]:input:Real y:output y[2,2]:output:Real UInt64_in:input:Integer x:output:Real"
     given = binding(ssv(**{"gain[2,2]": 7.0, "UInt64_in": 5}))
-    root = system(
-        "root",
+    parts = (
         component("a", "Third.fmu", ports, given),
         component("b", "Third.fmu", ports),
         component("c", "Third.fmu", ports),
         connection("a.y -> b.u"),
         connection("a.y[2,2] -> c.u[1,1]"),
     )
-    path = folder(tmp_path / "ssp", root=ssd(root), Third__fmu=fmus["Third"])
-    found = run(path)
+    found = run(rooted(tmp_path, *parts, files={"Third__fmu": fmus["Third"]}))
     assert found["b.y[2,2]"][-1] == 4 * 7.0 * 0.5
     assert found["c.y[1,1]"][-1] == 7.0 * 0.5
     assert found["a.UInt64_out"][-1] == 5

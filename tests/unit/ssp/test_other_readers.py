@@ -1,0 +1,350 @@
+"""Exported packages as other tools read them: pyssp_standard with the schemas, and OMSimulator 3.0.0.
+
+OMSimulator refuses elements that it does not know, stops reading a parameter set at the first name that the
+component does not have, reads no system without its step size, and accepts only identifiers as names.
+"""
+
+import re
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from pyssp_standard.ssd import SSD
+from pyssp_standard.ssd import System as TheirSystem
+from pyssp_standard.ssm import SSM
+from pyssp_standard.ssv import SSV
+from pyssp_standard.standard import ModelicaStandard
+
+import emla_cosim as ec
+import emla_cosim.ssp.documents
+from emla_cosim import Fault
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.ssp.documents.parameter_sets import parse_mapping, parse_parameter_set
+from emla_cosim.ssp.documents.ssd_data import ComponentElement, FileReference, SystemElement
+from emla_cosim.ssp.documents.ssd_reader import parse_structure
+from emla_cosim.ssp.reader.flat_document import read_ssp
+from tests.support.paths import FOREIGN_MAPPING, ROOT
+from tests.support.tiers import mostly_slow
+
+SCHEMAS = Path(emla_cosim.ssp.documents.__file__).parent / "schemas"
+STANDARD = "http://ssp-standard.org/SSP1/SystemStructure"
+NAMESPACES = {
+    "ssd": f"{STANDARD}Description",
+    "ssc": f"{STANDARD}Common",
+    "ssv": f"{STANDARD}ParameterValues",
+    "ssm": f"{STANDARD}ParameterMapping",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+}
+
+
+def unpack(scenario: ec.Scenario, folder: Path) -> Path:
+    """The files of a scenario's package, and the package as x.ssp."""
+    with zipfile.ZipFile(scenario.export(folder / "x.ssp")) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def package(fmu_folder: Path, foreign_plant: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The printed study, which has Booleans, with a plant of another author; unpacked."""
+    replaced = {"tilt.plant": {"fmu": foreign_plant, "mapping": FOREIGN_MAPPING}}
+    return unpack(ec.load("published", fmus=fmu_folder, replace=replaced), tmp_path_factory.mktemp("package"))
+
+
+# ---- pyssp_standard ----------------------------------------------------------------------------
+
+
+def test_all_files_are_valid(package: Path) -> None:
+    for kind, reader, least in (("ssd", SSD, 1), ("ssv", SSV, 15), ("ssm", SSM, 1)):
+        files = list(package.rglob(f"*.{kind}"))
+        assert len(files) >= least
+        for file in files:
+            with reader(file) as document:
+                document.__check_compliance__()
+
+
+def test_schemas_are_those_of_the_standard() -> None:
+    """Except line breaks inside tags."""
+    compared = 0
+    for version, suffix in (("1.0", ""), ("2.0", "2")):
+        for kind in ("ssc", "ssd", "ssm", "ssv"):
+            theirs = Path(ModelicaStandard.schemas[f"{kind}{suffix}"])
+            ours = SCHEMAS / version / theirs.name
+            texts = [ElementTree.canonicalize(from_file=file) for file in (ours, theirs)]
+            assert texts[0] == texts[1], ours
+            compared += 1
+    assert len(list(SCHEMAS.rglob("*.xsd"))) == compared
+
+
+CONVERTED: dict[str, Callable[[str], Any]] = {"Real": float, "Integer": int, "Boolean": "true".__eq__}
+
+
+def theirs(system: TheirSystem) -> dict[str, Any]:
+    """A system as pyssp_standard reads it: connectors and connections, and those of its elements by name."""
+    elements = {}
+    for e in system.elements:
+        if isinstance(e, TheirSystem):
+            elements[e.name] = theirs(e)
+        else:
+            bindings = [
+                (b.source, b.parameter_mapping.source if b.parameter_mapping else None)
+                for b in e.parameter_bindings or ()
+            ]
+            elements[e.name] = (e.source, [(c.name, c.kind, c.type_.unit) for c in e.connectors], bindings)
+    return {
+        "connectors": [(c.name, c.kind, c.type_.unit) for c in system.connectors],
+        "connections": list(map(ends, system.connections)),
+        "elements": elements,
+    }
+
+
+def ours(system: SystemElement) -> dict[str, Any]:
+    """The same of our reader."""
+    elements: dict[str, Any] = {}
+    for e in system.elements:
+        if isinstance(e, SystemElement):
+            elements[e.name] = ours(e)
+        elif isinstance(e, ComponentElement):
+            bindings = [(source(b.values), source(b.mapping)) for b in e.bindings]
+            elements[e.name] = (e.source, connectors(e), bindings)
+    return {
+        "connectors": connectors(system),
+        "connections": list(map(ends, system.connections)),
+        "elements": elements,
+    }
+
+
+def ends(connection: Any) -> tuple[str, ...]:
+    x = connection
+    return x.start_element, x.start_connector, x.end_element, x.end_connector
+
+
+def connectors(element: ComponentElement | SystemElement) -> list[tuple[str, str, str | None]]:
+    return [(c.name, c.kind, c.unit.name if c.unit else None) for c in element.connectors]
+
+
+def source(content: object) -> str | None:
+    return content.source if isinstance(content, FileReference) else None
+
+
+def units(element: Any) -> set[str]:
+    inside = [units(e) for e in getattr(element, "elements", ())]
+    return {c.unit.name for c in element.connectors if c.unit is not None}.union(*inside)
+
+
+def test_structures_are_the_same(package: Path) -> None:
+    file = package / "SystemStructure.ssd"
+    with SSD(file) as document:
+        found = parse_structure(file.read_bytes(), file.name)
+        assert ours(found.system) == theirs(document.system)
+        assert set(document.units.units) == units(found.system)
+        assert (document.name, document.default_experiment.stop_time) == (found.name, found.stop_time)
+    assert len(elements(package, "Component")) == 15
+
+
+def their_values(file: Path) -> dict[str, tuple[str, str, str | None]]:
+    """Type, value and unit of each parameter as pyssp_standard reads them."""
+    found = {}
+    with SSV(file) as document:
+        for p in document.parameters:
+            given = p["type_value"].parameter
+            found[p["name"]] = p["type_name"], given["value"], given.get("unit")
+        assert {u for _, _, u in found.values() if u} == set(document.units.units)
+    return found
+
+
+def test_parameters_are_the_same(package: Path) -> None:
+    for file in package.rglob("*.ssv"):
+        found = parse_parameter_set(file.read_bytes(), file.name).parameters
+        read = [(p.name, (p.type, p.value, p.unit and p.unit.name)) for p in found]
+        assert read == [(n, (t, CONVERTED[t](v), u)) for n, (t, v, u) in their_values(file).items()]
+
+
+def test_mappings_are_the_same(package: Path) -> None:
+    (file,) = package.rglob("*.ssm")
+    with SSM(file) as document:
+        expected = [(e.source, e.target, e.suppress_unit_conversion, at_two(e)) for e in document.mappings]
+    found = [
+        (e.source, e.target, str(e.suppress_unit_conversion).lower(), x and x(2.0))
+        for e in parse_mapping(file.read_bytes(), file.name)
+        for x in (e.transformation,)
+    ]
+    assert found == expected
+
+
+def at_two(entry: Any) -> float | None:
+    """What the transformation of an entry makes of 2."""
+    if entry.transformation is None:
+        return None
+    given = entry.transformation.transformation
+    return float(given["factor"]) * 2.0 + float(given.get("offset") or 0.0)
+
+
+def test_values_are_those_of_the_sets(package: Path) -> None:
+    """What the standard makes of the files that pyssp_standard reads, for components without a mapping."""
+    with SSD(package / "SystemStructure.ssd") as document, read_ssp(package / "x.ssp") as found:
+        leaves = dict(flat(document.system, ()))
+        for component in found.system.components:
+            element = leaves[component.name.replace(".", "_")]
+            (bound,) = element.parameter_bindings
+            if bound.parameter_mapping is not None:
+                assert component.name == "tilt.plant"
+                continue
+            interface = read_interface(package / element.source)
+            driven = {x.input for x in found.system.connections if x.target == component.name}
+            assert component.parameters == {
+                name: CONVERTED[type_](value)
+                for name, (type_, value, _) in their_values(package / bound.source).items()
+                if name in interface.variables and interface.is_settable(name) and name not in driven
+            }
+
+
+def flat(system: TheirSystem, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    for element in system.elements:
+        inside = (*path, element.name)
+        if isinstance(element, TheirSystem):
+            yield from flat(element, inside)
+        else:
+            yield "_".join(inside), element
+
+
+# ---- OMSimulator -------------------------------------------------------------------------------
+
+OF_COMPONENT = {"Connectors", "ElementGeometry", "ParameterBindings"}
+KNOWN = {"System": OF_COMPONENT | {"Elements", "Connections", "Annotations"}, "Component": OF_COMPONENT}
+"""The elements that it reads inside a system and a component."""
+IDENTIFIER = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
+"""Its `ComRef::isValidIdent`."""
+TYPES = {"Real", "Integer", "Boolean"}
+"""The types of parameters that it reads; it logs an error for all others, and runs without them."""
+STEP_SIZE = (
+    "ssd:Annotations/ssc:Annotation[@type='org.openmodelica']/oms:Annotations"
+    "/oms:SimulationInformation/oms:FixedStepMaster"
+)
+
+
+def elements(package: Path, kind: str) -> list[ElementTree.Element]:
+    """All systems or components of the package."""
+    found = ElementTree.parse(package / "SystemStructure.ssd").findall(f".//ssd:{kind}", NAMESPACES)
+    assert found
+    return found
+
+
+def local(element: ElementTree.Element) -> str:
+    return element.tag.rpartition("}")[2]
+
+
+def files(component: ElementTree.Element) -> Iterator[tuple[str, str | None]]:
+    """The parameter sets that a component names, each with its mapping."""
+    for binding in component.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
+        mapping = binding.find("ssd:ParameterMapping", NAMESPACES)
+        yield binding.attrib["source"], None if mapping is None else mapping.attrib["source"]
+
+
+@pytest.mark.parametrize("kind", KNOWN)
+def test_elements_are_supported(package: Path, kind: str) -> None:
+    for element in elements(package, kind):
+        assert {local(e) for e in element} <= KNOWN[kind], element.get("name")
+
+
+def test_system_has_its_step_size(package: Path) -> None:
+    (system,) = elements(package, "System")  # it has no fixed steps in systems inside of another
+    (master,) = system.findall(STEP_SIZE, NAMESPACES)
+    assert float(master.attrib["stepSize"]) == 5e-6
+
+
+def test_each_component_has_its_own_set_of_names_that_it_has(package: Path) -> None:
+    sources, mappings = [], 0
+    for component in elements(package, "Component"):
+        interface = read_interface(package / component.attrib["source"])
+        ((source, mapping),) = files(component)
+        tree = ElementTree.parse(package / source)
+        names = [p.attrib["name"] for p in tree.findall("ssv:Parameters/ssv:Parameter", NAMESPACES)]
+        if mapping is not None:
+            mappings += 1
+            entries = ElementTree.parse(package / mapping).findall("ssm:MappingEntry", NAMESPACES)
+            targets = {e.attrib["source"]: e.attrib["target"] for e in entries}
+            names = [targets[name] for name in names]
+        assert names
+        assert [n for n in names if n not in interface.variables or not interface.is_settable(n)] == []
+        sources.append(source)
+    assert mappings == 1
+    assert len(sources) == len(set(sources)) == 15
+    assert {f"resources/{f.name}" for f in package.rglob("*.ssv")} == set(sources)
+
+
+_NAMES = """study study-drive study-compliant lift tilt telescope prototype published published-true-states
+experiment-1 experiment-2 hdrm-replay hdrm-coupled hdrm-merged"""
+BUILT_IN = _NAMES.split()
+FAULTS = {
+    "freeze": Fault("lift.plant.x_measured", "freeze", 0.001),
+    "offset": Fault("lift.plant.x_measured", "offset", 0.001, 0.0005, 1e-6),
+    "gain": Fault("lift.observer.y", "gain", 0.001, value=0.999),
+    "constant": Fault("lift.plant.d_2", "constant", 0.001, value=0.1),
+}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in BUILT_IN}
+CASES |= {f"{kind} fault": ("lift", {"fault": [fault]}) for kind, fault in FAULTS.items()}
+CASES |= {
+    "published gains": ("study-drive", {"gains": "published"}),
+    "commanded current": ("lift", {"set": {"lift.plant.use_commanded_current": True}}),
+    "input": ("lift", {"input": "load.csv"}),
+    "actuator": ("prototype", {"actuator": {"prototype": "axis.toml"}}),
+}
+
+
+def test_cases_are_all_built_in_scenarios() -> None:
+    ec.load("lift")
+    assert set(SCENARIOS) == set(BUILT_IN)
+
+
+def prepared(case: str, folder: Path, **more: Any) -> ec.Scenario:
+    """The scenario of a case, with the files that it reads."""
+    name, options = CASES[case]
+    if "input" in options:
+        table = folder / "load-force.csv"
+        table.write_text("time,force in N\n0,1000\n0.001,2000\n0.01,1500\n")
+        options = {"input": [f"{table}:lift.plant.F_L=force in N"]}
+    if "actuator" in options:
+        options = {"actuator": {"prototype": ROOT / "docs" / "actuator.toml"}}
+    return ec.load(name, **options, **more)
+
+
+BY_DEFAULT = ["study-compliant", "lift", "hdrm-coupled", "freeze fault", "commanded current", "input"]
+
+
+@pytest.mark.parametrize("case", mostly_slow(CASES, BY_DEFAULT))
+def test_package_of_a_scenario(case: str, fmu_folder: Path, tmp_path: Path) -> None:
+    """All tools can read its names and parameters; its run has the same bits as that of the scenario."""
+    original = prepared(case, tmp_path, fmus=fmu_folder)
+    package = unpack(original, tmp_path)
+    parts = elements(package, "Component")
+    root = ElementTree.parse(package / "SystemStructure.ssd").getroot()
+    names = [e.attrib["name"] for e in (root, *elements(package, "System"), *parts)]
+    assert [name for name in names if not IDENTIFIER.fullmatch(name)] == []
+    assert len({part.attrib["name"] for part in parts}) == len(parts)
+    for part in parts:
+        interface = read_interface(package / part.attrib["source"])
+        ports = part.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
+        assert {c.attrib["name"] for c in ports} <= interface.variables.keys()
+        for values, mapping in files(part):
+            assert mapping is None
+            for parameter in ElementTree.parse(package / values).iterfind(".//ssv:Parameter", NAMESPACES):
+                (value,), name = parameter, parameter.attrib["name"]
+                assert interface.variables[name].type == local(value)
+                assert local(value) in TYPES and interface.is_settable(name)
+
+    read = ec.load(package / "x.ssp")
+    assert read.name == original.name and read.notes == ()
+    step, algorithm = original.options.step_size, original.options.algorithm
+    times = {"stop_time": float(f"{20 * step:.12g}"), "output_interval": step}
+    with original.prepare() as simulation:
+        expected = simulation.attempt(**times)  # the printed gains diverge on a drive
+    with read.prepare(algorithm=algorithm, **original.options.own) as simulation:
+        found = simulation.attempt(**times)
+    assert found.signals.keys() == expected.signals.keys()
+    for signal in expected.signals:
+        assert found[signal].tobytes() == expected[signal].tobytes(), signal
