@@ -46,6 +46,14 @@ class Pair(Block):
         return {"y": [v.u[0] + 1.0, v.u[1] + 1.0]}
 
 
+class Scalar(Block):
+    u = Input()
+    y = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": v.u}
+
+
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     path = tmp_path_factory.mktemp("fmus")
@@ -54,6 +62,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "Third": third,
         "Pair": fmublock.build(Pair, path / "Pair.fmu"),
         "Pair3": fmublock.build(Pair, path / "Pair3.fmu", fmi=3),
+        "Scalar": fmublock.build(Scalar, path / "Scalar.fmu"),
     }
 
 
@@ -426,16 +435,7 @@ def test_another_reader_accepts_it(exported: tuple[Path, Path], tmp_path: Path) 
 def test_the_oldest_version_that_suffices(
     connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
 ) -> None:
-    class Scalar(Block):
-        u = Input()
-        y = Output()
-
-        def outputs(self, v: Any) -> dict[str, Any]:
-            return {"y": v.u}
-
-    made = System.of(
-        {"a": fmus["Third"], "b": fmublock.build(Scalar, tmp_path / "Scalar.fmu")}, connections, given
-    )
+    made = System.of({"a": fmus["Third"], "b": fmus["Scalar"]}, connections, given)
     ec.load(made, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
         texts = [archive.read(n).decode() for n in archive.namelist() if n.endswith((".ssd", ".ssv"))]

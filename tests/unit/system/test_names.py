@@ -1,4 +1,4 @@
-"""Names with the special characters of every format: they come out as they went in, or are refused."""
+"""Names with the special characters of every format are read as they were written, or are refused."""
 
 import csv
 import json
@@ -20,60 +20,43 @@ from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few
 from tests.support.tiers import mostly_slow
 
-NAMES = (
-    'a","b',
-    "it's [red]x[/red]",
-    "[/",
-    "<&amp;>]]><!--",
-    "back\\n{0}%s\\",
-    "$x^2$ and \\frac{",
-    "_hidden",
-    "ünïcödé 电 😀",
-    "=1+1",
-    " blank ",
-    "*?[x]#",
-    "a -> b",
-    "--option",
-    "/abs/olute",
-    "x=y:z",
-    "time",
-)
+QUOTED = 'a","b it\'s [red]x[/red]'
+MATHS = ["$x^2$ and \\frac{", "_hidden", "ünïcödé 电 😀"]
+"""Names that pictures may take for formulas, for what is to be hidden, and that a font may lack."""
+PATTERNS = [QUOTED, "[/", "back\\n{0}%s\\", "*?[x]#", "--option"]
+"""Names that a terminal, a command or a search may take for something else."""
+NAMES = (*MATHS, *PATTERNS, "<&amp;>]]><!--", " =1+1 blank ", "a -> b", "/abs/x=y:z", "time")
 UNSEEN = ("tab\there", "line\nbreak", "nul\0", "\x1b[31m", "\ud800", "\u2028")
 
 
-def renamed(name: str) -> ec.System:
-    """The lift under another name."""
+def renamed(*names: str) -> ec.System:
+    """A lift of each name, all in one system."""
     system = ec.load("lift").system
 
-    def called(component: str) -> str:
+    def called(component: str, name: str) -> str:
         return f"{name}.{component.removeprefix('lift.')}"
 
     return ec.System(
-        tuple(replace(c, name=called(c.name)) for c in system.components),
-        tuple(replace(x, source=called(x.source), target=called(x.target)) for x in system.connections),
+        tuple(replace(c, name=called(c.name, n)) for n in names for c in system.components),
+        tuple(
+            replace(x, source=called(x.source, n), target=called(x.target, n))
+            for n in names
+            for x in system.connections
+        ),
     )
 
 
-def scenario(name: str, fmus: Path) -> Scenario:
-    return ec.load(renamed(name), stop_time=0.01, step_size=1e-4, fmus=fmus)
-
-
-def joined(fmus: Path) -> Scenario:
-    """A lift of each name, all in one system."""
-    parts = [renamed(name) for name in NAMES]
-    system = ec.System(
-        tuple(c for part in parts for c in part.components),
-        tuple(x for part in parts for x in part.connections),
-    )
-    return ec.load(system, stop_time=0.01, step_size=1e-4, fmus=fmus)
+def scenario(fmus: Path, *names: str) -> Scenario:
+    return ec.load(renamed(*names), stop_time=0.002, step_size=1e-4, fmus=fmus)
 
 
 SET = {f"{name}.plant.motor.R_s": 0.15 for name in NAMES}
 POSITIONS = [f"{name}.plant.x_L" for name in NAMES]
 
 
-def test_tables_and_records(fmu_folder: Path, tmp_path: Path) -> None:
-    with joined(fmu_folder).prepare() as simulation:
+def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
+    original = scenario(fmu_folder, *NAMES)
+    with original.prepare() as simulation:
         result = simulation.run(set=SET)
         simulation.run(recorders=[ParquetFile(tmp_path / "r.parquet")], signals=POSITIONS)
     expected = ["time", *result.names]
@@ -90,22 +73,26 @@ def test_tables_and_records(fmu_folder: Path, tmp_path: Path) -> None:
     assert units == {"time": "s", **dict.fromkeys(POSITIONS, "m")}
     assert list(json.loads((tmp_path / "metrics.json").read_text())["joints"]) == list(NAMES)
     record = json.loads((tmp_path / "run.json").read_text())
-    assert list(record["components"]) == [c.name for name in NAMES for c in renamed(name).components]
+    assert list(record["components"]) == [c.name for c in original.system.components]
     assert record["settings"]["set"] == SET
 
+    back = ec.load(original.export(tmp_path / "x.ssp", set=SET))
+    assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
+    assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
+    assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)
+    found = back.prepare().run()
+    for position in POSITIONS:
+        assert np.array_equal(found[position], result[position]), position
 
-MATHS = ["$x^2$ and \\frac{", "_hidden", "ünïcödé 电 😀"]
-"""Names that pictures may take for formulas, for what is to be hidden, and that a font may lack."""
 
-
-@pytest.mark.parametrize("name", mostly_slow(NAMES, MATHS))
+@pytest.mark.parametrize("name", mostly_slow(MATHS, MATHS[:2]))
 @pytest.mark.filterwarnings("error")
 def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     draw_few(monkeypatch)
     drawn: list[Any] = []
     save = emla_cosim.views.folder.save
     monkeypatch.setattr(emla_cosim.views.folder, "save", lambda *a: (drawn.append(a[0]), save(*a)))
-    run = scenario(name, fmu_folder).prepare().run()
+    run = scenario(fmu_folder, name).prepare().run(stop_time=0.01)
     run.save(tmp_path, plots=True)
     assert (tmp_path / "tracking.png").read_bytes().endswith(b"IEND\xaeB`\x82")
     assert [figure.axes[0].get_title() for figure in drawn] == [name] * DRAWN
@@ -119,24 +106,9 @@ def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pyte
     assert not any(text.get_parse_math() for text in (*legend, figure._suptitle))
 
 
-def test_packages(fmu_folder: Path, tmp_path: Path) -> None:
-    original = joined(fmu_folder)
-    back = ec.load(original.export(tmp_path / "x.ssp", set=SET))
-    assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
-    assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
-    assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)
-    found, expected = back.prepare().run(stop_time=0.002), original.prepare().run(set=SET, stop_time=0.002)
-    for position in POSITIONS:
-        assert np.array_equal(found[position], expected[position]), position
-
-
-PATTERNS = ["it's [red]x[/red]", "[/", "back\\n{0}%s\\", "*?[x]#", "--option"]
-"""Names that a terminal, a command or a search may take for something else."""
-
-
-@pytest.mark.parametrize("name", mostly_slow(NAMES, PATTERNS))
+@pytest.mark.parametrize("name", mostly_slow(PATTERNS, [QUOTED, "*?[x]#", "--option"]))
 def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
-    scenario(name, fmu_folder).export(tmp_path / "x.ssp")
+    scenario(fmu_folder, name).export(tmp_path / "x.ssp")
     key = json.dumps(f"{name}.plant.motor.R_s", ensure_ascii=False)  # as TOML quotes it too
     text = f'system = "x.ssp"\nstop_time = 0.01\nplots = false\n[set]\n{key} = 0.15\n'
     (tmp_path / "my.toml").write_text(text, encoding="utf-8")
@@ -151,23 +123,23 @@ def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path
 
 
 @pytest.mark.parametrize("name", UNSEEN)
-def test_what_cannot_be_seen_is_no_name(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+def test_names_with_control_characters_are_refused(name: str, fmu_folder: Path, tmp_path: Path) -> None:
     for use in (lambda s: s.prepare(), lambda s: s.export(tmp_path / "x.ssp")):
         with pytest.raises(ec.CommandError) as refused:
-            use(scenario(name, fmu_folder))
+            use(scenario(fmu_folder, name))
         assert str(refused.value) == (
             f"the component {f'{name}.reference'!r} needs another name: one line, without control characters."
         )
 
 
-def test_what_xml_cannot_hold_is_told(fmu_folder: Path, tmp_path: Path) -> None:
-    odd = replace(scenario("lift", fmu_folder), description="rings a bell: \a")
+def test_description_that_xml_cannot_contain(fmu_folder: Path, tmp_path: Path) -> None:
+    odd = replace(scenario(fmu_folder, "lift"), description="rings a bell: \a")
     with pytest.raises(ec.CommandError, match=r"^the description 'rings a bell: \\x07' has a character that"):
         odd.export(tmp_path / "x.ssp")
 
 
-def test_a_header_of_several_lines_is_read(tmp_path: Path) -> None:
-    """As variables of foreign FMUs may bring about."""
+def test_header_of_several_lines_is_read(tmp_path: Path) -> None:
+    """Variables of other tools' FMUs may have such names."""
     names = ["time", 'say "x"', 'a"\n,"\r\nb', "c"]
     with (tmp_path / "r.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -1,9 +1,8 @@
-"""Start values from tables and lists: what FMUs get, and what runs that are made again get."""
+"""Start values from tables and lists: what FMUs get, and what repeated runs get."""
 
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,73 +40,62 @@ SAME = {
     f"{WAYPOINT}[2]": 0.2433,
     "lift.plant.motor.R_s": 0.2,
 }
-SHORT = ("--stop-time", "0.006", "--no-plots")
 
 
 def given_by(system: Any) -> dict[str, Any]:
     return {f"{c.name}.{n}": v for c in system.components for n, v in c.parameters.items()}
 
 
-def values(fmu_folder: Path, *files: Path, **options: Any) -> dict[str, Any]:
+def values(fmu_folder: Path, *files: Path, system: Any = "lift", **options: Any) -> dict[str, Any]:
     """The start values that a system has when it is prepared."""
-    scenario = ec.load("lift", fmus=fmu_folder, parameters=list(files), **options)
+    scenario = ec.load(system, fmus=fmu_folder, parameters=list(files), **options)
     return given_by(prepare_system(scenario.system, scenario.options, Progress())[0])
 
 
-def recorded(folder: str) -> dict[str, Any]:
-    return json.loads(Path(folder, "run.json").read_text())
+def recorded(folder: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Settings and start values of a run."""
+    record = json.loads(Path(folder, "run.json").read_text())
+    components = record["components"].items()
+    return record["settings"], {f"{c}.{n}": v for c, x in components for n, v in x["parameters"].items()}
 
 
-def start_values(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {f"{c}.{n}": v for c, one in record["components"].items() for n, v in one["parameters"].items()}
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    (tmp_path / "levels.csv").write_text(TABLE)
+    return tmp_path / "levels.csv"
 
 
-def test_a_load_from_a_table_is_that_of_single_values_to_the_last_bit(
-    emla: Emla, fmu_folder: Path, tmp_path: Path
-) -> None:
-    Path("levels.csv").write_text(TABLE)
-    each = [part for name, value in SAME.items() for part in ("--set", f"{name}={value}")]
-    table = ("--parameters", "levels.csv")
-    for name, options in (("table", table), ("single", each), ("neither", ())):
-        assert emla("run", "lift", *SHORT, *options, "--output", name).exit_code == 0
-    results = {n: Path(n, "results.csv").read_bytes() for n in ("table", "single", "neither")}
-    assert results["table"] == results["single"] != results["neither"]
-    record, before = recorded("table"), start_values(recorded("neither"))
-    assert start_values(record) == before | SAME
+def test_table_gives_the_values_to_all_that_use_them(fmu_folder: Path, table: Path, tmp_path: Path) -> None:
+    """To runs, workers of sweeps, and packages; a package takes a table as well."""
+    before = values(fmu_folder)
+    assert values(fmu_folder, table) == values(fmu_folder, set=SAME) == before | SAME
+    scenario = ec.load("lift", fmus=fmu_folder, parameters=[table])
+    assert given_by(Preparation.of(scenario).system).items() >= SAME.items()
+    inside = scenario.export(tmp_path / "inside.ssp")
+    plain = ec.load("lift", fmus=fmu_folder).export(tmp_path / "plain.ssp")
+    assert values(fmu_folder, system=inside).items() >= SAME.items()
+    assert values(fmu_folder, table, system=plain).items() >= SAME.items()
+
+
+def test_run_records_the_table_and_rerun_notes_its_changes(emla: Emla, fmu_folder: Path, table: Path) -> None:
+    short = ("--stop-time", "0.006", "--no-plots", "--output", "table")
+    assert emla("run", "lift", *short, "--parameters", "levels.csv").exit_code == 0
+    settings_, found = recorded("table")
+    assert found.items() >= SAME.items()
     digest = hashlib.sha256(TABLE.encode()).hexdigest()
-    assert record["settings"]["parameters"] == [{"file": "levels.csv", "sha256": digest}]
+    assert settings_["parameters"] == [{"file": "levels.csv", "sha256": digest}]
     again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots")
-    assert (
-        again.exit_code == 0 and "to the last bit" in again.stdout and "Differences from" not in again.stdout
-    )
-    Path("levels.csv").write_text(TABLE.replace("42,7", "42,8"))
+    assert again.exit_code == 0 and "to the last bit" in again.stdout
+    assert "Differences from" not in again.stdout
+    table.write_text(TABLE.replace("42,7", "42,8"))
     again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots", "--output", "other")
     assert "the content of" in again.output and "levels.csv" in again.output
-    assert start_values(recorded("other"))[f"{LEVEL}[2]"] == 42.8e3
+    assert recorded("other")[1][f"{LEVEL}[2]"] == 42.8e3
 
 
-def test_a_package_has_the_values_and_takes_a_table_itself(emla: Emla, tmp_path: Path) -> None:
-    Path("levels.csv").write_text(TABLE)
-    assert emla("export", "lift", "lift.ssp", "--parameters", "levels.csv").exit_code == 0
-    assert emla("export", "lift", "plain.ssp").exit_code == 0
-    assert emla("run", "lift.ssp", *SHORT, "--output", "inside").exit_code == 0
-    assert emla("run", "plain.ssp", *SHORT, "--parameters", "levels.csv", "--output", "over").exit_code == 0
-    for name in ("inside", "over"):
-        assert start_values(recorded(name)).items() >= SAME.items()
-    first, second = (Path(n, "results.csv").read_bytes() for n in ("inside", "over"))
-    assert first == second
-
-
-def test_workers_of_a_sweep_get_the_values(fmu_folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "levels.csv").write_text(TABLE)
-    scenario = ec.load("lift", fmus=fmu_folder, parameters=[tmp_path / "levels.csv"])
-    assert given_by(Preparation.of(scenario).system).items() >= SAME.items()
-
-
-def test_the_fmu_has_what_stands_in_the_table(fmu_folder: Path, tmp_path: Path) -> None:
+def test_fmu_has_the_values_of_the_table(fmu_folder: Path, table: Path) -> None:
     """Read back by fmpy's own slave."""
-    (tmp_path / "levels.csv").write_text(TABLE)
-    found = values(fmu_folder, tmp_path / "levels.csv")
+    found = values(fmu_folder, table)
     fmu = fmu_path("Disturbance", "native", fmu_folder)
     model = read_model_description(str(fmu))
     references = {v.name: v.valueReference for v in model.modelVariables}
@@ -130,7 +118,7 @@ def test_the_fmu_has_what_stands_in_the_table(fmu_folder: Path, tmp_path: Path) 
     assert at_start == [30.1e3]
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     numbers=st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=6),
     form=st.sampled_from(["csv", "parquet"]),
@@ -146,20 +134,25 @@ def test_rows_are_elements_and_the_others_stay(
     assert after == before | {f"{LEVEL}[{i}]": n / 1e3 for i, n in enumerate(numbers, 1)}
 
 
-def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: Path) -> None:
-    one, two = tmp_path / "one.csv", tmp_path / "two.CSV"
-    one.write_text(f"{LEVEL}[2] [kN],lift.disturbance.d_2.seed,lift.disturbance.supply.depth [%]\n7,5,30\n")
-    two.write_text(f"{LEVEL}\n1\n2\n")
-    found = values(fmu_folder, one)
+def test_elements_whole_numbers_units_and_later_files(fmu_folder: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "one.csv", tmp_path / "two.CSV"
+    first.write_text(
+        f"{LEVEL}[2] in kN,lift.disturbance.d_2.seed,lift.disturbance.supply.depth [%]\n7,5,30\n"
+    )
+    second.write_text(f"{LEVEL}\n1\n2\n")
+    found = values(fmu_folder, first)
     assert (found[f"{LEVEL}[2]"], found["lift.disturbance.d_2.seed"]) == (7e3, 5)
     assert found["lift.disturbance.supply.depth"] == pytest.approx(0.3)
-    assert values(fmu_folder, one, two)[f"{LEVEL}[2]"] == 2.0
-    assert values(fmu_folder, two, one)[f"{LEVEL}[2]"] == 7e3
-    assert values(fmu_folder, two, set={f"{LEVEL}[*]": 9.0})[f"{LEVEL}[2]"] == 9.0
+    assert values(fmu_folder, first, second)[f"{LEVEL}[2]"] == 2.0
+    assert values(fmu_folder, second, first)[f"{LEVEL}[2]"] == 7e3
+    assert values(fmu_folder, second, set={f"{LEVEL}[*]": 9.0})[f"{LEVEL}[2]"] == 9.0
+
+
+DURATION = "lift.reference.move.duration"
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (f"{LEVEL}\n" + "1\n" * 7, f"'{LEVEL}' of the parameter table 'FILE' has a value in row 7, but"),
         (f"{LEVEL},{START}\n1,1\n,2\n3,3\n", f"'FILE' has nothing in row 2 of the column '{LEVEL}'"),
@@ -174,10 +167,7 @@ def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: P
         ("lift.disturbance.load.levle\n1\n", "no variable 'load.levle'; did you mean load.level"),
         ("lift.disturbanse.load.level\n1\n", "'FILE': there is no component 'lift.disturbanse'"),
         ("level\n1\n", "the column 'level' of the parameter table 'FILE': 'level' is not a variable"),
-        (
-            "lift.reference.move.duration\n1\n0\n",
-            "'FILE', row 2: lift.reference.move.duration[2] = 0 s is out",
-        ),
+        (f"{DURATION}\n1\n0\n", f"'FILE', row 2: {DURATION}[2] = 0 s is out"),
         ("lift.plant.tau_m\n1\n", "lift.plant.tau_m is computed by the FMU and cannot be set"),
         ("lift.plant.motor.R_s\n1\n2\n", "but lift.plant.motor.R_s has 1 element."),
         (f"{LEVEL}\n", f"the column '{LEVEL}' of the parameter table 'FILE' has no number"),
@@ -187,16 +177,16 @@ def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: P
         ("<a/>\n1\n", "'<a/>' is not a variable"),
     ],
 )
-def test_what_does_not_fit_is_one_sentence(fmu_folder: Path, tmp_path: Path, text: str, said: str) -> None:
+def test_invalid_tables(fmu_folder: Path, tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "levels.csv"
     file.write_text(text)
     with pytest.raises(ec.CommandError) as caught:
         values(fmu_folder, file)
-    assert said.replace("FILE", str(file)) in str(caught.value)
+    assert message.replace("FILE", str(file)) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_columns_of_anything_else_are_refused(fmu_folder: Path, tmp_path: Path) -> None:
+def test_invalid_parquet_files(fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "levels.parquet"
     for column in ([[1.0]], ["one"], [None], [float("nan")], [True]):
         polars.DataFrame({LEVEL: column}).write_parquet(file)
@@ -209,19 +199,13 @@ def test_columns_of_anything_else_are_refused(fmu_folder: Path, tmp_path: Path) 
         values(fmu_folder, tmp_path / "gone.csv")
 
 
-def test_a_list_sets_the_elements_of_an_array(emla: Emla, fmu_folder: Path) -> None:
-    Path("mine.toml").write_text(
+def test_list_sets_the_elements_of_an_array(fmu_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(
         f'system = "lift"\nstop_time = 0.001\n[set]\n"{LEVEL}" = ["30 kN", 4e4]\n"{START}" = [0, "2 ms"]\n'
     )
-    one_more = ("--set", f"{LEVEL}[2]=50 kN")
-    assert emla("run", "mine.toml", "--no-plots", *one_more, "--output", "out").exit_code == 0
-    record = recorded("out")
-    assert record["settings"]["set"][f"{LEVEL}[1]"] == "30 kN"
-    found = start_values(record)
+    found = values(fmu_folder, system=tmp_path / "mine.toml", set={f"{LEVEL}[2]": "50 kN"})
     assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 50e3]
     assert [found[f"{START}[{i}]"] for i in (1, 2)] == [0, 0.002]
-    again = emla("rerun", "out", "--fmus", str(fmu_folder), "--no-plots")
-    assert "to the last bit" in again.stdout
     for many in ([30e3, 40e3], (30e3, 40e3), np.array([30e3, 40e3])):
         found = values(fmu_folder, set={LEVEL: many})
         assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 40e3]
@@ -230,7 +214,7 @@ def test_a_list_sets_the_elements_of_an_array(emla: Emla, fmu_folder: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("many", "said"),
+    ("many", "message"),
     [
         ([], "must be a number"),
         ([[1.0, 2.0]], "no variable 'load.level[1,1]'"),
@@ -242,7 +226,7 @@ def test_a_list_sets_the_elements_of_an_array(emla: Emla, fmu_folder: Path) -> N
         (["30 kV"], "has the units kV and N"),
     ],
 )
-def test_lists_that_do_not_fit(fmu_folder: Path, many: list[Any], said: str) -> None:
+def test_invalid_lists(fmu_folder: Path, many: list[Any], message: str) -> None:
     with pytest.raises(ec.CommandError) as caught:
         ec.load("lift", fmus=fmu_folder, set={LEVEL: many}).prepare().close()
-    assert said in str(caught.value)
+    assert message in str(caught.value)

@@ -1,4 +1,4 @@
-"""Terminals of the FMUs: what belongs together connects in one go."""
+"""Terminals of the FMUs: connecting terminals of the same name wires a joint."""
 
 import zipfile
 from importlib.resources import files
@@ -12,6 +12,7 @@ from lxml import etree
 from emla_cosim.fmu.models import MODELS, fmu_path
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Connection
+from tests.support.tiers import mostly_slow
 
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 Terminals = dict[tuple[str, str], str]
@@ -28,17 +29,16 @@ def terminals(fmu: Path) -> Terminals:
     }
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("flavour", ["native", "python"])
-def test_the_file_follows_the_schema_and_has_its_icon(
-    model: str, flavour: str, python_fmu_folder: Path
-) -> None:
+@pytest.mark.parametrize("flavour", mostly_slow(["native", "python"], ["native"]))
+def test_file_follows_the_schema_and_has_its_icon(flavour: str, request: pytest.FixtureRequest) -> None:
+    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
     schema = etree.XMLSchema(
         etree.parse(str(files("fmpy") / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"))
     )
-    with zipfile.ZipFile(fmu_path(model, flavour, python_fmu_folder)) as archive:
-        schema.assertValid(etree.fromstring(archive.read(FILE)))
-        assert archive.read("terminalsAndIcons/icon.png") == archive.read("model.png")
+    for model in MODELS:
+        with zipfile.ZipFile(fmu_path(model, flavour, folder)) as archive:
+            schema.assertValid(etree.fromstring(archive.read(FILE)))
+            assert archive.read("terminalsAndIcons/icon.png") == archive.read("model.png"), model
 
 
 def test_connecting_terminals_of_the_same_name_wires_a_joint(fmu_folder: Path) -> None:
