@@ -1,15 +1,19 @@
-"""Scenario files: every key does what it says, the command wins, and what is wrong gets one sentence."""
+"""Scenario files: each key sets its option, options of the command override keys, one message per mistake."""
 
 import json
 import re
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars
 import pytest
 
+import emla_cosim as ec
 from emla_cosim.run.options import Options
+from emla_cosim.run.run_setup import check_run
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.run.scenarios.scenario_file import parse_scenario
 from emla_cosim.study.joints.joint_files import list_joint_names
@@ -21,18 +25,25 @@ SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
 ORDER = ["lift.disturbance", "lift.plant", "lift.observer", "lift.controller", "lift.reference"]
 
 
-def write(text: str, path: str = "my.toml") -> None:
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files of these tests lie in an empty current folder."""
+    monkeypatch.chdir(tmp_path)
+
+
+def write(text: str, path: str = "my.toml") -> str:
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(text, encoding="utf-8")
+    return path
 
 
-def write_parameters(values: Mapping[str, tuple[float, str]], path: str = "my.ssv") -> None:
-    """A parameter set of Reals in kN, mm and s."""
+def write_parameters(values: Mapping[str, tuple[float, str]], path: str = "my.ssv") -> str:
+    """Write a parameter set of Reals in kN, mm and s."""
     parameters = "".join(
         f'<ssv:Parameter name="{name}"><ssv:Real value="{value}" unit="{unit}"/></ssv:Parameter>'
         for name, (value, unit) in values.items()
     )
-    write(
+    return write(
         '<ssv:ParameterSet version="1.0" name="my"'
         ' xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"'
         ' xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon">'
@@ -45,11 +56,25 @@ def write_parameters(values: Mapping[str, tuple[float, str]], path: str = "my.ss
     )
 
 
-def ran(emla: Emla, *arguments: str, output: str = "out") -> dict[str, Any]:
-    """run.json of a run that goes well."""
+def run_record(emla: Emla, *arguments: str, output: str = "out") -> dict[str, Any]:
+    """Return run.json of a run that succeeds."""
     result = emla("run", *arguments)
     assert result.exit_code == 0, result.output
     return json.loads(Path(output, "run.json").read_text())
+
+
+def settings(text: str, fmus: Path, **options: Any) -> dict[str, Any]:
+    """Return the settings that run.json of a scenario file would have."""
+    with load(write(text), **options).prepare(fmus=fmus) as simulation:
+        record = simulation.run().record
+    assert record["status"] == "completed"
+    return record["settings"]
+
+
+def error_of(call: Callable[[], Any]) -> str:
+    with pytest.raises(ec.CommandError) as caught:
+        call()
+    return str(caught.value)
 
 
 def start_value(record: dict[str, Any], path: str) -> Any:
@@ -57,144 +82,105 @@ def start_value(record: dict[str, Any], path: str) -> Any:
     return record["components"][component]["parameters"].get(name)
 
 
-# ---- every key -------------------------------------------------------------------------------------
+# ---- every key ---------------------------------------------------------------------------------------
 
-SETTINGS: dict[str, tuple[str, str, Any]] = {
-    "stop_time": ("stop_time = 0.003", "stop_time_s", 0.003),
-    "start_time": ("start_time = 0.001", "start_time_s", 0.001),
-    "stop_when": (
-        'stop_when = ["lift.plant.x_L < 0"]',
-        "stop_when",
-        ["lift.plant.x_L < 0"],
-    ),
-    "step_size": ("step_size = 5e-5", "step_size_s", 5e-5),
-    "algorithm": ('algorithm = "jacobi"', "algorithm", "jacobi"),
-    "extrapolation": ('extrapolation = "fmu"', "extrapolation", "fmu"),
-    "coupling_tolerance": (
-        'coupling_tolerance = 1e-6\nalgorithm = "strong"',
-        "coupling_tolerance",
-        1e-6,
-    ),
-    "error_tolerance": ("error_tolerance = 0.01", "error_tolerance", 0.01),
-    "step_size_control": (
-        'error_tolerance = 0.01\nstep_size_control = "error"',
-        "step_size_control",
-        "error",
-    ),
-    "output_interval": ("output_interval = 2e-4", "output_interval_s", pytest.approx(2e-4)),
-    "order": (f"order = {ORDER}", "order", ORDER),
-    "real_time": ("real_time = 100", "real_time_factor", 100.0),
-    "flavour": ('flavour = "python"', "flavour", "python"),
-    "largest_step": ("error_tolerance = 0.01\nlargest_step = 2e-4", "largest_step_s", 2e-4),
-    "criteria": ('[criteria]\n"lift.position_window" = "2 mm"', "criteria", {"lift.position_window": "2 mm"}),
-    "step_multiples": ('[step_multiples]\n"lift.controller" = 2', "step_multiples", {"lift.controller": 2}),
-    "set": ('[set]\n"lift.plant.motor.R_s" = 0.2', "set", {"lift.plant.motor.R_s": 0.2}),
+FAULT = {
+    "signal": "lift.plant.x_measured", "kind": "offset", "start": 1e-3, "duration": None, "value": 1e-6,
+}  # fmt: skip
+FIXED = {
+    "stop_time": ("0.003", {"stop_time_s": 0.003}),
+    "start_time": ("0.001", {"start_time_s": 0.001}),
+    "step_size": ("5e-5", {"step_size_s": 5e-5}),
+    "output_interval": ("2e-4", {"output_interval_s": pytest.approx(2e-4)}),
+    "stop_when": ('["lift.plant.x_L < 0"]', {}),
+    "algorithm": ('"strong"', {}),
+    "extrapolation": ('"fmu"', {}),
+    "coupling_tolerance": ("1e-5", {}),
+    "order": (str(ORDER), {}),
+    "real_time": ("100", {"real_time_factor": 100.0}),
+    "controller": ('"rsba"', {}),
+    "gains": ('"published"', {}),
+    "follow_models": ("true", {}),
+    "isolate": ('["lift.observer"]', {}),
+    "fmi_tolerance": ("1e-5", {}),
+    "integrate_together": ("false", {}),
+    "integrator": ('"adams"', {}),
+    "integrator_step": ("1e-3", {"integrator_step_s": 1e-3}),
+    "lenient": ("true", {}),
+    "criteria": ('{ "lift.position_window" = "2 mm" }', {}),
+    "set": ('{ "lift.plant.motor.R_s" = 0.2 }', {}),
     "replace": (
-        '[replace]\n"lift.plant" = "my.fmu"',
-        "replace",
-        {"lift.plant": {"fmu": "my.fmu", "mapping": None}},
+        '{ "lift.plant" = "my.fmu" }',
+        {"replace": {"lift.plant": {"fmu": "my.fmu", "mapping": None}}},
     ),
     "fault": (
-        '[[fault]]\nsignal = "lift.plant.x_measured"\nkind = "offset"\nvalue = 1e-6\nstart = 1e-3',
-        "fault",
-        [
-            {
-                "signal": "lift.plant.x_measured",
-                "kind": "offset",
-                "start": 1e-3,
-                "duration": None,
-                "value": 1e-6,
-            }
-        ],
+        '[{ signal = "lift.plant.x_measured", kind = "offset", value = 1e-6, start = 1e-3 }]',
+        {"fault": [FAULT]},
     ),
-    "controller": ('controller = "rsba"', "controller", "rsba"),
-    "gains": ('gains = "published"', "gains", "published"),
-    "follow_models": ("follow_models = true", "follow_models", True),
-    "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),
-    "fmi_tolerance": ("fmi_tolerance = 1e-5", "fmi_tolerance", 1e-5),
-    "integrate_together": ("integrate_together = false", "integrate_together", False),
-    "integrator": ('integrator = "adams"', "integrator", "adams"),
-    "integrator_step": ("integrator_step = 1e-3", "integrator_step_s", 1e-3),
-    "kind": ('[kind]\n"lift.plant" = "cs"', "kind", {"lift.plant": "cs"}),
-    "lenient": ("lenient = true", "lenient", True),
+    "kind": ('{ "lift.plant" = "cs" }', {}),
 }
-"""Keys by what they bring to the settings in run.json."""
+CONTROLLED = {
+    "error_tolerance": ("0.01", {}),
+    "step_size_control": ('"error"', {}),
+    "largest_step": ("2e-4", {"largest_step_s": 2e-4}),
+    "flavour": ('"python"', {}),
+}
+MULTIPLES = {
+    "step_multiples": ('{ "lift.controller" = 2 }', {}),
+    "flavour": ('"native"', {}),
+}
+"""Keys with a value, and the settings in run.json if they are not the key with this value."""
 
-ELSEWHERE = {
-    "system",
-    "description",
-    "mapping",
-    "output",
-    "output_format",
-    "plot_format",
-    "plots",
-    "require",
-    "signals",
-} | {
-    "animate",
-    "actuator",
-    "sheet",
-    "input",
-    "report",
-    "parameters",
-    "bonds",
-    "roles",
-    "trajectory",
-}
-"""Keys of the tests below; `parameters` is in test_parameter_tables.py, `mapping` in test_replacement.py,
+_ELSEWHERE = """
+    system description mapping output output_format plot_format plots require signals animate actuator sheet
+    input report parameters bonds roles trajectory
+"""
+ELSEWHERE = set(_ELSEWHERE.split())
+"""Keys of other tests: `parameters` in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
-`sheet` in sweep/test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
+`sheet` in test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
 
 
-@pytest.mark.parametrize("key", SETTINGS)
-def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tmp_path: Path) -> None:
-    line, setting, expected = SETTINGS[key]
-    write_parameters({"lift.plant.start.x_L": (0.24, "mm")})
-    (tmp_path / "my.fmu").write_bytes((python_fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
-    given = re.sub(f"^{key} = .*\n", "", SHORT, flags=re.MULTILINE)
-    write(given)
-    assert ran(emla, "my.toml")["settings"].get(setting) != expected
-    write(f"{given}{line}\n")
-    record = ran(emla, "my.toml")
-    assert record["settings"][setting] == expected
-    assert record["status"] == "completed"
+@pytest.mark.parametrize("keys", [FIXED, CONTROLLED, MULTIPLES], ids=lambda keys: next(iter(keys)))
+def test_keys_reach_the_run(keys: dict[str, tuple[str, dict[str, Any]]], python_fmu_folder: Path) -> None:
+    Path("my.fmu").write_bytes((python_fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
+    head = 'system = "lift"\n' + ("" if "stop_time" in keys else "stop_time = 0.002\n")
+    before = settings(f"{head}stop_time = 0.003\n" if "stop_time" in keys else head, python_fmu_folder)
+    lines = [f"{key} = {value}\n" for key, (value, _) in keys.items()]
+    after = settings(head + "".join(lines), python_fmu_folder)
+    for key, (value, recorded) in keys.items():
+        expected = recorded or tomllib.loads(f"{key} = {value}")
+        for name, setting in expected.items():
+            assert after[name] == setting
+            assert before.get(name) != setting or key in ("stop_time", "controller", "flavour"), key
 
 
-def test_an_animation_can_be_asked_for(emla: Emla) -> None:
-    write(f"{SHORT}animate = true\n")
-    assert "cannot be animated" in sentence(emla("run", "my.toml"), 2)
-
-
-def test_these_are_all_keys(emla: Emla) -> None:
-    write(f"{SHORT}qqqqqq = 1\n")
-    text = sentence(emla("run", "my.toml"), 2)
+def test_unknown_key_lists_all_keys() -> None:
+    text = error_of(lambda: load(write(f"{SHORT}qqqqqq = 1\n")))
     named = re.search(r"known keys: (.*)\.$", text)
     assert named is not None
-    assert set(re.split(r", | and ", named[1])) == {*SETTINGS, *ELSEWHERE}
+    assert set(re.split(r", | and ", named[1])) == {*FIXED, *CONTROLLED, *MULTIPLES, *ELSEWHERE}
 
 
-def test_the_gains_are_those_named(emla: Emla) -> None:
-    write(f'{SHORT}gains = "published"\n')
-    beta = {
-        name: load("lift", gains=name).system.component("lift.controller").parameters["beta[1]"]
-        for name in ("published", "robust")
-    }
-    assert beta["published"] != beta["robust"]
-    for options, expected in ((), "published"), (("--gains", "robust"), "robust"):
-        assert start_value(ran(emla, "my.toml", *options), "lift.controller.beta[1]") == beta[expected]
+def test_gains_are_those_of_the_key_or_of_the_option() -> None:
+    def beta(source: str, **options: Any) -> Any:
+        return load(source, **options).system.component("lift.controller").parameters["beta[1]"]
+
+    path = write(f'{SHORT}gains = "published"\n')
+    assert beta(path) == beta("lift", gains="published") != beta("lift", gains="robust")
+    assert beta(path, gains="robust") == beta("lift", gains="robust")
 
 
-@pytest.mark.parametrize("system", SCENARIOS)
-def test_a_file_with_a_system_alone_is_the_scenario_of_that_name(system: str, tmp_path: Path) -> None:
-    path = tmp_path / "my.toml"
-    path.write_text(f'system = "{system}"\n', encoding="utf-8")
-    expected, found = load(system), load(path)
-    assert found.system == expected.system
-    assert found.options == expected.options
-    assert found.name == "my"
+def test_controller_without_gains_has_its_recommended_gains() -> None:
+    """The gains of the scenario's file are for another controller."""
+    assert load("lift").options.gains == "robust"
+    chosen = load("lift", controller="foc")
+    assert chosen.options.gains is None
+    assert chosen.system == load("lift", controller="foc", gains="damped").system
+    assert load("lift", controller="rsba", gains="robust").system == load("lift").system
 
 
-def test_the_description_goes_into_a_package(emla: Emla) -> None:
+def test_description_goes_into_a_package(emla: Emla) -> None:
     write(f'{SHORT}description = "A lift of my own"\n')
     assert emla("export", "my.toml", "my.ssp").exit_code == 0
     scenario = load("my.ssp")
@@ -202,49 +188,39 @@ def test_the_description_goes_into_a_package(emla: Emla) -> None:
     assert (scenario.options.stop_time, scenario.options.step_size) == (0.002, 1e-4)
 
 
-def test_the_output_is_as_the_file_says(emla: Emla) -> None:
+def test_output_keys_and_their_options(emla: Emla) -> None:
     write('system = "lift"\nstop_time = 0.002\noutput = "mine"\nplots = true\nsignals = ["lift.plant.?_L"]\n')
-    ran(emla, "my.toml", output="mine")
-    assert polars.read_csv("mine/results.csv").columns == [
-        "time", "lift.plant.x_L", "lift.plant.v_L", "lift.plant.a_L", "lift.plant.P_L",
-    ]  # fmt: skip
+    run_record(emla, "my.toml", output="mine")
+    columns = ["time", *(f"lift.plant.{name}" for name in ("x_L", "v_L", "a_L", "P_L"))]
+    assert polars.read_csv("mine/results.csv").columns == columns
     assert Path("mine/tracking.png").exists()
-    ran(emla, "my.toml", "--no-plots", "--signals", "lift.plant.i_q", "--output", "other", output="other")
-    assert polars.read_csv("other/results.csv").columns == ["time", "lift.plant.i_q"]
+    options = ("--no-plots", "--signals", "lift.plant.i_q", "--output", "other")
+    run_record(emla, "my.toml", *options, output="other")
+    table = polars.read_csv("other/results.csv")
+    assert table.columns == ["time", "lift.plant.i_q"]
     assert not Path("other/tracking.png").exists()
-    write(f'{SHORT}signals = ["lift.plant.i_q"]\noutput_format = "parquet"\n')
-    ran(emla, "my.toml")
-    table = polars.read_csv("other/results.csv", schema_overrides=[polars.Float64] * 2)
-    assert polars.read_parquet("out/results.parquet").equals(table)
+    text = 'system = "lift"\nstop_time = 0.002\nplots = false\nsignals = ["lift.plant.i_q"]\n'
+    write(f'{text}output_format = "parquet"\n', "heavy.toml")
+    assert run_record(emla, "heavy.toml", output="results/heavy")["scenario"] == "heavy"  # the file's name
+    assert polars.read_parquet("results/heavy/results.parquet").equals(table)
 
 
-def test_without_an_output_the_file_gives_the_folder_its_name(emla: Emla) -> None:
-    write('system = "lift"\nstop_time = 0.001\nplots = false\n', "heavy.toml")
-    assert ran(emla, "heavy.toml", output="results/heavy")["scenario"] == "heavy"
+# ---- files, options and packages ---------------------------------------------------------------------
 
 
-# ---- the file and the command ----------------------------------------------------------------------
-
-OPTIONS = {
-    "stop_time": ("--stop-time", "0.004", "stop_time_s", 0.004),
-    "step_size": ("--step-size", "2e-5", "step_size_s", 2e-5),
-    "algorithm": ("--algorithm", "strong", "algorithm", "strong"),
-    "extrapolation": ("--extrapolation", "master", "extrapolation", "master"),
-    "coupling_tolerance": ("--coupling-tolerance", "1e-5", "coupling_tolerance", 1e-5),
-    "error_tolerance": ("--error-tolerance", "0.02", "error_tolerance", 0.02),
-    "output_interval": ("--output-interval", "4e-4", "output_interval_s", pytest.approx(4e-4)),
-    "order": ("--order", ",".join(reversed(ORDER)), "order", ORDER[::-1]),
-    "real_time": ("--realtime", "50", "real_time_factor", 50.0),
-    "flavour": ("--flavour", "native", "flavour", "native"),
-}
-
-
-@pytest.mark.parametrize("key", OPTIONS)
-def test_the_command_wins(key: str, emla: Emla) -> None:
-    option, value, setting, expected = OPTIONS[key]
-    given = re.sub(f"^{key} = .*\n", "", SHORT, flags=re.MULTILINE)
-    write(f"{given}{SETTINGS[key][0]}\n")
-    assert ran(emla, "my.toml", option, value)["settings"][setting] == expected
+def test_options_override_keys() -> None:
+    """Values in the file, then other values by option."""
+    override = {
+        "stop_time": 0.004, "step_size": 2e-5, "algorithm": "gauss-seidel", "extrapolation": "master",
+        "output_interval": 4e-4, "order": ORDER[::-1], "real_time": 50.0, "flavour": "native",
+    }  # fmt: skip
+    lines = [f"{key} = {FIXED[key][0]}\n" for key in override if key in FIXED]
+    path = write('system = "lift"\nflavour = "python"\n' + "".join(lines))
+    effective = {o.name: value for o, value in load(path, **override).options.in_effect()}
+    assert {name: effective[name] for name in override if name != "algorithm"} == {
+        name: value for name, value in override.items() if name != "algorithm"
+    }
+    assert load(path, **override).options.algorithm_name == "gauss-seidel"
 
 
 def test_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
@@ -259,176 +235,196 @@ def test_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
         "--step-multiple": "lift.controller=2",
         "--replace": f"lift.plant={plant}",
     }
-    settings = ran(emla, "my.toml", *(x for pair in options.items() for x in pair))["settings"]
-    assert settings["set"] == {"lift.plant.motor.R_s": "0.3", "lift.plant.screw.M_BS": 100}
-    assert settings["step_multiples"] == {"lift.observer": 2, "lift.controller": 2}
-    replaced = {name: r["fmu"] for name, r in settings["replace"].items()}
+    found = run_record(emla, "my.toml", *(x for pair in options.items() for x in pair))["settings"]
+    assert found["set"] == {"lift.plant.motor.R_s": "0.3", "lift.plant.screw.M_BS": 100}
+    assert found["step_multiples"] == {"lift.observer": 2, "lift.controller": 2}
+    replaced = {name: r["fmu"] for name, r in found["replace"].items()}
     assert replaced == {"lift.plant": plant, "lift.observer": observer}
 
 
-def test_a_file_does_what_options_do(emla: Emla) -> None:
+def test_file_and_options_give_the_same_rows(emla: Emla) -> None:
     write(
         'system = "lift"\nstop_time = 0.02\nplots = false\noutput = "file"\nalgorithm = "jacobi"\n'
         'step_size = 5e-5\n[set]\n"lift.plant.motor.R_s" = 0.2\n"lift.disturbance.d_2.is_force" = true\n'
     )
-    ran(emla, "my.toml", output="file")
+    run_record(emla, "my.toml", output="file")
     options = ("--stop-time", "0.02", "--algorithm", "jacobi", "--step-size", "5e-5", "--no-plots")
     values = ("--set", "lift.plant.motor.R_s=0.2", "--set", "lift.disturbance.d_2.is_force=true")
-    ran(emla, "lift", *options, *values, "--output", "options", output="options")
+    run_record(emla, "lift", *options, *values, "--output", "options", output="options")
     assert Path("file/results.csv").read_bytes() == Path("options/results.csv").read_bytes()
 
 
-def test_paths_are_relative_to_the_file(emla: Emla, fmu_folder: Path) -> None:
+@pytest.fixture(scope="module")
+def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("package") / "lift.ssp"
+    times = {"start_time": 0.003, "stop_time": 0.005, "step_size": 5e-5}
+    return load("lift", fmus=fmu_folder, **times).export(path)
+
+
+def test_paths_are_relative_to_the_file(emla: Emla, package: Path, fmu_folder: Path) -> None:
     write_parameters({"lift.disturbance.load.level[1]": (40.0, "kN")}, "deep/my.ssv")
-    assert emla("export", "lift", "deep/lift.ssp", "--stop-time", "0.002").exit_code == 0
-    Path("deep/Plant.fmu").write_bytes((fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
+    Path("deep/lift.ssp").symlink_to(package)
+    Path("deep/Plant.fmu").symlink_to(fmu_folder / "EmlaPlant/EmlaPlant.fmu")
     write(
         'system = "lift.ssp"\nplots = false\noutput = "../out"\nparameters = ["my.ssv"]\n'
         '[replace]\n"lift.plant" = { fmu = "Plant.fmu" }\n',
         "deep/my.toml",
     )
-    record = ran(emla, "deep/my.toml")
+    record = run_record(emla, "deep/my.toml")
     assert start_value(record, "lift.disturbance.load.level[1]") == 40e3
     assert record["components"]["lift.plant"]["fmu"] == "deep/Plant.fmu"
 
 
-def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
-    times = ("--start-time", "0.003", "--stop-time", "0.005", "--step-size", "5e-5")
-    assert emla("export", "lift", "lift.ssp", *times).exit_code == 0
-    of_package = 'system = "lift.ssp"\nplots = false\noutput = "out"\n'
-    of_file = f"{of_package}start_time = 0.001\nstop_time = 0.002\nstep_size = 1e-4\n"
-    for text, options, expected in (
-        (of_package, (), (0.003, 0.005, 5e-5)),
-        (of_file, (), (0.001, 0.002, 1e-4)),
-        (of_file, ("--start-time", "0.0015"), (0.0015, 0.002, 1e-4)),
-        (f"{of_package}start_time = 0.0\n", (), (0.0, 0.005, 5e-5)),
+@pytest.mark.parametrize(
+    ("keys", "options", "expected"),
+    [
+        ("", {}, (0.003, 0.005, 5e-5)),
+        ("start_time = 0.001\nstop_time = 0.002\nstep_size = 1e-4", {}, (0.001, 0.002, 1e-4)),
+        ("start_time = 0.001\nstop_time = 0.002", {"start_time": 0.0015}, (0.0015, 0.002, 5e-5)),
+        ("start_time = 0.0\n", {}, (0.0, 0.005, 5e-5)),
+    ],
+)
+def test_times_of_a_package_are_overridden_by_file_and_options(
+    keys: str, options: dict[str, Any], expected: tuple[float, ...], package: Path
+) -> None:
+    with load(write(f'system = "{package}"\n{keys}\n'), **options).prepare() as simulation:
+        result = simulation.run()
+    found = result.record["settings"]
+    assert tuple(found[f"{name}_s"] for name in ("start_time", "stop_time", "step_size")) == expected
+    assert (result.time[0], result.time[-1]) == pytest.approx(expected[:2])
+
+
+def test_gains_are_for_built_in_systems(package: Path) -> None:
+    for option, value in (("gains", "robust"), ("controller", "rsba")):
+        path = write(f'system = "{package}"\n{option} = "{value}"\n')
+        for call in (lambda p=path: load(p), lambda o=option, v=value: load(package, **{o: v})):
+            assert f"has its own gains; --{option} is for built-in systems" in error_of(call)
+
+
+def test_layers_of_options_merge() -> None:
+    """Tables are merged, also those of the algorithm; other values are those of the last layer."""
+    options = Options()
+    for layer in (
+        {"set": {"a.x": 1, "a.y": 2}, "algorithm": "jacobi", "signals": ["x"], "step_multiples": {"a": 2}},
+        {"set": {"a.y": 3}, "signals": ["y"], "step_multiples": {"b": 4}},
+        {},
     ):
-        write(text)
-        settings = ran(emla, "my.toml", *options)["settings"]
-        assert tuple(settings[f"{name}_s"] for name in ("start_time", "stop_time", "step_size")) == expected
-        rows = polars.read_csv("out/results.csv")["time"]
-        assert (rows[0], rows[-1]) == pytest.approx(expected[:2])
+        options = options.updated(layer)
+    assert (options.set, options.algorithm, options.signals) == ({"a.x": 1, "a.y": 3}, "jacobi", ["y"])
+    assert options.own == {"step_multiples": {"a": 2, "b": 4}}
+    in_effect = {option.name: value for option, value in options.in_effect()}
+    assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})
 
 
-# ---- what is wrong ---------------------------------------------------------------------------------
+# ---- mistakes ----------------------------------------------------------------------------------------
+
+NO_SYSTEM = [
+    ('systm = "lift"', "has the key 'systm'", "did you mean 'system'?"),
+    ("stop_time = 1", "my.toml' has no system", 'write system = "study"'),
+    ("", "my.toml' has no system"),
+    ('system = "crane"', "names the system 'crane'", "one of study, study-drive, study-compliant, lift"),
+    ('system = "crane.ssp"', "there is no file 'crane.ssp'"),
+    ("system = 1", "'system' of the scenario 'my.toml' is 1; it must be a text"),
+    ('system = "lift"\nsystem = "tilt"', "my.toml' is not TOML", "line 2"),
+    ("system = lift", "my.toml' is not TOML", "line 1"),
+]
+OF_LIFT = [
+    ("stop-time = 1", "has the key 'stop-time'", "did you mean 'stop_time'?"),
+    ("speed = 1", "has the key 'speed'"),
+    ('controller = "pid"', "no controller 'pid'", "choose from rsba"),
+    ('controller = "robust"', "'robust' is a set of gains, not a controller", 'write gains = "robust"'),
+    ('gains = "pid"', "no set of gains 'pid'", "damped, compensated, robust, published and compliant"),
+    ("coupling_tolerance = 1e-6", "gauss-seidel has no coupling tolerance"),
+    ('output_format = "xls"', "no output format 'xls'", "csv and parquet"),
+    ('[mapping]\n"lift.plant" = "my.ssm"', "--mapping lift.plant=my.ssm needs --replace lift.plant=FILE.fmu"),
+    ("description = 3", "'description'", "must be a text"),
+    ('stop_time = "1 m"', "'stop_time'", "has the units m and s"),
+    ("stop_time = true", "'stop_time'", "is True; it must be a number"),
+    ("stop_time = -1.0", "stop time -1 s"),
+    ('plots = "no"', "'plots'", "must be true or false"),
+    ('flavour = "java"', "no flavour 'java'"),
+    ('algorithm = "euler"', "no algorithm 'euler'"),
+    ('signals = "lift.*"', "'signals'", "must be a list"),
+    ("signals = [1]", "'0' in 'signals'", "is 1; it must be a text"),
+    ('order = "lift.plant"', "'order'", "must be a list"),
+    ("set = 1", "'set'", "must be a table"),
+    ('[set]\n"lift.plant.start.x_L" = [1]', "no variable 'start.x_L[1]'; did you mean start.x_L"),
+    ("[set]\nlift.plant.motor.R_s = []", "'lift.plant.motor.R_s' in 'set'", "must be"),
+    ('[set]\n"lift.plant.x" = 1', "lift.plant has no variable 'x'"),
+    ('[set]\n"lift.plant.motor.R_s" = -1', "motor.R_s = -1 Ohm", "at least 0 Ohm"),
+    ('[step_multiples]\n"lift.plant" = 2.5', "'lift.plant'", "must be a whole number"),
+    ('[replace]\n"lift.plant" = 1', "'lift.plant' in 'replace'", "must be a path, or"),
+    ('[replace]\n"lift.plant" = { file = "x" }', "must be a path, or { fmu"),
+    ('[replace]\n"lift.plant" = { fmu = "x.fmu", map = "y" }', "{ fmu = "),
+    ('[replace]\n"lift.plant" = { fmu = 1 }', "'fmu' in 'lift.plant' in 'replace'"),
+    ('[replace]\n"lift.plant" = "gone.fmu"', "no FMU file 'gone.fmu'"),
+    ('[replace]\n"lift.pump" = "gone.fmu"', "no component 'lift.pump'"),
+    ('parameters = "my.ssv"', "'parameters'", "must be a list"),
+    ('parameters = ["gone.ssv"]', "parameter set 'gone.ssv' cannot be read"),
+]
+MISTAKES = [*NO_SYSTEM, *((f'system = "lift"\n{row[0]}', *row[1:]) for row in OF_LIFT)]
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('system = "lift"\nstop-time = 1\n', ["has the key 'stop-time'", "did you mean 'stop_time'?"]),
-        ('system = "lift"\nspeed = 1\n', ["has the key 'speed'"]),
-        ('systm = "lift"\n', ["has the key 'systm'", "did you mean 'system'?"]),
-        ("stop_time = 1\n", ["my.toml' has no system", 'write system = "study"']),
-        ("", ["my.toml' has no system"]),
-        (
-            'system = "crane"\n',
-            ["names the system 'crane'", "one of study, study-drive, study-compliant, lift"],
-        ),
-        ('system = "crane.ssp"\n', ["there is no file 'crane.ssp'"]),
-        ("system = 1\n", ["'system' of the scenario 'my.toml' is 1; it must be a text"]),
-        ('system = "lift"\ncontroller = "pid"\n', ["no controller 'pid'", "choose from rsba"]),
-        (
-            'system = "lift"\ncontroller = "robust"\n',
-            ["'robust' is a set of gains, not a controller", 'write gains = "robust"'],
-        ),
-        (
-            'system = "lift"\ngains = "pid"\n',
-            ["no set of gains 'pid'", "damped, compensated, robust, published and compliant"],
-        ),
-        ('system = "lift"\ncoupling_tolerance = 1e-6\n', ["gauss-seidel has no coupling tolerance"]),
-        ('system = "lift"\noutput_format = "xls"\n', ["no output format 'xls'", "csv and parquet"]),
-        (
-            'system = "lift"\n[mapping]\n"lift.plant" = "my.ssm"\n',
-            ["--mapping lift.plant=my.ssm needs --replace lift.plant=FILE.fmu"],
-        ),
-        ('system = "lift"\ndescription = 3\n', ["'description'", "must be a text"]),
-        ('system = "lift"\nstop_time = "1 m"\n', ["'stop_time'", "has the units m and s"]),
-        ('system = "lift"\nstop_time = true\n', ["'stop_time'", "is True; it must be a number"]),
-        ('system = "lift"\nstop_time = -1.0\n', ["stop time -1 s"]),
-        ('system = "lift"\nplots = "no"\n', ["'plots'", "must be true or false"]),
-        ('system = "lift"\nflavour = "java"\n', ["no flavour 'java'"]),
-        ('system = "lift"\nalgorithm = "euler"\n', ["no algorithm 'euler'"]),
-        ('system = "lift"\nsignals = "lift.*"\n', ["'signals'", "must be a list"]),
-        ('system = "lift"\nsignals = [1]\n', ["'0' in 'signals'", "is 1; it must be a text"]),
-        ('system = "lift"\nsignals = ["lift.*", "tilt.*"]\n', ["no signal matches 'tilt.*'"]),
-        ('system = "lift"\norder = "lift.plant"\n', ["'order'", "must be a list"]),
-        ('system = "lift"\nset = 1\n', ["'set'", "must be a table"]),
-        (
-            'system = "lift"\n[set]\n"lift.plant.start.x_L" = [1]\n',
-            ["no variable 'start.x_L[1]'; did you mean start.x_L"],
-        ),
-        (
-            'system = "lift"\n[set]\nlift.plant.motor.R_s = []\n',
-            ["'lift.plant.motor.R_s' in 'set'", "must be"],
-        ),
-        ('system = "lift"\n[set]\n"lift.plant.x" = 1\n', ["lift.plant has no variable 'x'"]),
-        ('system = "lift"\n[set]\n"lift.plant.motor.R_s" = -1\n', ["motor.R_s = -1 Ohm", "at least 0 Ohm"]),
-        (
-            'system = "lift"\n[step_multiples]\n"lift.plant" = 2.5\n',
-            ["'lift.plant'", "must be a whole number"],
-        ),
-        (
-            'system = "lift"\n[replace]\n"lift.plant" = 1\n',
-            ["'lift.plant' in 'replace'", "must be a path, or"],
-        ),
-        ('system = "lift"\n[replace]\n"lift.plant" = { file = "x" }\n', ["must be a path, or { fmu"]),
-        ('system = "lift"\n[replace]\n"lift.plant" = { fmu = "x.fmu", map = "y" }\n', ["{ fmu = "]),
-        ('system = "lift"\n[replace]\n"lift.plant" = { fmu = 1 }\n', ["'fmu' in 'lift.plant' in 'replace'"]),
-        ('system = "lift"\n[replace]\n"lift.plant" = "gone.fmu"\n', ["no FMU file 'gone.fmu'"]),
-        ('system = "lift"\n[replace]\n"lift.pump" = "gone.fmu"\n', ["no component 'lift.pump'"]),
-        ('system = "lift"\nparameters = "my.ssv"\n', ["'parameters'", "must be a list"]),
-        ('system = "lift"\nparameters = ["gone.ssv"]\n', ["parameter set 'gone.ssv' cannot be read"]),
-        ('system = "lift"\nsystem = "tilt"\n', ["my.toml' is not TOML", "line 2"]),
-        ("system = lift\n", ["my.toml' is not TOML", "line 1"]),
-    ],
-    ids=lambda x: x.replace("\n", "; ") if isinstance(x, str) else "",
+    ("text", "words"), [(text, words) for text, *words in MISTAKES], ids=lambda x: str(x).replace("\n", "; ")
 )
-def test_what_is_wrong_gets_one_sentence(emla: Emla, text: str, words: list[str]) -> None:
-    write(text)
-    found = sentence(emla("run", "my.toml"), 2)
+def test_mistake_in_a_file(text: str, words: list[str], fmu_folder: Path) -> None:
+    def use() -> None:
+        scenario = load(write(f"{text}\n"))
+        check_run(scenario.options, scenario.name)
+        scenario.prepare(fmus=fmu_folder).close()
+
+    found = error_of(use)
     for word in words:
         assert word in found
-    assert not Path("results").exists() or not any(Path("results").rglob("results.csv"))
 
 
-def test_files_that_cannot_be_read(emla: Emla) -> None:
-    assert "the scenario 'gone.toml' cannot be read: No such file" in sentence(emla("run", "gone.toml"), 2)
+def test_command_reports_a_mistake_in_a_file(emla: Emla) -> None:
+    write('system = "lift"\nsignals = ["lift.*", "tilt.*"]\n')
+    assert "no signal matches 'tilt.*'" in sentence(emla("run", "my.toml"), 2)
+    write(f"{SHORT}animate = true\n")
+    assert "cannot be animated" in sentence(emla("run", "my.toml"), 2)
+    assert not list(Path().rglob("results.csv"))
+
+
+def test_files_that_cannot_be_read() -> None:
     Path("folder.toml").mkdir()
-    assert "the scenario 'folder.toml' cannot be read: Is a dir" in sentence(emla("run", "folder.toml"), 2)
     Path("latin.toml").write_bytes('description = "Förderer"'.encode("latin-1"))
-    assert "the scenario 'latin.toml' is not a text in UTF-8." in sentence(emla("run", "latin.toml"), 2)
+    for path, words in (
+        ("gone.toml", "the scenario 'gone.toml' cannot be read: No such file"),
+        ("folder.toml", "the scenario 'folder.toml' cannot be read: Is a dir"),
+        ("latin.toml", "the scenario 'latin.toml' is not a text in UTF-8."),
+    ):
+        assert words in error_of(lambda p=path: load(p))
 
 
-def test_gains_are_for_built_in_systems(emla: Emla) -> None:
-    assert emla("export", "lift", "lift.ssp").exit_code == 0
-    for option, value in (("gains", "robust"), ("controller", "rsba")):
-        write(f'system = "lift.ssp"\n{option} = "{value}"\n')
-        for arguments in (["my.toml"], ["lift.ssp", f"--{option}", value]):
-            text = sentence(emla("run", *arguments), 2)
-            assert f"has its own gains; --{option} is for built-in systems" in text
+def test_names_with_dots_need_no_quotes() -> None:
+    text = 'system = "lift"\n[set]\nlift.plant.motor.R_s = 0.2\n[step_multiples]\nlift.observer = 2\n'
+    options = parse_scenario(text, "my.toml", Path()).options
+    assert options == {"set": {"lift.plant.motor.R_s": 0.2}, "step_multiples": {"lift.observer": 2}}
 
 
-# ---- the built-in ones -----------------------------------------------------------------------------
+# ---- built-in scenarios ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_built_in_scenarios_are_such_files(name: str, tmp_path: Path) -> None:
-    """Copied to a folder of one's own, they are the same."""
+def test_built_in_scenario_is_a_file_and_a_system(name: str) -> None:
+    """A copy of its file is the same scenario, and a file with the system alone has its options."""
     study = ROOT / "orchestration/emla_cosim/study"
     source = study / ("joints" if name in list_joint_names() else "scenarios") / f"{name}.toml"
-    copy = tmp_path / f"{name}.toml"
-    copy.write_bytes(source.read_bytes())
-    assert load(copy) == load(name)
+    expected = load(name)
+    assert load(write(source.read_text(encoding="utf-8"), f"copy/{name}.toml")) == expected
+    alone = load(write(f'system = "{name}"\n'))
+    assert (alone.system, alone.options, alone.name) == (expected.system, expected.options, "my")
 
 
-def test_a_built_in_name_wins_over_a_folder_of_that_name(emla: Emla) -> None:
+def test_built_in_name_has_priority_over_a_folder() -> None:
     Path("lift").mkdir()
-    ran(emla, "lift", "--stop-time", "0.001", "--no-plots", output="results/lift")
-    assert "'lift' has no 'SystemStructure.ssd'" in sentence(emla("run", "lift/"), 2)
+    assert load("lift").system.components
+    assert "'lift' has no 'SystemStructure.ssd'" in error_of(lambda: load("lift/"))
 
 
-# ---- parameter files -------------------------------------------------------------------------------
+# ---- parameter files ---------------------------------------------------------------------------------
 
 
 def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) -> None:
@@ -439,11 +435,12 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
         {"lift.plant.start.x_L": (242.0, "mm"), "lift.observer.start.x_hat": (242.0, "mm")}, "two.ssv"
     )
     options = ("--stop-time", "0.001", "--no-plots", "--parameters", "one.ssv", "--parameters", "two.ssv")
-    record = ran(emla, "lift", *options, "--set", "lift.observer.start.x_hat=0.2425", output="results/lift")
+    values = ("--set", "lift.observer.start.x_hat=0.2425", "--output", "out")
+    record = run_record(emla, "lift", *options, *values)
     assert start_value(record, "lift.disturbance.load.level[1]") == 40e3
-    assert start_value(record, "lift.plant.start.x_L") == 0.242  # the later file
-    assert start_value(record, "lift.observer.start.x_hat") == "0.2425"  # --set
-    first = polars.read_csv("results/lift/results.csv").row(0, named=True)
+    assert start_value(record, "lift.plant.start.x_L") == 0.242  # of the later file
+    assert start_value(record, "lift.observer.start.x_hat") == "0.2425"  # of --set
+    first = polars.read_csv("out/results.csv").row(0, named=True)
     assert (first["lift.plant.x_L"], first["lift.observer.x_hat"]) == (0.242, 0.2425)
     assert first["lift.disturbance.F_L"] == 40e3
 
@@ -459,83 +456,61 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
         ("lift.plant.tau_m", "mm", ["lift.plant.tau_m"]),
     ],
 )
-def test_parameters_that_do_not_fit(emla: Emla, name: str, unit: str, words: list[str]) -> None:
-    write_parameters({name: (1.0, unit)})
-    text = sentence(emla("run", "lift", "--parameters", "my.ssv"), 2)
+def test_parameters_that_do_not_match(name: str, unit: str, words: list[str], fmu_folder: Path) -> None:
+    path = write_parameters({name: (1.0, unit)})
+    text = error_of(lambda: load("lift", parameters=[path]).prepare(fmus=fmu_folder))
     for word in words:
         assert word in text
 
 
-def test_parameter_files_that_are_none(emla: Emla) -> None:
-    write("not XML")
-    Path("my.toml").rename("my.ssv")
-    assert "'my.ssv' is not well-formed XML" in sentence(emla("run", "lift", "--parameters", "my.ssv"), 2)
-    write("<a/>", "my.ssv")
-    assert "'my.ssv' is not a ParameterSet" in sentence(emla("run", "lift", "--parameters", "my.ssv"), 2)
-    assert "cannot be read: No such file" in sentence(emla("run", "lift", "--parameters", "gone.ssv"), 2)
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("not XML", "'my.ssv' is not well-formed XML"),
+        ("<a/>", "'my.ssv' is not a ParameterSet"),
+        (None, "cannot be read: No such file"),
+    ],
+)
+def test_unreadable_parameter_files(content: str | None, words: str, fmu_folder: Path) -> None:
+    if content is not None:
+        write(content, "my.ssv")
+    assert words in error_of(lambda: load("lift", parameters=["my.ssv"]).prepare(fmus=fmu_folder))
 
 
-# ---- signals ---------------------------------------------------------------------------------------
+# ---- signals -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def lift(fmu_folder: Path) -> ec.Simulation:
+    return load("lift", fmus=fmu_folder, stop_time=0.001).prepare()
 
 
 @pytest.mark.parametrize(
     ("patterns", "expected"),
     [
-        (["lift.plant.x_L"], ["lift.plant.x_L"]),
-        (["*.x_?"], ["lift.reference.x_d", "lift.plant.x_L"]),
-        (["lift.plant.i_q", "lift.reference.*"], [
-            "lift.reference.x_d", "lift.reference.v_d", "lift.reference.a_d", "lift.plant.i_q",
-        ]),
-        (["lift.controller.theta[1]"], ["lift.controller.theta[1]"]),
+        ("lift.plant.x_L", "lift.plant.x_L"),
+        ("*.x_?", "lift.reference.x_d lift.plant.x_L"),
+        (
+            "lift.plant.i_q lift.reference.*",
+            "lift.reference.x_d lift.reference.v_d lift.reference.a_d lift.plant.i_q",
+        ),
+        ("lift.controller.theta[1]", "lift.controller.theta[1]"),
     ],
-)  # fmt: skip
-def test_signals_are_chosen_by_patterns(emla: Emla, patterns: list[str], expected: list[str]) -> None:
+)
+def test_patterns_select_signals(patterns: str, expected: str, lift: ec.Simulation) -> None:
     """In the order of the system; a name with brackets means itself."""
-    options = ("--stop-time", "0.4", "--no-plots", "--output", "out")
-    ran(emla, "lift", *options, *(x for p in patterns for x in ("--signals", p)))
-    assert polars.read_csv("out/results.csv").columns == ["time", *expected]
-    metrics = json.loads(Path("out/metrics.json").read_text())["joints"]["lift"]
-    for name in ("reason", "trip", "excursions", "oscillation"):
-        assert metrics.pop(name) is None
-    for name in ("standstill_error_m", "standstill_error_rms_m"):
-        assert metrics.pop(name) is None  # the reference moves until 0.8 s
-    assert None not in metrics.values()  # which need no signal in results.csv
+    assert lift.run(signals=patterns.split()).names == expected.split()
 
 
-def test_a_pattern_without_a_signal(emla: Emla) -> None:
+def test_metrics_need_no_recorded_signals(lift: ec.Simulation) -> None:
+    few, every = (lift.run(stop_time=0.4, signals=s).metrics["joints"] for s in (["lift.plant.x_L"], ["*"]))
+    np.testing.assert_equal(few, every)
+
+
+def test_pattern_without_a_signal(lift: ec.Simulation) -> None:
     for pattern, words in (
         ("lift.plant.xL", "did you mean lift.plant.x_L"),
         ("crane.*", "without --signals, all outputs are kept."),
     ):
-        text = sentence(emla("run", "lift", "--signals", "lift.plant.*", "--signals", pattern), 2)
+        text = error_of(lambda p=pattern: lift.run(signals=["lift.plant.*", p]))
         assert f"no signal matches '{pattern}'; {words}" in text
-
-
-def test_names_with_dots_need_no_quotes() -> None:
-    text = 'system = "lift"\n[set]\nlift.plant.motor.R_s = 0.2\n[step_multiples]\nlift.observer = 2\n'
-    options = parse_scenario(text, "my.toml", Path()).options
-    assert options == {"set": {"lift.plant.motor.R_s": 0.2}, "step_multiples": {"lift.observer": 2}}
-
-
-def test_layers_of_options_merge() -> None:
-    """Tables, those of the algorithm too, grow; everything else is what the later layer says."""
-    options = Options()
-    for layer in (
-        {"set": {"a.x": 1, "a.y": 2}, "algorithm": "jacobi", "signals": ["x"], "step_multiples": {"a": 2}},
-        {"set": {"a.y": 3}, "signals": ["y"], "step_multiples": {"b": 4}},
-        {},
-    ):
-        options = options.updated(layer)
-    assert (options.set, options.algorithm, options.signals) == ({"a.x": 1, "a.y": 3}, "jacobi", ["y"])
-    assert options.own == {"step_multiples": {"a": 2, "b": 4}}
-    in_effect = {option.name: value for option, value in options.in_effect()}
-    assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})
-
-
-def test_a_controller_without_gains_comes_with_its_recommended_ones() -> None:
-    """Not with those that the scenario's file has for another one."""
-    assert load("lift").options.gains == "robust"
-    chosen = load("lift", controller="foc")
-    assert chosen.options.gains is None
-    assert chosen.system == load("lift", controller="foc", gains="damped").system
-    assert load("lift", controller="rsba", gains="robust").system == load("lift").system
