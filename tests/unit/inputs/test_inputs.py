@@ -14,12 +14,14 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from emla_cosim.master.assembly import Assembly
+from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.preparation import limit_to_data_end, prepare_system
 from emla_cosim.run.run_record import to_plain
 from emla_cosim.sweeps.worker_payload import Preparation
 from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_systems import faulty
+from tests.support.tiers import mostly_slow
 
 STOP = 0.05
 LOAD = "lift.disturbance.F_L"
@@ -36,7 +38,7 @@ def measured(tmp_path: Path) -> Path:
 
 
 def lift(fmu_folder: Path, *inputs: Any, **options: Any) -> ec.Scenario:
-    return ec.load("lift", fmus=fmu_folder, stop_time=STOP, input=list(inputs), **options)
+    return ec.load("lift", **{"fmus": fmu_folder, "stop_time": STOP, "input": list(inputs), **options})
 
 
 def ran(scenario: ec.Scenario, **options: Any) -> ec.Result:
@@ -44,7 +46,7 @@ def ran(scenario: ec.Scenario, **options: Any) -> ec.Result:
         return simulation.run(**options)
 
 
-class Heard(Progress):
+class Notes(Progress):
     def __init__(self) -> None:
         self.notes: list[str] = []
 
@@ -53,14 +55,20 @@ class Heard(Progress):
 
 
 def notes_of(scenario: ec.Scenario) -> str:
-    heard = Heard()
-    prepare_system(scenario.system, scenario.options, heard)
-    return " ".join(heard.notes)
+    progress = Notes()
+    prepare_system(scenario.system, scenario.options, progress)
+    return " ".join(progress.notes)
 
 
-def test_a_column_drives_everybody_who_read_the_output(fmu_folder: Path, measured: Path) -> None:
-    source = ec.Input(measured, {LOAD: "Force"}, end="repeat")
-    scenario = lift(fmu_folder, source)
+def change_first_value(file: Path) -> None:
+    file.write_text(file.read_text().replace("\n0.0,", "\n0.0,1", 1))
+
+
+# ---- what receivers get ------------------------------------------------------------------------
+
+
+def test_column_drives_all_receivers_of_an_output(fmu_folder: Path, measured: Path) -> None:
+    scenario = lift(fmu_folder, ec.Input(measured, {LOAD: "Force"}, end="repeat"))
     result = ran(scenario)
     points = np.mod(result["time"], T[-1])
     np.testing.assert_allclose(result[f"input.{LOAD}"], np.interp(points, T, 1e3 * F), rtol=1e-9)
@@ -72,9 +80,8 @@ def test_a_column_drives_everybody_who_read_the_output(fmu_folder: Path, measure
     np.testing.assert_array_equal(result["lift.plant.x_L"], same["lift.plant.x_L"])
 
 
-def test_a_column_with_its_derivatives_takes_the_place_of_a_reference(fmu_folder: Path) -> None:
-    scenario = lift(fmu_folder)
-    own = ran(scenario)
+def test_column_with_its_derivatives_replaces_a_reference(fmu_folder: Path) -> None:
+    own = ran(lift(fmu_folder))
     names = [f"lift.reference.{n}" for n in ("x_d", "v_d", "a_d")]
     data = {"time": own["time"], "x [mm]": 1e3 * own[names[0]]}
     signals = {name: "der(" * k + "x" + ")" * k for k, name in enumerate(names)}
@@ -87,111 +94,77 @@ def test_a_column_with_its_derivatives_takes_the_place_of_a_reference(fmu_folder
     assert figures["torque_peak_N_m"] == pytest.approx(expected["torque_peak_N_m"], rel=1e-3)
 
 
-def test_a_role_is_played_by_the_data_that_are_read(fmu_folder: Path) -> None:
+def test_metrics_follow_the_reference_from_data(fmu_folder: Path) -> None:
     data = {"time": T, "x": 0.3 + 0.0 * T}
     result = ran(lift(fmu_folder, ec.Input(data=data, signals={"lift.reference.x_d": "x"})), require=[])
     x, x_d = result["lift.plant.x_L"], result["input.lift.reference.x_d"]
     assert x_d.tolist() == [0.3] * len(x_d)
-    peak = result.metrics["joints"]["lift"]["convergence_time_s"]
-    assert np.isnan(peak) or peak >= 0.0
+    convergence = result.metrics["joints"]["lift"]["convergence_time_s"]
+    assert np.isnan(convergence) or convergence >= 0.0
     assert np.abs(x - x_d)[0] > 0.05  # far from it, unlike from the reference of the scenario
     assert not result.metrics["joints"]["lift"]["held"]
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"compiled": False},
-        {"algorithm": "jacobi"},
-        {"algorithm": "strong"},
-        {"isolate": ["*"]},
-    ],
-    ids=str,
-)
-def test_the_data_are_the_same_in_all_ways_of_stepping(
+WAYS = [{"compiled": False}, {"algorithm": "jacobi"}, {"algorithm": "strong"}, {"isolate": ["*"]}]
+
+
+@pytest.mark.parametrize("options", mostly_slow(WAYS, WAYS[:3]), ids=str)
+def test_data_are_the_same_in_all_ways_of_stepping(
     fmu_folder: Path, measured: Path, options: dict[str, Any]
 ) -> None:
     source = ec.Input(measured, {LOAD: "Force"}, interpolation="held")
-    scenario = ec.load("lift", fmus=fmu_folder, stop_time=0.01, input=[source], **options)
-    found = ran(scenario)
+    found = ran(lift(fmu_folder, source, stop_time=0.01, **options))
     rows = np.searchsorted(T, found["time"] + 1e-12, side="right") - 1
     np.testing.assert_allclose(found[f"input.{LOAD}"], 1e3 * F[rows], rtol=1e-15)
 
 
-def test_own_results_can_be_read_back(fmu_folder: Path, tmp_path: Path, emla: Emla) -> None:
-    for form in ("csv", "parquet"):
-        run = ["run", "lift", "--no-plots", "--stop-time", str(STOP), "--output-interval", "1e-4"]
-        assert emla(*run, "--output-format", form, "--output", form).exit_code == 0
-        again = emla(
-            *run,
-            "--input",
-            f"{form}/results.{form}:lift.reference.*",
-            "--output-format",
-            form,
-            "--output",
-            f"again-{form}",
-        )
-        assert again.exit_code == 0, again.output
-        read = polars.read_csv if form == "csv" else polars.read_parquet
-        first, second = read(f"{form}/results.{form}"), read(f"again-{form}/results.{form}")
-        for name in ("lift.reference.x_d", "lift.plant.x_L", "lift.controller.u_q"):
-            np.testing.assert_array_equal(first[name], second[name])
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_own_results_can_be_read_back(form: str, fmu_folder: Path, tmp_path: Path) -> None:
+    options, file = {"output_interval": 1e-4, "stop_time": 0.02}, tmp_path / f"results.{form}"
+    with lift(fmu_folder, **options).prepare() as simulation:
+        first = simulation.run()
+        if form == "csv":
+            first.save(tmp_path, plots=False)
+        else:
+            simulation.run(recorders=[ParquetFile(file)])
+    second = ran(lift(fmu_folder, f"{file}:lift.reference.*", **options))
+    for name in ("lift.reference.x_d", "lift.plant.x_L", "lift.controller.u_q"):
+        np.testing.assert_array_equal(first[name], second[name])
 
 
-def test_a_scenario_file_names_its_data_and_run_json_their_hash(
-    emla: Emla, measured: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "there"
-    folder.mkdir()
-    measured.rename(folder / "measured.csv")
-    (folder / "mine.toml").write_text(
-        f"""
-        system = "lift"
-        stop_time = {STOP}
-
-        [[input]]
-        file = "measured.csv"
-        time = "t"
-        interpolation = "cubic"
-        end = "repeat"
-        signals = {{ "{LOAD}" = "Force [kN]", "lift.plant.supply.sag" = {{ column = "other", unit = "1" }} }}
-        """
-    )
-    done = emla("run", "there/mine.toml", "--no-plots", "--output", "out")
-    assert done.exit_code == 0, done.output
-    (told,) = json.loads(Path("out/run.json").read_text())["settings"]["input"]
-    assert told["end"] == "repeat" and len(told["sha256"]) == 64
-    assert told["signals"][LOAD] == "Force [kN]"
-    refused = emla("run", "there/mine.toml", "--no-plots", "--output", "there/measured.csv")
-    assert refused.exit_code != 0 and "Traceback" not in refused.output
+def test_fault_comes_after_the_data(fmu_folder: Path, measured: Path) -> None:
+    fault = ec.Fault("lift.plant.F_L", "constant", 0.02, value=0.0)
+    result = ran(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"}), fault=[fault]))
+    failed = result["time"] >= 0.02 - 1e-9
+    y = result["lift.plant_F_L_fault.y"]
+    assert not y[failed][1:].any() and y[~failed].all()
 
 
-def test_workers_get_the_data_inside_the_fmus(fmu_folder: Path, measured: Path) -> None:
-    one = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
-    assert one.options.input == [] and "input" in one.fmus
-    measured.write_text(measured.read_text().replace("0.0,", "0.0,1", 1))
-    other = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
-    assert one.identity != other.identity
+def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -> None:
+    sources = [ec.Input(measured, {LOAD: "Force"}), ec.Input(measured, {"lift.plant.supply.sag": "other"})]
+    result = ran(lift(fmu_folder, *sources, stop_time=0.001))
+    assert {f"input.{LOAD}", "input_2.lift.plant.supply.sag"} <= set(result.names)
 
 
-def test_a_run_continues_with_the_same_data_only(emla: Emla, measured: Path) -> None:
-    run = ["run", "lift", "--no-plots", "--input", f"{measured}:{LOAD}=Force,end=repeat"]
-    half = emla(*run, "--stop-time", "0.02", "--checkpoint", "c", "--output", "half")
-    assert half.exit_code == 0, half.output
-    assert emla(*run, "--stop-time", str(STOP), "--output", "whole").exit_code == 0
-    assert emla(*run, "--stop-time", str(STOP), "--resume", "c", "--output", "half").exit_code == 0
-    whole, parts = polars.read_csv("whole/results.csv"), polars.read_csv("half/results.csv")
-    assert whole.equals(parts)
-    measured.write_text(measured.read_text().replace("other", "another"))  # the same numbers
-    assert emla(*run, "--stop-time", str(STOP), "--resume", "c", "--output", "half").exit_code == 0
-    measured.write_text(measured.read_text().replace("\n0.0,", "\n0.0,1", 1))
-    changed = emla(*run, "--stop-time", "0.06", "--resume", "c", "--output", "half")
-    assert changed.exit_code == 2 and "FMUs" in changed.output
+def test_only_the_start_value_of_the_driven_input_is_dropped(faulty_fmu: Path) -> None:
+    """Also where a name here is that of another variable of the FMU."""
+    aliases = {"u": Alias("a"), "drive": Alias("u")}
+    given = {"u": 0.5, "drive": 4.0, "b": 2.0}
+    sink = replace(faulty("j.sink", faulty_fmu), parameters=given, aliases=aliases)
+    table = LoadedInput.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
+    system = ec.System((sink,), ())
+    with Assembly(system, {"j.sink": faulty_fmu}) as assembly:
+        interfaces = {name: file.interface for name, file in assembly.files.items()}
+        placed = wire_inputs(system, [table], interfaces, ())
+    assert placed.system.component("j.sink").parameters == {"u": 0.5, "b": 2.0}
 
 
-def test_data_that_stop_end_the_run_at_the_last_point_within_them(fmu_folder: Path, measured: Path) -> None:
+# ---- the end of the data -----------------------------------------------------------------------
+
+
+def test_run_stops_at_the_last_point_within_the_data(fmu_folder: Path, measured: Path) -> None:
     source = ec.Input(measured, {LOAD: "Force"}, end="stop")
-    scenario = ec.load("lift", fmus=fmu_folder, stop_time=1.0, step_size=3e-4, input=[source])
+    scenario = lift(fmu_folder, source, stop_time=1.0, step_size=3e-4)
     result = ran(scenario, output_interval=3e-4)
     assert result.end_s == pytest.approx(0.0399, abs=1e-12)
     assert result.problem is None and result.times.stop == result.end_s
@@ -203,22 +176,113 @@ def test_data_that_stop_end_the_run_at_the_last_point_within_them(fmu_folder: Pa
         limit_to_data_end(scenario.options.updated({"start_time": 0.0399}))
 
 
-def test_a_fault_comes_after_the_data(fmu_folder: Path, measured: Path) -> None:
-    fault = ec.Fault("lift.plant.F_L", "constant", 0.02, value=0.0)
-    result = ran(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"}), fault=[fault]))
-    failed = result["time"] >= 0.02 - 1e-9
-    y = result["lift.plant_F_L_fault.y"]
-    assert not y[failed][1:].any() and y[~failed].all()
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_first_data_with_end_stop_end_the_run(
+    order: tuple[int, int], fmu_folder: Path, tmp_path: Path
+) -> None:
+    """The third ends before both, but holds its last value."""
+    sources = []
+    for number, end in enumerate((0.02, 0.03, 0.01)):
+        file = tmp_path / f"until {end}.csv"
+        polars.DataFrame({"t [s]": [0.0, end], "x": [0.0, 1.0]}).write_csv(file)
+        signal = ("lift.plant.supply.sag", LOAD, "lift.plant.fault.R_s")[number]
+        sources.append(ec.Input(file, {signal: "x"}, end="hold" if number == 2 else "stop"))
+    chosen = [sources[i] for i in order]
+    assert limit_to_data_end(lift(fmu_folder, *chosen).options).stop_time == pytest.approx(0.02)
+    assert find_data_end([sources[2], *chosen]) == pytest.approx(0.02)
+    assert find_data_end([sources[2], sources[1]]) == pytest.approx(0.03)
+    assert find_data_end([sources[2]]) is None
 
 
-def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -> None:
-    sources = [ec.Input(measured, {LOAD: "Force"}), ec.Input(measured, {"lift.plant.supply.sag": "other"})]
-    result = ran(lift(fmu_folder, *sources))
-    assert {f"input.{LOAD}", "input_2.lift.plant.supply.sag"} <= set(result.names)
+# ---- in files, workers and checkpoints ---------------------------------------------------------
+
+
+def test_scenario_file_names_its_data_and_run_json_their_hash(
+    emla: Emla, measured: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "there"
+    folder.mkdir()
+    measured.rename(folder / "measured.csv")
+    (folder / "mine.toml").write_text(
+        f"""
+        system = "lift"
+        stop_time = 0.01
+
+        [[input]]
+        file = "measured.csv"
+        time = "t"
+        interpolation = "cubic"
+        end = "repeat"
+        signals = {{ "{LOAD}" = "Force [kN]", "lift.plant.supply.sag" = {{ column = "other", unit = "1" }} }}
+        """
+    )
+    done = emla("run", "there/mine.toml", "--no-plots", "--output", "out")
+    assert done.exit_code == 0, done.output
+    (recorded,) = json.loads(Path("out/run.json").read_text())["settings"]["input"]
+    assert recorded["end"] == "repeat" and len(recorded["sha256"]) == 64
+    assert recorded["signals"][LOAD] == "Force [kN]"
+    refused = emla("run", "there/mine.toml", "--no-plots", "--output", "there/measured.csv")
+    assert refused.exit_code != 0 and "Traceback" not in refused.output
+
+
+def test_workers_get_the_data_inside_the_fmus(fmu_folder: Path, measured: Path) -> None:
+    first = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
+    assert first.options.input == [] and "input" in first.fmus
+    change_first_value(measured)
+    second = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
+    assert first.identity != second.identity
+
+
+def test_run_continues_with_the_same_data_only(fmu_folder: Path, measured: Path, tmp_path: Path) -> None:
+    def run(**options: Any) -> ec.Result:
+        source = ec.Input(measured, {LOAD: "Force"}, end="repeat")
+        return ran(lift(fmu_folder, source, output_interval=1e-3, **options))
+
+    checkpoint = tmp_path / "c"
+    run(stop_time=0.02, checkpoint=checkpoint)
+    whole, name = run(), "lift.plant.x_L"
+    np.testing.assert_array_equal(run(resume=checkpoint)[name], whole[name][20 + 1 :])
+    measured.write_text(measured.read_text().replace("other", "another"))  # the same numbers
+    np.testing.assert_array_equal(run(resume=checkpoint)[name], whole[name][20 + 1 :])
+    change_first_value(measured)
+    with pytest.raises(CommandError, match="FMUs"):
+        run(resume=checkpoint)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:2"), "variants.parquet"),
+        (("compare", "lift"), "comparison.csv"),
+    ],
+)
+def test_many_runs_do_not_overwrite_their_data(
+    emla: Emla, measured: Path, command: tuple[str, ...], name: str
+) -> None:
+    table = measured.with_name(name)
+    before = measured.read_bytes()
+    measured.rename(table)
+    measured.symlink_to(table)
+    output = ("--stop-time", "0.01", "--output", str(table.parent))
+    for more, words in (((), "was not written by emla"), (("--overwrite",), "is also the input")):
+        refused = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force", *more)
+        assert refused.exit_code == 2 and words in refused.stderr
+        assert measured.is_symlink() and table.read_bytes() == before
+
+
+def test_record_of_inputs_is_json(measured: Path) -> None:
+    sources = [ec.Input(measured, {LOAD: ec.Column("x", "mm", 1)}), ec.Input(data={"time": T})]
+    recorded = json.loads(json.dumps(to_plain(sources)))
+    assert recorded[0]["signals"] == {LOAD: "der(x [mm])"}
+    assert recorded[1]["data"] == "given in Python"
+
+
+# ---- messages ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("signals", "options", "sentence"),
+    ("signals", "options", "message"),
     [
         ({LOAD: "Farce"}, {}, "has no column 'Farce'; did you mean Force?"),
         ({LOAD: "x"}, {}, "is for lift.disturbance.F_L and has the units mm and N"),
@@ -236,49 +300,24 @@ def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -
         ({LOAD: "Force"}, {"time": "when"}, "has no column 'when'; it has 't', 'Force', 'x' and 'other'"),
     ],
 )
-def test_what_does_not_fit_is_one_sentence(
-    fmu_folder: Path, measured: Path, signals: dict[str, str], options: dict[str, Any], sentence: str
+def test_invalid_signals_and_columns(
+    fmu_folder: Path, measured: Path, signals: dict[str, str], options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(CommandError) as error:
         lift(fmu_folder, ec.Input(measured, signals, **options)).prepare()
-    assert sentence in str(error.value) and "\n" not in str(error.value)
+    assert message in str(error.value) and "\n" not in str(error.value)
 
 
-def test_two_columns_cannot_drive_one_signal(fmu_folder: Path, measured: Path) -> None:
+def test_two_values_for_one_signal(fmu_folder: Path, measured: Path) -> None:
     source = ec.Input(measured, {LOAD: "Force"})
     with pytest.raises(CommandError, match="is driven by two columns"):
         lift(fmu_folder, source, source).prepare()
+    source = ec.Input(measured, {"lift.plant.F_L": "Force"})
     with pytest.raises(CommandError, match="cannot be set: it is driven by input"):
-        lift(
-            fmu_folder, ec.Input(measured, {"lift.plant.F_L": "Force"}), set={"lift.plant.F_L": 1.0}
-        ).prepare()
-
-
-@pytest.mark.parametrize(
-    ("command", "name"),
-    [
-        (("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:2"), "variants.parquet"),
-        (("compare", "lift"), "comparison.csv"),
-    ],
-)
-def test_many_runs_do_not_overwrite_their_data(
-    emla: Emla, measured: Path, command: tuple[str, ...], name: str
-) -> None:
-    table = measured.with_name(name)
-    before = measured.read_bytes()
-    measured.rename(table)
-    measured.symlink_to(table)
-    output = ("--stop-time", "0.01", "--output", str(table.parent))
-    for more, words in (((), "was not written by emla"), (("--overwrite",), "is also the input")):
-        told = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force", *more)
-        assert told.exit_code == 2 and words in told.stderr
-        assert measured.is_symlink() and table.read_bytes() == before
-
-
-@pytest.mark.parametrize("said", [f"{LOAD}=Force,{LOAD}=other", f"{LOAD}=Force,end=stop,end=hold"])
-def test_nothing_is_said_twice(said: str) -> None:
-    with pytest.raises(CommandError, match="twice"):
-        ec.Input.of_text(f"measured.csv:{said}")
+        lift(fmu_folder, source, set={"lift.plant.F_L": 1.0}).prepare()
+    for twice in (f"{LOAD}=Force,{LOAD}=other", f"{LOAD}=Force,end=stop,end=hold"):
+        with pytest.raises(CommandError, match="twice"):
+            ec.Input.of_text(f"measured.csv:{twice}")
 
 
 @pytest.mark.parametrize("header", ["F", "F [kN]"])
@@ -291,55 +330,15 @@ def test_values_that_overflow_are_refused_with_their_row(
         lift(fmu_folder, ec.Input(file, {LOAD: "F"})).prepare()
 
 
-def test_columns_of_no_signal_are_noted(fmu_folder: Path) -> None:
+def test_columns_without_a_signal_are_noted(fmu_folder: Path) -> None:
     data = {"time": T, LOAD: F, "lift.plant.nothing": F, "remark": F}
-    told = notes_of(lift(fmu_folder, ec.Input(data=data)))
-    assert "has columns that drive nothing: lift.plant.nothing, remark." in told
+    notes = notes_of(lift(fmu_folder, ec.Input(data=data)))
+    assert "has columns that drive nothing: lift.plant.nothing, remark." in notes
 
 
-def test_what_is_recorded_is_json(measured: Path) -> None:
-    sources = [ec.Input(measured, {LOAD: ec.Column("x", "mm", 1)}), ec.Input(data={"time": T})]
-    told = json.loads(json.dumps(to_plain(sources)))
-    assert told[0]["signals"] == {LOAD: "der(x [mm])"}
-    assert told[1]["data"] == "given in Python"
-
-
-def test_a_closed_simulation_cannot_get_other_data(fmu_folder: Path, measured: Path) -> None:
+def test_prepared_simulation_cannot_get_other_data(fmu_folder: Path, measured: Path) -> None:
     with (
         lift(fmu_folder).prepare() as simulation,
         pytest.raises(CommandError, match="cannot change between runs"),
     ):
         simulation.run(input=[ec.Input(measured)])
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_of_several_data_that_stop_the_first_to_end_ends_the_run(
-    order: tuple[int, int], fmu_folder: Path, measured: Path, tmp_path: Path
-) -> None:
-    """The third ends before both, but does not ask to stop."""
-    sources = []
-    for number, end in enumerate((0.02, 0.03, 0.01)):
-        file = tmp_path / f"until {end}.csv"
-        polars.DataFrame({"t [s]": [0.0, end], "x": [0.0, 1.0]}).write_csv(file)
-        signal = ("lift.plant.supply.sag", LOAD, "lift.plant.fault.R_s")[number]
-        sources.append(ec.Input(file, {signal: "x"}, end="hold" if number == 2 else "stop"))
-    chosen = [sources[i] for i in order]
-    options = lift(fmu_folder, *chosen).options
-    assert limit_to_data_end(options).stop_time == pytest.approx(0.02)
-    assert find_data_end([sources[2], *chosen]) == pytest.approx(0.02)
-    assert find_data_end([sources[2], sources[1]]) == pytest.approx(0.03)
-    assert find_data_end([sources[2]]) is None
-
-
-def test_data_take_the_start_value_of_the_input_that_they_drive_and_of_no_other(faulty_fmu: Path) -> None:
-    """Also where a name here is that of another variable of the FMU."""
-    aliases = {"u": Alias("a"), "drive": Alias("u")}
-    sink = replace(
-        faulty("j.sink", faulty_fmu), parameters={"u": 0.5, "drive": 4.0, "b": 2.0}, aliases=aliases
-    )
-    table = LoadedInput.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
-    system = ec.System((sink,), ())
-    with Assembly(system, {"j.sink": faulty_fmu}) as assembly:
-        interfaces = {name: file.interface for name, file in assembly.files.items()}
-        placed = wire_inputs(system, [table], interfaces, ())
-    assert placed.system.component("j.sink").parameters == {"u": 0.5, "b": 2.0}

@@ -70,7 +70,6 @@ def test_pattern_sets_all_matching_parameters(
         ({"lift.observer.alpha_?": 5.0, "*.alpha_1": 4.0}, {ALPHA: 4.0, "lift.observer.alpha_2": 5.0}),
         ({"*.load.level[1]": 7.0}, {LEVEL: 7.0}),
         ({LEVEL: "30.5 kN", "*.plant.screw.lead": "11 mm"}, {LEVEL: 30.5e3, "lift.plant.screw.lead": 0.011}),
-        ({"lift.plant.screw.lead": "1.1 cm/rev"}, {"lift.plant.screw.lead": 0.011}),
         ({RISE: "90 degF"}, {RISE: 50.0}),
         ({RISE: "90 °F"}, {RISE: 50.0}),
         ({RISE: "50 °C"}, {RISE: 50.0}),
