@@ -23,13 +23,11 @@ from emla_cosim.system.model import System
 from tests.backends.test_containers import without_sources
 from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
 from tests.support.container_calls import STEP, TYPES_3
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import SUPPORT
+from tests.support.hand_written_fmus import build_all_types_3_fmu
 from tests.support.sessions import ERROR
 
 pytestmark = [needs_cc, pytest.mark.slow]
 
-TYPES = SUPPORT / "fmi3" / "fmi3.c"
 CALLS = os.environ.get("EMLA_FUZZ_CALLS", "20000")
 SEED = os.environ.get("EMLA_FUZZ_SEED", "1")
 LETTERS = {
@@ -55,7 +53,7 @@ def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_pa
             fmu_folder / "EmlaPlant/EmlaPlant.fmu", tmp_path / "Plant.fmu"
         )
     elif system == "parts of FMI 3.0":
-        third = build_handwritten_fmu(tmp_path / "Third.fmu", TYPES, platform=fmpy.platform_tuple)
+        third = build_all_types_3_fmu(tmp_path / "Third.fmu")
         plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
         wires = [f"a.{kind}_out -> b.{kind}_in" for kind in ("Float32", "Int8", "UInt64", "Boolean")]
         fmus = {"a": third, "b": third, "plant": plant}

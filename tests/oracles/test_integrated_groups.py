@@ -19,8 +19,8 @@ from scipy.linalg import expm
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
-from tests.oracles.test_integration import SOURCE, bouncing
-from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.oracles.test_integration import bouncing
+from tests.support.hand_written_fmus import build_integrated_fmu
 
 STOP = 2.0
 SWAPPED = ["a.x -> b.u", "b.x -> a.u"]
@@ -34,9 +34,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
     def get(rollback: str = "true", input: str = "continuous") -> Path:
         if (rollback, input) not in made:
             path = tmp_path_factory.mktemp("group") / "Integrated.fmu"
-            made[rollback, input] = build_handwritten_fmu(
-                path, SOURCE, {"rollback": rollback, "input": input}
-            )
+            made[rollback, input] = build_integrated_fmu(path, rollback=rollback == "true", input=input)
         return made[rollback, input]
 
     return get

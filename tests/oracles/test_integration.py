@@ -11,27 +11,21 @@ from fmpy import simulate_fmu
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import SUPPORT
+from tests.support.hand_written_fmus import build_integrated_fmu
 
-SOURCE = SUPPORT / "integrated" / "integrated.c"
 STEP, STOP = 0.01, 2.0
 TOLERANCES = [1e-4, 1e-6, 1e-8]
 
 
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Integrated.fmu", SOURCE, {"rollback": "true", "input": "continuous"}
-    )
+    return build_integrated_fmu(tmp_path_factory.mktemp("me") / "Integrated.fmu")
 
 
 @pytest.fixture(scope="session")
 def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same FMU, without getting and setting its state."""
-    return build_handwritten_fmu(
-        tmp_path_factory.mktemp("me") / "Stateless.fmu", SOURCE, {"rollback": "false", "input": "continuous"}
-    )
+    return build_integrated_fmu(tmp_path_factory.mktemp("me") / "Stateless.fmu", rollback=False)
 
 
 def run(source: Any, **options: Any) -> ec.Result:

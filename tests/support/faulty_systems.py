@@ -11,7 +11,7 @@ from emla_cosim.master.assembly import Assembly
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
-from tests.support.faulty_fmu import Counts, Fault
+from tests.support.hand_written_fmus import Counts, Fault
 from tests.support.scenario_runs import run_scenario
 
 

@@ -1,59 +1,33 @@
-"""Builds FMUs that are written by hand: a C file and a modelDescription.xml beside it."""
+"""Other names of `hand_written_fmus`, for a while."""
 
-import subprocess
-import sys
-import tempfile
-from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import fmpy
 
-from fmublock.archive import content_guid, write_archive
-from fmublock.platforms import TARGETS, host_platform
+from tests.support import hand_written_fmus
+from tests.support.hand_written_fmus import *  # noqa: F403
+from tests.support.hand_written_fmus import TOYS, compile_library  # noqa: F401
 
-_FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-s"]
-# the FMI says which parameters a function has, whether it needs them or not
-_WARNINGS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
+_OLD = {
+    "fmi3": "all_types_3",
+    "integrated": "integrated",
+    "integrated3": "integrated_3",
+    "state_space": "state_space",
+    "all_types": "all_types",
+}
 
 
 def build_handwritten_fmu(
-    path: Path,
-    source: Path,
-    placeholders: Mapping[str, str] | None = None,
-    macros: Mapping[str, int | str] | None = None,
-    platform: str = fmpy.platform,
+    path: Path, source: Path, placeholders: Any = None, macros: Any = None, platform: str = fmpy.platform
 ) -> Path:
-    """Build the FMU for this machine, with the file's name as its model identifier.
-
-    The model description has $name, $guid and what is in `placeholders`; the C file gets
-    MODEL_GUID and what is in `macros`.
-    """
-    template = Template((source.parent / "modelDescription.xml").read_text(encoding="utf-8"))
-    sources = {f.name: f.read_bytes() for f in sorted(source.parent.glob("*.[ch]"))}
-    values = {"name": path.stem, **(placeholders or {})}
-    draft = template.safe_substitute(values).encode()
-    guid = content_guid({**sources, "modelDescription.xml": draft})
-    library = compile_library(source, {"MODEL_GUID": f'"{guid}"', **(macros or {})})
-    content = {
-        "modelDescription.xml": template.substitute(values, guid=guid).encode(),
-        f"binaries/{platform}/{path.stem}{fmpy.sharedLibraryExtension}": library,
-    }
-    write_archive(path, content)
-    return path
-
-
-def compile_library(source: Path, macros: Mapping[str, int | str]) -> bytes:
-    """The shared library of one C file for this machine, with these macros defined."""
-    headers = str(files("fmpy").joinpath("c-code"))
-    with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder, f"{source.stem}{fmpy.sharedLibraryExtension}")
-        target, _ = TARGETS[host_platform()]
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS, *_WARNINGS]
-        command += [f"-D{name}={value}" for name, value in macros.items()]
-        command += ["-I", headers, str(source), "-o", str(library)]
-        command += [] if "windows" in target else ["-lm"]
-        compiled = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert compiled.returncode == 0, compiled.stderr
-        return library.read_bytes()
+    name = _OLD.get(source.parent.name)
+    if name is None:
+        return hand_written_fmus.build_handwritten_fmu(path, source, placeholders, macros, platform)
+    more = (
+        {"FMI": 3} if name == "integrated_3" else {"FMI": 2, "INDICATORS": 1} if name == "integrated" else {}
+    )
+    c = "integrated.c" if name == "integrated_3" else f"{name}.c"
+    return hand_written_fmus.build_handwritten_fmu(
+        path, TOYS / c, placeholders, {**(macros or {}), **more}, platform, TOYS / f"{name}.xml"
+    )

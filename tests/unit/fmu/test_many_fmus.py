@@ -18,8 +18,8 @@ from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
-from tests.support.faulty_fmu import Counts
 from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.hand_written_fmus import Counts
 from tests.support.ssp_documents import binding, component, connection, entry, fake_fmu, ssd, ssm, ssv, system
 from tests.support.ssp_documents import folder as ssp_folder
 from tests.support.work import instructions

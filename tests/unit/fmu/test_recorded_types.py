@@ -13,8 +13,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.recorders.stored import open_stored_run
 from emla_cosim.views.panels import make_steps
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import ALL_TYPES
+from tests.support.hand_written_fmus import build_all_types_fmu
 
 NOTE = 'a "quote", a comma,\na line, é'
 EVERYTHING = ("a.*", "a.half", "a.twice", "a.odd", "a.text", "a.note", "a.reads", "a.first")
@@ -23,7 +22,7 @@ EVERYTHING = ("a.*", "a.half", "a.twice", "a.odd", "a.text", "a.note", "a.reads"
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("all_types")
-    return build_handwritten_fmu(folder / "AllTypes.fmu", ALL_TYPES)
+    return build_all_types_fmu(folder / "AllTypes.fmu")
 
 
 def prepare(fmu: Path, **options: Any) -> ec.Simulation:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import numpy as np
 import pytest
 
@@ -11,10 +10,8 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
 from tests.support.commands import Emla, sentence
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import SUPPORT
+from tests.support.hand_written_fmus import build_state_space_fmu
 
-SOURCE = SUPPORT / "state_space" / "state_space.c"
 STEP, STOP = 0.125, 1.0
 A = np.array([[0.0, 1.0, 0.0], [-2.0, -0.5, 1.0], [0.0, 0.25, -1.0]])
 B = np.array([[1.0, 0.0], [0.0, 2.0], [0.5, -1.0]])
@@ -28,7 +25,7 @@ FEW = {"s.n": 1, "s.A[1,1]": -1.0, "s.B[1,1]": 0.5, "s.C[1,1]": 1.0, "s.C[2,1]":
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("structure") / "StateSpace.fmu"
-    return build_handwritten_fmu(file, SOURCE, platform=fmpy.platform_tuple)
+    return build_state_space_fmu(file)
 
 
 def run(system: System, **options: Any) -> ec.Result:

@@ -10,12 +10,12 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
-from tests.support.event_fmu import build_event_fmu
+from tests.support.hand_written_fmus import build_event_fmu
 
 STEP, STOP, THRESHOLD = 0.125, 2.0, 0.35
 TICKS = {
     "periodic": 0.25 + 0.1 * np.arange(18),
-    "asked": 0.25 + 0.1 * np.arange(18),
+    "fixed": 0.25 + 0.1 * np.arange(18),
     "changing": 0.1 * np.cumsum([1, 2, 3, 4, 5]),
     "countdown": THRESHOLD * np.arange(1, 6) + 0.05,
 }

@@ -15,7 +15,7 @@ from emla_cosim.fmu.log import FmuLog
 from emla_cosim.master.instances.event_mode_instance import EventModeInstance
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
-from tests.support.event_fmu import build_event_fmu
+from tests.support.hand_written_fmus import build_event_fmu
 from tests.support.tiers import mostly_slow
 
 PERIOD, THRESHOLD, STOP = 0.3, 0.35, 2.0

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import numpy as np
 import polars
 import pytest
@@ -20,10 +19,8 @@ from emla_cosim.system.model import System
 from fmublock import Block, Input, Output
 from tests.support.broken.editing import DESCRIPTION, read_files, written
 from tests.support.commands import Emla
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import ALL_TYPES, SUPPORT
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu
 
-SOURCE = SUPPORT / "fmi3" / "fmi3.c"
 DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
 STEP, STOP = 0.125, 1.0
 VALUES: dict[str, Any] = {
@@ -55,7 +52,7 @@ class Twice(Block):
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("fmi3") / "Third.fmu"
-    return build_handwritten_fmu(file, SOURCE, platform=fmpy.platform_tuple)
+    return build_all_types_3_fmu(file)
 
 
 def with_description(path: Path, changed: Path, old: str, new: str) -> Path:
@@ -106,7 +103,7 @@ def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
     ids=str,
 )
 def test_strings_pass_through_connections(path: Path, options: dict[str, Any], tmp_path: Path) -> None:
-    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)  # FMI 2.0; its text changes
+    build_all_types_fmu(tmp_path / "all_types.fmu")  # FMI 2.0; its text changes
     fmus = {"b": path, "a": tmp_path / "all_types.fmu", "c": path}
     system = System.of(fmus, ["a.text -> b.String_in", "b.String_out -> c.String_in", "a.x -> b.u[1,1]"])
     signals = ["a.text", "b.String_out", "c.String_out", "b.y[1,1]", "a.x"]
@@ -120,7 +117,7 @@ def test_strings_pass_through_connections(path: Path, options: dict[str, Any], t
 
 
 def test_a_resumed_run_has_its_strings(path: Path, tmp_path: Path) -> None:
-    build_handwritten_fmu(tmp_path / "all_types.fmu", ALL_TYPES)
+    build_all_types_fmu(tmp_path / "all_types.fmu")
     fmus = {"a": tmp_path / "all_types.fmu", "b": path}
     names = ["a.text", "b.String_out"]
 

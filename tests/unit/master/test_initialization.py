@@ -20,8 +20,8 @@ from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
+from tests.support.hand_written_fmus import Fault
 from tests.support.simulated import begun
 from tests.support.slaves import FakeSlave
 

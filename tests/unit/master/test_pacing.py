@@ -9,8 +9,8 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.master.stepping import pacing
 from emla_cosim.master.stepping.pacing import Pacing
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault, run_system
+from tests.support.hand_written_fmus import Fault
 
 
 class Clock:

@@ -15,7 +15,7 @@ from emla_cosim.base.units import LinearTransformation
 from emla_cosim.cli.app import app
 from emla_cosim.sweeps.summary import status_line
 from emla_cosim.system.model import Alias, Component, Connection, System
-from tests.support.reluctant_fmu import build_reluctant_fmu
+from tests.support.hand_written_fmus import build_reluctant_fmu
 
 VALUES = {
     "u": 3.0,

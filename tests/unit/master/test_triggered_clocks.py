@@ -10,7 +10,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
-from tests.support.trigger_fmu import build_trigger_fmu
+from tests.support.hand_written_fmus import build_trigger_fmu
 
 STEP, STOP = 0.125, 2.0
 PERIOD = 0.3

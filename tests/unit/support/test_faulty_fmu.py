@@ -11,7 +11,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi2 import FMU2Slave, fmi2DoStepStatus, fmi2LastSuccessfulTime, fmi2Pending, fmi2Terminated
 from fmpy.validation import validate_fmu
 
-from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
+from tests.support.hand_written_fmus import Counts, Fault, build_faulty_fmu
 from tests.support.sessions import DISCARD, ERROR, FATAL, OK, WARNING, Session, opened, refused, status
 
 AT = 0.3
