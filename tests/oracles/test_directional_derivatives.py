@@ -12,31 +12,17 @@ from hypothesis import strategies as st
 
 from emla_cosim.fmu.models import MODELS
 from fmublock import Block
-from tests.support.points import POINTS, Point
+from tests.support.blocks import FACTS, OWN, WITH_STATES, Point
 from tests.support.sessions import Session, continuous_states, refused, set_continuous_states
 from tests.support.tiers import examples
 from tests.support.toy import Toy
 
-COMPARED = ("FocController", "CacController", "AnatcController")
-WITH_STATES = (
-    "EmlaPlant",
-    "EmlaCompliantPlant",
-    "EmlaMotor",
-    "EmlaObserver",
-    "RsbaController",
-    *COMPARED,
-    "HdrmPlant",
-    "Toy",
-)
+ALL = [*OWN, "Toy"]
 STROKES = tuple(f"start.{name}[{i}]" for name in ("x_L", "v_L") for i in (1, 2, 3))
 STARTS = ("start.x_L", "start.deflection", "start.x_hat", "start.eta_hat", "x_0", *STROKES)
 """Parameters that states start from."""
 SAMPLED = {"inverter.u_max": "inverter.u_available"}
 """Parameters that discrete states start from, and the output that is this state."""
-
-
-def test_every_model_has_its_points() -> None:
-    assert POINTS.keys() == MODELS.keys() | {"Toy"}
 
 
 # ---- instances ---------------------------------------------------------------------------------
@@ -139,36 +125,36 @@ def check(at: At, data: st.DataObject) -> None:
 # ---- tests -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", POINTS)
+@pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
-@examples(8, 25)
+@examples(2, 25)
 def test_in_initialization_they_are_the_slopes_of_what_is_computed(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs, parameters and start values of states."""
-    with At(sessions[model], data.draw(POINTS[model]()), FMU2Slave, running=False) as at:
+    with At(sessions[model], data.draw(FACTS[model].points()), FMU2Slave, running=False) as at:
         check(at, data)
 
 
 @pytest.mark.parametrize("model", WITH_STATES)
 @given(data=st.data())
-@examples(8, 25)
+@examples(2, 25)
 def test_in_continuous_time_they_are_the_slopes_of_what_is_computed(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs and states."""
-    with At(sessions[model], data.draw(POINTS[model]()), FMU2Model, running=True) as at:
+    with At(sessions[model], data.draw(FACTS[model].points()), FMU2Model, running=True) as at:
         check(at, data)
 
 
 @pytest.mark.parametrize("model", WITH_STATES)
 @pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
 @given(data=st.data())
-@examples(4, 10)
+@examples(1, 10)
 def test_parameters_count_alike_in_every_phase(
     sessions: dict[str, Session], model: str, kind: Any, data: st.DataObject
 ) -> None:
-    point = data.draw(POINTS[model]())
+    point = data.draw(FACTS[model].points())
     with (
         At(sessions[model], point, FMU2Slave, running=False) as before,
         At(sessions[model], point, kind, running=True) as after,
@@ -180,14 +166,14 @@ def test_parameters_count_alike_in_every_phase(
                 assert np.array_equal(*d), parameter
 
 
-@pytest.mark.parametrize("model", POINTS)
+@pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
-@examples(4, 10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
+@examples(1, 10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
 def test_a_sum_of_directions_gives_the_sum(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     session = sessions[model]
-    with At(session, data.draw(POINTS[model]()), FMU2Slave, running=False) as at:
+    with At(session, data.draw(FACTS[model].points()), FMU2Slave, running=False) as at:
         reach = {k: at.point.reach.get(k, abs(x)) for k, x in zip(at.knowns, at.values, strict=True)}
         directions = st.fixed_dictionaries({k: st.floats(-r, r) for k, r in reach.items()})
         a, b = data.draw(directions), data.draw(directions)
@@ -291,25 +277,15 @@ def test_knowns_with_the_seed_zero_may_be_of_any_kind(toy: Session) -> None:
         slave.getDirectionalDerivative(toy.references(["x"]), [10_000], [0.0])
 
 
-def test_references_of_no_variable_are_refused(toy: Session) -> None:
-    slave = toy.instance()
-    with refused():
-        slave.getDirectionalDerivative([10_000], toy.references(["force"]), [1.0])
-    with refused():
-        slave.getDirectionalDerivative(toy.references(["x"]), [2**32 - 1], [1.0])
+def test_other_references_and_phases_are_refused(toy: Session) -> None:
+    slave, early = toy.instance(), toy.new()
+    x, force = toy.references(["x"]), toy.references(["force"])
+    for instance, unknown, known in ((slave, [10_000], force), (slave, x, [2**32 - 1]), (early, x, force)):
+        with refused():
+            instance.getDirectionalDerivative(unknown, known, [1.0])
     assert toy.log.lines("toy") == [
         "toy: there is no variable with value reference 10000.",
         "toy: there is no variable with value reference 4294967295.",
+        "toy: cannot get directional derivatives in phase instantiated.",
     ]
-
-
-def test_a_state_with_a_start_parameter_is_a_known_after_initialization(toy: Session) -> None:
-    slave = toy.instance()
-    assert slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["x"]), [1.0]) == [1.0]
-
-
-def test_before_initialization_they_are_refused(toy: Session) -> None:
-    slave = toy.new()
-    with refused():
-        slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["force"]), [1.0])
-    assert toy.log.lines("toy") == ["toy: cannot get directional derivatives in phase instantiated."]
+    assert slave.getDirectionalDerivative(x, x, [1.0]) == [1.0]  # after initialization x is a known

@@ -4,7 +4,6 @@ import ctypes
 import math
 from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_size_t, c_uint, c_void_p
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from fmpy import fmi2, simulate_fmu
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 
-from emla_cosim.fmu.models import MODELS, fmu_path
+from tests.support.blocks import FACTS, WITH_STATES
 from tests.support.sessions import (
     DISCARD,
     ERROR,
@@ -21,186 +20,59 @@ from tests.support.sessions import (
     Session,
     continuous_states,
     derivatives,
-    opened,
     refused,
     set_continuous_states,
     status,
 )
 from tests.support.toy import Shape
 
-
-def native(model: str, folder: Path) -> Path:
-    return fmu_path(model, "native", folder)
-
-
 # ---- against co-simulation ---------------------------------------------------------------------
 
-RUNS: dict[str, tuple[dict[str, Any], float, float]] = {
-    "EmlaPlant": (
-        {
-            "u_q": 30.0,
-            "u_d": -5.0,
-            "F_L": 1e3,
-            "d_2": 0.1,
-            "d_3": 1.0,
-            "d_4": 2.0,
-            "v_L": 0.02,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "motor.L_q": 3e-3,
-            "uncertainty.F_2": 0.1,
-            "motor.i_N": 30.0,
-        },
-        0.1,
-        2e-3,
-    ),
-    "EmlaCompliantPlant": (
-        {
-            "u_q": 30.0,
-            "u_d": -5.0,
-            "F_L": 1e3,
-            "v_L": 0.02,
-            "i_q": 5.0,
-            "load.v": 0.01,
-            "load.m": 2e3,
-            "transmission.stiffness": 1e7,
-            "transmission.damping": 1e3,
-            "motor.i_N": 30.0,
-        },
-        0.1,
-        2e-3,
-    ),
-    "EmlaMotor": (
-        {"u_q": 30.0, "u_d": -5.0, "x_L": 0.24, "v_L": 0.02, "d_3": 1.0, "i_q": 5.0, "motor.L_q": 3e-3},
-        0.1,
-        1e-3,
-    ),
-    "EmlaObserver": (
-        {"y": 0.5, "i_q_ref": 10.0, "v_hat": 0.1, "m_0": 100.0, "H_0": 10.0},
-        0.1,
-        1e-2,
-    ),
-    "RsbaController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.24,
-            "v_hat": 0.01,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "limit_acceleration": True,
-            **{f"beta[{i}]": 50.0 for i in range(1, 5)},
-            **{f"delta[{i}]": 1.0 for i in range(1, 5)},
-            **{f"sigma[{i}]": 40.0 for i in range(1, 5)},
-        },
-        0.1,
-        2e-2,
-    ),
-    "FocController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "omega_d": 50.0,
-            "w_c": 100.0,
-            "w_i": 40.0,
-        },
-        0.1,
-        2e-2,
-    ),
-    "CacController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "omega_n[1]": 50.0,
-            "omega_n[2]": 80.0,
-            "k[1]": 20.0,
-            "k[2]": 30.0,
-            "limit.i_max": 1e4,
-        },
-        0.1,
-        1e-2,
-    ),
-    "AnatcController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "k_1": 20.0,
-            "g": 10.0,
-            "ell[1]": 3.0,
-            "ell[2]": 3.0,
-        },
-        0.1,
-        2e-2,
-    ),
-}
-"""Start values of inputs, parameters and states, stop time, and the longest internal step tried."""
 
-
-@pytest.mark.parametrize("model", RUNS)
-def test_co_simulation_converges_to_it_with_fourth_order(
-    fmu_folder: Path, tmp_path: Path, model: str
-) -> None:
+@pytest.mark.parametrize("model", WITH_STATES)
+def test_co_simulation_converges_to_it_with_fourth_order(sessions: dict[str, Session], model: str) -> None:
     """CVode at 1e-12: at 1e-10 its own errors of 1e-8 would be seen."""
-    values, stop_time, longest = RUNS[model]
-    path = native(model, fmu_folder)
-    with opened(path, tmp_path) as session:
-        states = session.states
-        found = simulate_fmu(
-            str(path),
-            fmi_type="ModelExchange",
-            solver="CVode",
-            relative_tolerance=1e-12,
-            stop_time=stop_time,
-            output_interval=stop_time / 100.0,
-            start_values=values,
-            output=states,
-        )
-        exchanged = np.array([found[s][-1] for s in states])
-        nominals = [float(session.variables[s].nominal or 1.0) for s in states]
-        errors = []
-        for k in range(5):
-            slave = session.instance(**values, **{"solver.internal_step": longest / 2**k})
-            slave.doStep(0.0, stop_time)
-            stepped = np.array(session.get(slave, *states))
-            errors.append(np.max(np.abs(stepped - exchanged) / np.maximum(np.abs(exchanged), nominals)))
+    session, facts = sessions[model], FACTS[model]
+    states, (stop_time, longest) = session.states, facts.exchange or (0.0, 0.0)
+    rows = simulate_fmu(
+        str(session.folder),
+        fmi_type="ModelExchange",
+        solver="CVode",
+        relative_tolerance=1e-12,
+        stop_time=stop_time,
+        output_interval=stop_time / 100.0,
+        start_values=dict(facts.smooth),
+        output=states,
+    )
+    exchanged = np.array([rows[s][-1] for s in states])
+    nominals = [float(session.variables[s].nominal or 1.0) for s in states]
+    errors = []
+    for k in range(2, 5):
+        slave = session.instance(**facts.smooth, **{"solver.internal_step": longest / 2**k})
+        slave.doStep(0.0, stop_time)
+        stepped = np.array(session.get(slave, *states))
+        errors.append(np.max(np.abs(stepped - exchanged) / np.maximum(np.abs(exchanged), nominals)))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert errors[-1] < 3e-8, errors
-    assert all(3.8 < order < 4.2 for order in orders[-2:]), orders
+    assert all(3.8 < order < 4.2 for order in orders), orders
 
 
-def test_a_block_without_states_gives_the_same_outputs(fmu_folder: Path, tmp_path: Path) -> None:
+def test_a_block_without_states_gives_the_same_outputs(sessions: dict[str, Session]) -> None:
     """The reference, at the host's times instead of after steps."""
-    with opened(native("Reference", fmu_folder), tmp_path) as session:
-        values, outputs = {"waypoint[2]": 0.3, "move.start[1]": 0.1, "period": 1.25}, ("x_d", "v_d", "a_d")
-        model = session.instance("model", of=FMU2Model, **values)
-        slave = session.instance("slave", **values)
-        time = 0.0
-        for step in np.random.default_rng(6).uniform(0.01, 0.2, size=30):
-            slave.doStep(time, step)
-            time += step
-            model.setTime(time)
-            model.completedIntegratorStep()
-            assert session.get(model, *outputs) == session.get(slave, *outputs)
-
-
-def test_fmpy_runs_a_block_without_states(fmu_folder: Path) -> None:
-    path = str(native("Reference", fmu_folder))
-    found = simulate_fmu(path, fmi_type="ModelExchange", stop_time=1.0, start_values={"waypoint[2]": 0.3})
-    assert found["x_d"][-1] == pytest.approx(0.3, rel=1e-12)
+    session = sessions["Reference"]
+    values, outputs = {"waypoint[2]": 0.3, "move.start[1]": 0.1, "period": 1.25}, ("x_d", "v_d", "a_d")
+    model = session.instance("model", of=FMU2Model, **values)
+    slave = session.instance("slave", **values)
+    time = 0.0
+    for step in np.random.default_rng(6).uniform(0.01, 0.2, size=30):
+        slave.doStep(time, step)
+        time += step
+        model.setTime(time)
+        model.completedIntegratorStep()
+        assert session.get(model, *outputs) == session.get(slave, *outputs)
+    path = str(session.folder)
+    rows = simulate_fmu(path, fmi_type="ModelExchange", stop_time=1.0, start_values={"waypoint[2]": 0.3})
+    assert rows["x_d"][-1] == pytest.approx(0.3, rel=1e-12)
 
 
 def test_discrete_states_hold_their_start_values(toy: Session) -> None:
@@ -216,24 +88,18 @@ def test_discrete_states_hold_their_start_values(toy: Session) -> None:
     assert len(set(found["x"])) > 100
 
 
-def test_a_block_with_discrete_states_only_is_for_co_simulation_only(
-    fmu_folder: Path, tmp_path: Path
-) -> None:
-    with opened(native("Disturbance", fmu_folder), tmp_path) as session:
-        assert session.description.modelExchange is None
-        slave = session.new()
-        assert instantiate(session, slave, fmi2.fmi2ModelExchange) is None
-        assert session.log.lines("raw") == ["raw: this FMU is for co-simulation only."]
+def test_a_block_with_discrete_states_only_is_for_co_simulation_only(sessions: dict[str, Session]) -> None:
+    session = sessions["Disturbance"]
+    assert session.description.modelExchange is None
+    assert instantiate(session, session.new(), fmi2.fmi2ModelExchange) is None
+    assert session.log.lines("raw") == ["raw: this FMU is for co-simulation only."]
 
 
-def test_all_other_models_are_for_both(fmu_folder: Path, tmp_path: Path) -> None:
-    offering = set()
-    for name in MODELS:
-        with opened(native(name, fmu_folder), tmp_path / name) as session:
-            if session.description.modelExchange is not None:
-                session.instance(of=FMU2Model)
-                offering.add(name)
-    assert offering == MODELS.keys() - {"Disturbance", "SignalFault"}
+def test_all_other_models_are_for_both(sessions: dict[str, Session]) -> None:
+    offering = {m for m, session in sessions.items() if session.description.modelExchange is not None}
+    assert offering == sessions.keys() - {"Disturbance", "SignalFault"}
+    for model in offering:
+        sessions[model].instance(of=FMU2Model)
 
 
 def instantiate(session: Session, slave: Any, kind: int, guid: str | None = None) -> Any:
@@ -295,12 +161,11 @@ def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
     assert toy.get(model, "x", "v[1]", "v[2]", "power", "random", "step_count") == before
 
 
-def test_nominal_values_are_those_of_the_block(fmu_folder: Path, tmp_path: Path) -> None:
-    with opened(native("EmlaPlant", fmu_folder), tmp_path) as session:
-        model = session.instance(of=FMU2Model)
-        nominals = (fmi2.fmi2Real * 5)()
-        model.getNominalsOfContinuousStates(nominals, 5)
-        assert list(nominals) == [0.1, 0.1, 10.0, 10.0, 10.0]
+def test_nominal_values_are_those_of_the_block(sessions: dict[str, Session]) -> None:
+    model = sessions["EmlaPlant"].instance(of=FMU2Model)
+    nominals = (fmi2.fmi2Real * 5)()
+    model.getNominalsOfContinuousStates(nominals, 5)
+    assert list(nominals) == [0.1, 0.1, 10.0, 10.0, 10.0]
 
 
 @pytest.mark.parametrize(
@@ -324,8 +189,15 @@ def test_a_derivative_that_is_not_finite_is_discarded_by_name(
     assert np.isfinite(derivatives(model, 3)).all()
 
 
-@pytest.mark.parametrize("call", ["SetContinuousStates", "GetContinuousStates", "GetDerivatives"])
-@pytest.mark.parametrize("n", [0, 2, 4])
+@pytest.mark.parametrize(
+    ("call", "n"),
+    [
+        ("SetContinuousStates", 2),
+        ("SetContinuousStates", 0),
+        ("GetContinuousStates", 4),
+        ("GetDerivatives", 2),
+    ],
+)
 def test_arrays_of_another_length_are_refused(toy: Session, call: str, n: int) -> None:
     model = toy.instance(of=FMU2Model)
     with refused():
@@ -394,20 +266,20 @@ def bring_to(phase: str, model: FMU2Model) -> None:
             call()
 
 
-@pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("phase", PHASES)
-def test_each_call_has_its_phases(toy: Session, phase: str, call: str) -> None:
-    model = toy.new(kind=FMU2Model)
-    model.setupExperiment()
-    bring_to(phase, model)
-    action, make = CALLS[call]
-    if call in PHASES[phase]:
-        make(toy, model)
-        assert toy.log.lines("toy") == []
-    else:
-        with refused():
+def test_each_call_has_its_phases(toy: Session, phase: str) -> None:
+    for name, (action, make) in CALLS.items():
+        toy.log.all.clear()
+        model = toy.new(kind=FMU2Model)
+        model.setupExperiment()
+        bring_to(phase, model)
+        if name in PHASES[phase]:
             make(toy, model)
-        assert toy.log.lines("toy") == [f"toy: cannot {action} in phase {phase}."]
+            assert toy.log.lines("toy") == []
+        else:
+            with refused():
+                make(toy, model)
+            assert toy.log.lines("toy") == [f"toy: cannot {action} in phase {phase}."]
 
 
 def test_refused_calls_leave_the_instance_as_it_was(toy: Session) -> None:
@@ -506,23 +378,19 @@ def call(instance: Any, function: str, *arguments: Any) -> int:
     return ctypes.CDLL(instance.dll._name)[function](c_void_p(instance.component), *arguments)
 
 
-@pytest.mark.parametrize("action", CO_SIMULATION)
-@pytest.mark.parametrize("continuous", [False, True])
-def test_calls_of_co_simulation_are_refused(toy: Session, action: str, continuous: bool) -> None:
-    model = toy.instance(of=FMU2Model)
-    if not continuous:
-        model.enterEventMode()
-    assert call(model, *CO_SIMULATION[action]) == ERROR
-    phase = "continuous-time" if continuous else "event"
-    assert toy.log.lines("toy") == [f"toy: cannot {action} in phase {phase}."]
-    assert toy.get(model, "x", "force", "step_count") == [0.125, 0.5, 0.0]
-
-
-@pytest.mark.parametrize("action", MODEL_EXCHANGE)
-def test_calls_of_model_exchange_are_refused_in_co_simulation(toy: Session, action: str) -> None:
-    slave = toy.instance()
-    assert call(slave, *MODEL_EXCHANGE[action]) == ERROR
-    assert toy.log.lines("toy") == [f"toy: cannot {action} in phase step."]
+def test_calls_of_the_other_type_are_refused(toy: Session) -> None:
+    slave, model, paused = toy.instance(), toy.instance(of=FMU2Model), toy.instance(of=FMU2Model)
+    paused.enterEventMode()
+    for instance, phase, calls in (
+        (model, "continuous-time", CO_SIMULATION),
+        (paused, "event", CO_SIMULATION),
+        (slave, "step", MODEL_EXCHANGE),
+    ):
+        toy.log.all.clear()
+        for arguments in calls.values():
+            assert call(instance, *arguments) == ERROR
+        assert toy.log.lines("toy") == [f"toy: cannot {action} in phase {phase}." for action in calls]
+        assert toy.get(instance, "x", "force", "step_count") == [0.125, 0.5, 0.0]
     slave.doStep(0.0, 0.1)
 
 
@@ -571,26 +439,16 @@ def test_a_saved_state_brings_time_states_inputs_and_phase_back(toy: Session, se
         each.completedIntegratorStep()
 
 
-def test_going_back_behind_a_promised_point_is_a_warning(toy: Session) -> None:
+@pytest.mark.parametrize("promised", [True, False])
+def test_going_back_behind_a_promised_point_is_a_warning(toy: Session, promised: bool) -> None:
     model = toy.instance(of=FMU2Model)
     early = model.getFMUstate()
     model.setTime(0.5)
-    model.completedIntegratorStep(True)
+    model.completedIntegratorStep(promised)
     late = model.getFMUstate()
     model.setTime(0.75)
     assert model.fmi2SetFMUstate(model.component, late) == OK
-    assert model.fmi2SetFMUstate(model.component, early) == WARNING
-    (line,) = toy.log.lines("toy")
-    assert line == (
-        "toy: set back to t = 0 s, though noSetFMUStatePriorToCurrentPoint was given at t = 0.5 s."
-    )
+    assert model.fmi2SetFMUstate(model.component, early) == (WARNING if promised else OK)
+    line = "toy: set back to t = 0 s, though noSetFMUStatePriorToCurrentPoint was given at t = 0.5 s."
+    assert toy.log.lines("toy") == [line] * promised
     assert toy.get(model, "der(v[2])") == pytest.approx([1.0 + 0.5 / 3.0])
-
-
-def test_without_a_promise_going_back_is_fine(toy: Session) -> None:
-    model = toy.instance(of=FMU2Model)
-    early = model.getFMUstate()
-    model.setTime(0.5)
-    model.completedIntegratorStep(False)
-    assert model.fmi2SetFMUstate(model.component, early) == OK
-    assert toy.log.lines("toy") == []

@@ -1,13 +1,12 @@
 """Time derivatives of outputs: fmi2GetRealOutputDerivatives of native FMUs."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from emla_cosim.fmu.models import MODELS
+from tests.support.blocks import FACTS, OWN
 from tests.support.sessions import Session, refused
 
 
@@ -24,210 +23,18 @@ def move(session: Session, slave: FMU2Slave, **derivatives: tuple[float, ...]) -
 
 # ---- against differences -----------------------------------------------------------------------
 
-MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
-    "EmlaPlant": (
-        {
-            "u_q": 30.0,
-            "u_d": -5.0,
-            "F_L": 1e3,
-            "v_L": 0.02,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "motor.L_q": 3e-3,
-            "start.x_L": 0.01,
-            "motor.i_N": 30.0,
-        },
-        {"u_q": (200.0, -1e3), "u_d": (-40.0,), "F_L": (1e3, 1e4, 1e5), "d_2": (2.0,), "d_3": (1.0, 2.0)},
-    ),
-    "EmlaCompliantPlant": (
-        {
-            "u_q": 30.0,
-            "F_L": 1e3,
-            "v_L": 0.02,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "start.x_L": 0.01,
-            "load.v": 0.01,
-            "transmission.stiffness": 1e6,
-            "transmission.damping": 1e3,
-            "start.deflection": 1e-3,
-            "motor.i_N": 30.0,
-        },
-        {"u_q": (200.0, -1e3), "u_d": (-40.0,), "F_L": (1e3, 1e4, 1e5), "d_2": (2.0,), "d_3": (1.0, 2.0)},
-    ),
-    "EmlaMotor": (
-        {"u_q": 30.0, "u_d": -5.0, "i_q": 5.0, "i_d": 1.0, "motor.L_q": 3e-3, "x_L": 0.01, "v_L": 0.02},
-        {"u_q": (200.0, -1e3), "u_d": (-40.0,), "x_L": (0.02, 0.3), "v_L": (0.3, 2.0), "d_3": (1.0, 2.0)},
-    ),
-    "EmlaObserver": (
-        {"y": 0.25, "i_q_ref": 10.0, "v_hat": 0.01},
-        {"y": (0.03, 0.2, 1.0), "i_q_ref": (100.0,)},
-    ),
-    "RsbaController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.24,
-            "v_hat": 0.01,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "limit_acceleration": True,
-            "feed_acceleration": True,
-        }
-        | {f"beta[{i}]": 50.0 for i in range(1, 5)}
-        | {f"delta[{i}]": 1.0 for i in range(1, 5)},
-        {"x_hat": (0.05, 0.3), "v_hat": (0.3,), "x_d": (0.01, 0.3, 2.0), "v_d": (0.3, 2.0), "i_q": (9.0,)},
-    ),
-    "FocController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "a_d": 0.1,
-            "omega_d": 50.0,
-            "w_c": 100.0,
-            "w_i": 20.0,
-        },
-        {
-            "x_hat": (0.01,),
-            "v_hat": (0.3,),
-            "x_d": (0.01, 0.03),
-            "v_d": (0.03,),
-            "i_q": (9.0,),
-            "d_hat": (2.0,),
-        },
-    ),
-    "CacController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "a_d": 0.1,
-            "omega_n[1]": 50.0,
-            "omega_n[2]": 80.0,
-            "k[1]": 20.0,
-            "k[2]": 30.0,
-        },
-        {
-            "x_hat": (0.01,),
-            "v_hat": (0.03,),
-            "x_d": (0.01, 0.03),
-            "v_d": (0.03,),
-            "i_q": (9.0,),
-            "d_hat": (2.0,),
-        },
-    ),
-    "AnatcController": (
-        {
-            "x_hat": 0.25,
-            "x_d": 0.2501,
-            "v_hat": 0.01,
-            "d_hat": 0.2,
-            "i_q": 5.0,
-            "i_d": 1.0,
-            "u_available": 400.0,
-            "a_d": 0.1,
-            "k_1": 20.0,
-            "g": 10.0,
-        },
-        {
-            "x_hat": (0.01,),
-            "v_hat": (0.03,),
-            "x_d": (0.01, 0.03),
-            "v_d": (0.03,),
-            "i_q": (9.0,),
-            "d_hat": (2.0,),
-        },
-    ),
-    "Disturbance": (
-        {
-            "v_L": 0.1,
-            "d_2.arctan": 3.0,
-            "d_2.decay": 2.0,
-            "d_2.amplitude[1]": 0.5,
-            "d_2.omega[1]": 7.0,
-            "d_3.amplitude[2]": 1.5,
-            "d_3.omega[2]": 9.0,
-            "d_4.amplitude": 2.5,
-            "d_4.omega": 5.0,
-            "d_4.phase": 0.5,
-            "load.level[2]": 100.0,
-            "load.start[2]": 0.1,
-            "load.ripple": 7.0,
-        },
-        {"v_L": (0.4, 3.0, 2.0)},
-    ),
-    "Reference": ({"waypoint[2]": 0.3, "move.start[1]": 0.05}, {}),
-    "Trajectory": (
-        {f"knot[{i}]": 1.0 for i in range(7, 55)}
-        | {"coefficient.lift[2]": 0.1, "coefficient.telescope[4]": 0.9},
-        {},
-    ),
-    "HdrmManipulator": (
-        {
-            "x_L[1]": 0.2,
-            "x_L[2]": 0.3,
-            "x_L[3]": 0.4,
-            "v_L[1]": 0.1,
-            "v_L[2]": -0.2,
-            "v_L[3]": 0.3,
-            "a_L[1]": 1.0,
-            "a_L[2]": 2.0,
-            "a_L[3]": -3.0,
-            "payload.m": 400.0,
-        },
-        {
-            "x_L[1]": (0.1, 1.0),
-            "x_L[2]": (-0.2, 2.0),
-            "x_L[3]": (0.3, -3.0),
-            "v_L[1]": (1.0,),
-            "v_L[3]": (-3.0, 2.0),
-            "a_L[2]": (5.0,),
-            "payload.m": (30.0, 40.0),
-        },
-    ),
-    "HdrmPlant": (
-        {
-            "tau_m[1]": 30.0,
-            "tau_m[2]": 9.0,
-            "tau_m[3]": -6.0,
-            "d_2[1]": 0.1,
-            "start.v_L[1]": 0.02,
-            "start.v_L[2]": -0.05,
-            "start.v_L[3]": 0.1,
-            "screw.B_BS[1]": 50.0,
-            "uncertainty.F_2[1]": 0.1,
-        },
-        {
-            "tau_m[1]": (50.0, 10.0),
-            "tau_m[2]": (-40.0, 20.0, 5.0),
-            "tau_m[3]": (3.0,),
-            "d_2[3]": (2.0, 1.0),
-            "payload.m": (30.0,),
-        },
-    ),
-    "SignalFault": ({"u": 0.2, "gain": 2.0, "offset": 3.0, "start": 0.1}, {"u": (0.4, 3.0, 2.0)}),
-}
-"""Start values, and derivatives of the inputs at the beginning of the step."""
 
-
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", OWN)
 def test_they_are_the_slopes_of_the_outputs_over_time(sessions: dict[str, Session], model: str) -> None:
     """While the inputs move: central differences of sixth order over steps from one saved state."""
-    session, (values, derivatives) = sessions[model], MOVING[model]
-    names, h = session.names("output"), 1e-4
-    if session.states:
-        values = values | {"solver.internal_step": 1e-5}
-    slave = session.instance(**values)
+    session, facts, h = sessions[model], FACTS[model], 1e-4
+    names = session.names("output")
+    step = {"solver.internal_step": 1e-5} if session.states else {}
+    slave = session.instance(**facts.smooth, **step)
     slave.doStep(0.0, 0.3)
-    move(session, slave, **derivatives)
+    for name, size in facts.inputs.items():
+        if name not in facts.sampled:
+            move(session, slave, **{name: (size, -2.0 * size, 3.0 * size)})
     saved = slave.getFMUstate()
     at = {}
     for k in (-3, -2, -1, 1, 2, 3, 0):
@@ -246,8 +53,8 @@ def test_they_are_the_slopes_of_the_outputs_over_time(sessions: dict[str, Sessio
 
 def test_of_states_they_are_the_derivatives(sessions: dict[str, Session]) -> None:
     session = sessions["EmlaPlant"]
-    slave = session.instance(**MOVING["EmlaPlant"][0])
-    move(session, slave, **MOVING["EmlaPlant"][1])
+    slave = session.instance(**FACTS["EmlaPlant"].smooth)
+    move(session, slave, u_q=(200.0, -1e3), F_L=(1e3, 1e4, 1e5), d_3=(1.0, 2.0))
     slave.doStep(0.0, 0.02)
     rates = session.get(slave, *(f"der({s})" for s in session.states))
     assert slopes(session, slave, *session.states) == rates
@@ -286,7 +93,7 @@ def test_of_the_reference_they_are_the_next_outputs(sessions: dict[str, Session]
 def test_of_the_disturbance_they_are_those_of_its_formulas(sessions: dict[str, Session]) -> None:
     """While a load ramp is on and the speed moves."""
     session = sessions["Disturbance"]
-    slave = session.instance(**MOVING["Disturbance"][0])
+    slave = session.instance(**FACTS["Disturbance"].smooth)
     move(session, slave, v_L=(0.4, 3.0))
     slave.doStep(0.0, 0.3)
     v, rate = 0.1 + 0.4 * 0.3 + 3.0 * 0.3**2 / 2.0, 0.4 + 3.0 * 0.3
@@ -382,29 +189,22 @@ def test_a_saved_state_carries_them(toy: Session) -> None:
     other.freeFMUstate(copy)
 
 
-@pytest.mark.parametrize("order", [0, 2, -1])
-def test_other_orders_than_the_first_are_refused(toy: Session, order: int) -> None:
-    slave = toy.instance()
-    with refused():
-        slave.getRealOutputDerivatives(toy.references(["x", "power"]), [1, order])
-    assert toy.log.lines("toy") == [f"toy: power: the order {order} of the derivative is not 1."]
-
-
 @pytest.mark.parametrize(
-    ("name", "complaint"),
+    ("name", "order", "complaint"),
     [
-        ("force", "toy: force is not an output, state or derivative to differentiate."),
-        ("body.mass", "toy: body.mass is not an output, state or derivative to differentiate."),
-        ("random", "toy: random is not an output, state or derivative to differentiate."),
-        ("der(x)", "toy: der(x) is not an output."),
-        ("count", "toy: count is of type Integer."),
+        *(("power", k, f"power: the order {k} of the derivative is not 1.") for k in (0, 2, -1)),
+        ("force", 1, "force is not an output, state or derivative to differentiate."),
+        ("body.mass", 1, "body.mass is not an output, state or derivative to differentiate."),
+        ("random", 1, "random is not an output, state or derivative to differentiate."),
+        ("der(x)", 1, "der(x) is not an output."),
+        ("count", 1, "count is of type Integer."),
     ],
 )
-def test_what_is_no_real_output_is_refused(toy: Session, name: str, complaint: str) -> None:
+def test_other_variables_and_orders_are_refused(toy: Session, name: str, order: int, complaint: str) -> None:
     slave = toy.instance()
     with refused():
-        slopes(toy, slave, "x", name)
-    assert toy.log.lines("toy") == [complaint]
+        slave.getRealOutputDerivatives(toy.references(["x", name]), [1, order])
+    assert toy.log.lines("toy") == [f"toy: {complaint}"]
 
 
 def test_during_initialization_they_are_refused(toy: Session) -> None:

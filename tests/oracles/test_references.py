@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from fmpy.util import read_csv, read_ref_opt_file
 
-from emla_cosim.fmu.models import FLAVOURS, MODELS, build
+from emla_cosim.fmu.models import FLAVOURS, fmu_path
 from fmus import make_references
+from tests.support.blocks import FACTS, OWN
 from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
 
 FMUS = ROOT / "fmus"
 LARGEST_FILE = 150_000
@@ -31,10 +33,13 @@ def differences(found: Any, expected: Any) -> dict[str, float]:
     }
 
 
-@pytest.mark.parametrize("flavour", FLAVOURS)
-@pytest.mark.parametrize("model", MODELS)
-def test_fmu_gives_the_reference_solution(model: str, flavour: str, fmu_folder: Path) -> None:
-    fmu = build(model, flavour, [], fmu_folder)
+EACH = [(m, f) for m in OWN for f in FLAVOURS]
+
+
+@pytest.mark.parametrize(("model", "flavour"), mostly_slow(EACH, [(m, "native") for m in OWN]))
+def test_fmu_gives_the_reference_solution(model: str, flavour: str, request: pytest.FixtureRequest) -> None:
+    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
+    fmu = fmu_path(model, flavour, folder)
     expected = table(model, "ref")
     options = read_ref_opt_file(FMUS / model / f"{model}_ref.opt")
     outputs = [name for name in expected.dtype.names if name != "time"]
@@ -55,9 +60,9 @@ def test_fmu_gives_the_reference_solution(model: str, flavour: str, fmu_folder: 
     assert too_large == {}
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", OWN)
 def test_files_cover_the_model_and_keep_the_rules(model: str, fmu_folder: Path) -> None:
-    description = fmpy.read_model_description(str(build(model, "native", [], fmu_folder)))
+    description = fmpy.read_model_description(str(fmu_path(model, "native", fmu_folder)))
     names = {
         causality: ["time", *(v.name for v in description.modelVariables if v.causality == causality)]
         for causality in ("input", "output")
@@ -75,7 +80,10 @@ def test_files_cover_the_model_and_keep_the_rules(model: str, fmu_folder: Path) 
         assert path.stat().st_size < LARGEST_FILE
 
 
-@pytest.mark.parametrize("model", MODELS)
+QUICK = [m for m in OWN if FACTS[m].exchange is None] + ["FocController"]
+
+
+@pytest.mark.parametrize("model", mostly_slow(OWN, QUICK))
 def test_files_are_those_that_the_script_writes(model: str, tmp_path: Path) -> None:
     """Up to the last digits, which differ between machines."""
     for name, text in make_references.files(model).items():
@@ -89,10 +97,9 @@ def test_files_are_those_that_the_script_writes(model: str, tmp_path: Path) -> N
             assert max(differences(now, then).values()) < 1e-8
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", OWN)
 def test_reference_solution_excites_every_output(model: str) -> None:
     """A column of zeros would agree with anything. The default controller has no limits to meet."""
-    known = {"RsbaController": {"saturated"}, "EmlaObserver": {"d_hat", "r_hat"}}
     solution = table(model, "ref")
     still = {name for name in solution.dtype.names if np.ptp(solution[name]) == 0.0}
-    assert still == known.get(model, set())
+    assert still == FACTS[model].still

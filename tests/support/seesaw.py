@@ -15,6 +15,7 @@ class Seesaw(Block):
     gap = Parameter(0.5, name="track.gap", description="Least distance of the ends")
     x_start = Parameter((0.0, 0.0), shape=2, name="start.x", description="Start")
     x = State(x_start, shape=2, limits=(low, high), description="Positions")
+    mass = State(1.0, minimum=0.0, description="Mass, which has a range")
 
     def conditions(self, v: Any) -> dict[str, Any]:
         return {
@@ -23,4 +24,4 @@ class Seesaw(Block):
         }
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        return {"x": [0.0, 0.0]}
+        return {"x": [0.0, 0.0], "mass": 0.0}

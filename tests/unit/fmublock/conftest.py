@@ -1,10 +1,14 @@
-"""FMUs of the toy block in both flavours."""
+"""The toy block as FMUs of both flavours, and units of any block."""
 
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from tests.support.toy import Toy
 from tests.support.toy_fmu import build_toy
+from tests.support.units import KINDS, Make, Units
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +23,27 @@ def python_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_toy("python", tmp_path_factory.mktemp("python") / "Toy.fmu")
 
 
-@pytest.fixture(scope="session", params=["native", "python"])
+@pytest.fixture(scope="session")
+def fmi3_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The toy as a native FMU for FMI 3.0."""
+    return build_toy("native", tmp_path_factory.mktemp("fmi3") / "Toy.fmu", fmi=3)
+
+
+@pytest.fixture(scope="session", params=["native", "python", "fmi3"])
 def toy_fmu(request: pytest.FixtureRequest) -> Path:
-    """The toy as an FMU, once per flavour."""
+    """The toy as an FMU, once per flavour and FMI version."""
     return request.getfixturevalue(f"{request.param}_toy_fmu")
+
+
+@pytest.fixture(scope="session")
+def units(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
+    """Instances of blocks of any kind."""
+    units = Units(tmp_path_factory.mktemp("units"))
+    yield units
+    units.close()
+
+
+@pytest.fixture(params=KINDS)
+def make(request: pytest.FixtureRequest, units: Units) -> Make:
+    """Make instances of the toy: in process, native, python and for FMI 3.0."""
+    return partial(units.make, Toy, request.param)

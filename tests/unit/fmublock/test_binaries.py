@@ -9,8 +9,9 @@ from pathlib import Path
 import lief
 import pytest
 
-from emla_cosim.fmu.models import MODELS, build
+from emla_cosim.fmu.models import build
 from fmublock.platforms import TARGETS
+from tests.support.blocks import OWN
 
 WINDOWS_SYSTEM_DLLS = re.compile(r"(kernel32|ntdll|api-ms-win-crt-[a-z]+-l1-1-0)\.dll", re.IGNORECASE)
 GLIBC = (2, 17)  # of 2012; what every Linux of the last decade has
@@ -18,8 +19,8 @@ GLIBC = (2, 17)  # of 2012; what every Linux of the last decade has
 
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The largest FMU, for all platforms."""
-    return build("RsbaController", "native", list(TARGETS), tmp_path_factory.mktemp("platforms"))
+    """An FMU for all platforms."""
+    return build("EmlaObserver", "native", list(TARGETS), tmp_path_factory.mktemp("platforms"))
 
 
 def binary(fmu: Path, platform: str) -> bytes:
@@ -32,10 +33,12 @@ def fmi_functions(names: Iterable[object]) -> set[str]:
     return {n for n in (str(name).lstrip("_") for name in names) if n.startswith("fmi2")}
 
 
+@pytest.mark.slow
 def test_an_fmu_for_all_platforms_stays_under_a_megabyte(fmu: Path) -> None:
     assert fmu.stat().st_size < 1_000_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("platform", "architecture"),
     [("linux64", lief.ELF.ARCH.X86_64), ("aarch64-linux", lief.ELF.ARCH.AARCH64)],
@@ -52,6 +55,7 @@ def test_linux_binaries_need_nothing_newer_than_glibc_2_17(
         assert tuple(int(x) for x in re.findall(r"\d+", str(version))) <= GLIBC, version
 
 
+@pytest.mark.slow
 def test_windows_binaries_need_system_dlls_only(fmu: Path) -> None:
     pe = lief.PE.parse(list(binary(fmu, "win64")))
     assert pe is not None and pe.header.machine == lief.PE.Header.MACHINE_TYPES.AMD64
@@ -59,6 +63,7 @@ def test_windows_binaries_need_system_dlls_only(fmu: Path) -> None:
     assert [str(i.name) for i in pe.imports if not WINDOWS_SYSTEM_DLLS.fullmatch(str(i.name))] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("platform", "architecture"),
     [("darwin64", lief.MachO.Header.CPU_TYPE.X86_64), ("aarch64-darwin", lief.MachO.Header.CPU_TYPE.ARM64)],
@@ -73,6 +78,7 @@ def test_mac_binaries_need_the_system_library_only(fmu: Path, platform: str, arc
     assert needed == ["/usr/lib/libSystem.B.dylib"]
 
 
+@pytest.mark.slow
 def test_the_binary_for_apple_silicon_is_signed(fmu: Path) -> None:
     """Without a signature, if only an ad-hoc one, macOS on ARM kills the process that loads it."""
     universal = lief.MachO.parse(list(binary(fmu, "aarch64-darwin")))
@@ -81,6 +87,7 @@ def test_the_binary_for_apple_silicon_is_signed(fmu: Path) -> None:
     assert macho is not None and macho.has_code_signature
 
 
+@pytest.mark.slow
 def test_every_platform_exports_every_function_of_the_standard(fmu: Path) -> None:
     header = (Path(str(files("fmpy"))) / "c-code" / "fmi2Functions.h").read_text()
     standard = set(re.findall(r"FMI2_Export\s+fmi2\w+TYPE\s+(fmi2\w+);", header, re.MULTILINE))
@@ -99,8 +106,9 @@ def test_every_platform_exports_every_function_of_the_standard(fmu: Path) -> Non
 
 
 def test_models_that_are_sampled_only_have_no_model_exchange_functions(fmu_folder: Path) -> None:
-    for model in MODELS:
+    for model in OWN:
         elf = lief.ELF.parse(list(binary(fmu_folder / model / f"{model}.fmu", "linux64")))
         assert elf is not None
         names = fmi_functions(s.name for s in elf.exported_symbols)
+        assert "fmi2DoStep" in names and set(elf.libraries) <= {"libc.so.6", "libm.so.6"}
         assert ("fmi2GetDerivatives" in names) == (model not in ("Disturbance", "SignalFault"))

@@ -1,11 +1,7 @@
 """FMUs for FMI 3.0, against those for FMI 2.0 of the same block, differences and the published schemas."""
 
-import os
 import re
-import subprocess
-import sys
-import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from ctypes import byref, c_double, c_int, c_size_t, c_uint32
 from importlib.resources import files
 from pathlib import Path
@@ -14,20 +10,22 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi3 import FMU3Model, FMU3Slave
+from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
 from lxml import etree
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.fmu.models import MODELS
 from emla_cosim.fmu.models import build as build_model
+from emla_cosim.fmu.models import fmu_path
 from fmublock import Block, BuildError, Output, build
 from fmublock.__main__ import main
 from fmublock.archive import read_built
 from fmublock.platforms import host_platform
-from tests.support.c_programs import SANITIZERS, needs_cc
-from tests.support.sessions import ERROR
+from tests.support.blocks import OWN
+from tests.support.c_programs import needs_cc
+from tests.support.fmi3_host import Host, call_at_random, root_of
+from tests.support.sessions import DISCARD, ERROR
+from tests.support.tiers import mostly_slow
 from tests.support.toy import Toy
 
 REFERENCE = Toy.layout().reference
@@ -38,67 +36,20 @@ TIME = RATES + 3
 
 
 @pytest.fixture(scope="session")
-def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(Toy, tmp_path_factory.mktemp("fmi3") / "Toy.fmu", fmi=3)
-
-
-class Host:
-    """Instances of an FMU for FMI 3.0, and what they logged."""
-
-    def __init__(self, path: Path, folder: Path) -> None:
-        self.description = fmpy.read_model_description(str(path))
-        self.folder = folder
-        self.lines: list[tuple[int, str]] = []
-        self.instances: list[Any] = []
-        fmpy.extract(str(path), folder)
-
-    def new(self, kind: Any = FMU3Slave, token: str | None = None, **options: Any) -> Any:
-        made = kind(
-            guid=self.description.guid if token is None else token,
-            unzipDirectory=str(self.folder),
-            modelIdentifier=self.description.modelName,
-            instanceName="toy",
-        )
-        made.instantiate(logMessage=self._log, loggingOn=True, **options)
-        self.instances.append(made)
-        return made
-
-    def started(self, kind: Any = FMU3Slave, running: bool = True) -> Any:
-        made = self.new(kind)
-        made.enterInitializationMode()
-        if running:
-            made.exitInitializationMode()
-        return made
-
-    def refused(self, call: Callable[..., Any], *arguments: Any, status: int = ERROR) -> str:
-        """Return the one message with which a call is refused."""
-        before = len(self.lines)
-        with pytest.raises(FMICallException) as failure:
-            call(*arguments)
-        assert failure.value.status == status
-        ((logged, text),) = self.lines[before:]
-        assert logged == status
-        return text
-
-    def _log(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
-        self.lines.append((status, message.decode()))
+def toy(fmi3_toy_fmu: Path) -> Path:
+    return fmi3_toy_fmu
 
 
 @pytest.fixture
 def host(toy: Path, tmp_path: Path) -> Iterator[Host]:
     host = Host(toy, tmp_path / "fmu")
     yield host
-    for instance in host.instances:
-        instance.freeInstance()
-
-
-def root_of(fmu: Path, name: str) -> Any:
-    with zipfile.ZipFile(fmu) as archive:
-        return etree.fromstring(archive.read(name))
+    host.close()
 
 
 def test_the_documents_follow_the_published_schemas(toy: Path) -> None:
     assert validate_fmu(str(toy)) == []
+    assert read_built(toy).platforms == {host_platform()}
     for name, schema in {
         "modelDescription.xml": "ModelDescription",
         "sources/buildDescription.xml": "BuildDescription",
@@ -144,12 +95,6 @@ def test_a_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
     slave.doStep(0.0, 0.5)
     assert slave.getFloat64([0, 1]) == [2.0, 0.5]
     slave.freeInstance()
-
-
-def test_the_same_block_gives_the_same_bytes_and_platforms(toy: Path, tmp_path: Path) -> None:
-    again = build(Toy, tmp_path / "Toy.fmu", fmi=3)
-    assert again.read_bytes() == toy.read_bytes()
-    assert read_built(again).platforms == {host_platform()}
 
 
 def test_every_function_of_the_standard_is_exported(host: Host) -> None:
@@ -201,14 +146,9 @@ def test_both_versions_give_the_same_bits(toy: Path, native_toy_fmu: Path, kind:
     compare(native_toy_fmu, toy, kind, signal)
 
 
-SMALL = ("CacController", "Reference")
-
-
-@pytest.mark.parametrize(
-    "model", [m if m in SMALL else pytest.param(m, marks=pytest.mark.slow) for m in MODELS]
-)
-def test_our_models_are_valid_and_give_the_same_bits(model: str, tmp_path: Path) -> None:
-    two, three = (build_model(model, "native", [], tmp_path / str(v), fmi=v) for v in (2, 3))
+@pytest.mark.parametrize("model", mostly_slow(OWN, ["Reference"]))
+def test_our_models_are_valid_and_give_the_same_bits(model: str, fmu_folder: Path, tmp_path: Path) -> None:
+    two, three = fmu_path(model, "native", fmu_folder), build_model(model, "native", [], tmp_path, fmi=3)
     assert validate_fmu(str(three)) == []
     compare(two, three, "CoSimulation")
     if fmpy.read_model_description(str(three)).modelExchange is not None:
@@ -235,28 +175,14 @@ def test_values_of_arrays_and_types(host: Host) -> None:
     assert slave.getFloat64([FORCE]) == [7.0]
 
 
-def test_states_are_restored_also_in_another_instance(host: Host) -> None:
-    def run(slave: Any, first: int) -> list[float]:
-        for k in range(first, first + 3):
-            slave.doStep(0.1 * k, 0.1)
-        return slave.getFloat64([X, V, POWER], nValues=4)
-
+def test_damaged_states_are_refused(host: Host) -> None:
     slave, other = host.started(), host.started()
-    slave.doStep(0.0, 0.1, False)
-    state = slave.getFMUState()
-    data = slave.serializeFMUState(state)
-    expected = run(slave, 1)
-    slave.setFMUState(state)
-    assert run(slave, 1) == expected
-    copy = other.deserializeFMUState(data)
-    other.setFMUState(copy)
-    assert run(other, 1) == expected
+    data = slave.serializeFMUState(slave.getFMUState())
     damaged = bytes([*data[:-20], data[-20] ^ 1, *data[-19:]])
     assert "damaged" in host.refused(other.deserializeFMUState, damaged)
     assert "bytes" in host.refused(other.deserializeFMUState, data[:-1])
     assert "not a state" in host.refused(other.deserializeFMUState, b"x" + data[1:])
-    slave.freeFMUState(state)
-    other.freeFMUState(copy)
+    other.setFMUState(other.deserializeFMUState(data))
 
 
 KNOWNS, N_KNOWNS = [FORCE, GAINS, V], 5
@@ -374,15 +300,10 @@ def test_what_a_block_has_not_is_refused(host: Host) -> None:
 
 
 def test_a_step_to_infinity_is_discarded(host: Host) -> None:
-    slave = host.new()
-    slave.setFloat64([REFERENCE("x_0"), V], [1.0 - 2.0**-20, 2.0**-10, 0.0])
-    slave.setFloat64([GAINS], [0.0, 0.0])
+    """With the status for it; that it is undone, test_steps.py shows."""
+    slave = host.started()
     slave.setFloat64([FORCE], [1e308])
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    before = slave.getFloat64([X, V, TIME], nValues=4)
-    assert "discarded" in host.refused(slave.doStep, 0.0, 10.0, status=2)
-    assert slave.getFloat64([X, V, TIME], nValues=4) == before
+    assert "discarded" in host.refused(slave.doStep, 0.0, 10.0, status=DISCARD)
     slave.setFloat64([FORCE], [0.0])
     assert slave.doStep(0.0, 1e-3)[1:] == (False, False, 1e-3)
 
@@ -402,75 +323,19 @@ def test_python_and_other_versions_are_refused(tmp_path: Path, capsys: pytest.Ca
     assert list(tmp_path.iterdir()) == []
 
 
+CHECKED = (
+    "DoStep",
+    "GetFloat64",
+    "SetFloat64",
+    "GetAdjointDerivative",
+    "SetFMUState",
+    "GetFloat64WithinStep",
+)
+
+
 @needs_cc
+@pytest.mark.slow
 def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
-    """The same calls again: `fmi3_calls.py`, with the sources compiled for the sanitizers."""
-    counts = call_at_random(host, tmp_path, TIME + 1, 0, X, POWER)
-    checked = (
-        "DoStep",
-        "GetFloat64",
-        "SetFloat64",
-        "GetAdjointDerivative",
-        "SetFMUState",
-        "GetFloat64WithinStep",
-    )
-    for function in checked:
+    counts = call_at_random(host, tmp_path, 5000, TIME + 1, 0, X, POWER)
+    for function in CHECKED:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
-
-
-def call_at_random(
-    host: Host, tmp_path: Path, references: int, clock: int, *needed: int
-) -> dict[str, list[int]]:
-    """Return how often each function returned each status; see `fmi3_calls.py`."""
-    library, runtime = (
-        tmp_path / "Toy.so",
-        subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True),
-    )
-    subprocess.run(
-        [
-            "cc",
-            "-std=c11",
-            "-O1",
-            "-g",
-            "-Wall",
-            "-Wextra",
-            "-Wpedantic",
-            "-Werror",
-            "-Wno-unused-function",
-            "-shared",
-            "-fPIC",
-            "-fvisibility=hidden",
-            *SANITIZERS["address"],
-            "-I",
-            str(files("fmpy").joinpath("c-code")),
-            str(host.folder / "sources" / "fmi3_block.c"),
-            "-o",
-            str(library),
-            "-lm",
-        ],
-        check=True,
-    )
-    run = subprocess.run(
-        [
-            sys.executable,
-            str(files("tests.support").joinpath("fmi3_calls.py")),
-            str(library),
-            str(host.description.guid),
-            str(references),
-            "1",
-            "20000",
-            str(clock),
-            *map(str, needed),
-        ],
-        env={
-            **os.environ,
-            "LD_PRELOAD": runtime.strip(),
-            "PYTHONMALLOC": "malloc",
-            "ASAN_OPTIONS": "detect_leaks=0",
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (run.returncode, run.stderr) == (0, "")
-    return {name: [int(n) for n in numbers] for name, *numbers in map(str.split, run.stdout.splitlines())}

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from fmublock import build
+from tests.support.fmi3_host import Host, root_of
 from tests.support.sessions import ERROR
 from tests.support.toy import Toy
-from tests.unit.fmublock.test_fmi3 import Host, root_of
 
 REFERENCE = Toy.layout().reference
 FORCE, X, V, POWER, INVERSE = (REFERENCE(n) for n in ("force", "x", "v[1]", "power", "inverse"))
@@ -21,17 +20,11 @@ INTERNAL_STEP = REFERENCE("solver.internal_step")
 READ = [X, V, POWER, INVERSE]
 
 
-@pytest.fixture(scope="module")
-def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(Toy, tmp_path_factory.mktemp("intermediate") / "Toy.fmu", fmi=3)
-
-
 @pytest.fixture
-def host(toy: Path, tmp_path: Path) -> Iterator[Host]:
-    host = Host(toy, tmp_path / "unpacked")
+def host(fmi3_toy_fmu: Path, tmp_path: Path) -> Iterator[Host]:
+    host = Host(fmi3_toy_fmu, tmp_path / "unpacked")
     yield host
-    for instance in host.instances:
-        instance.freeInstance()
+    host.close()
 
 
 class Updates:
@@ -72,8 +65,8 @@ def states(values: list[float]) -> list[float]:
     return values[:3]
 
 
-def test_what_the_model_description_says(toy: Path) -> None:
-    root = root_of(toy, "modelDescription.xml")
+def test_what_the_model_description_says(fmi3_toy_fmu: Path) -> None:
+    root = root_of(fmi3_toy_fmu, "modelDescription.xml")
     named = root.xpath("ModelVariables/*[@intermediateUpdate='true']/@name")
     assert named == ["x", "v", "power", "inverse"]
     (element,) = root.xpath("CoSimulation")

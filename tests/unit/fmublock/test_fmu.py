@@ -9,31 +9,23 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
-import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import Unknown
 from fmpy.validation import validate_fmu
 
 from fmublock.description import BUILD_TIME
-from fmublock.instance import Instance
 from tests.support.sessions import DISCARD, ERROR, FATAL, Session, opened
 from tests.support.toy import Toy
 from tests.support.toy_fmu import build_toy
 
 REFERENCE = Toy.layout().reference
-OUTPUTS = [REFERENCE(n) for n in ("x", "v[1]", "v[2]", "power", "inverse")]
 
 
-@pytest.fixture
-def session(toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    with opened(toy_fmu, tmp_path / "fmu") as session:
+@pytest.fixture(params=["native", "python"])
+def session(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Session]:
+    with opened(request.getfixturevalue(f"{request.param}_toy_fmu"), tmp_path / "fmu") as session:
         yield session
-
-
-def states(slave: FMU2Slave) -> list[float]:
-    return slave.getReal([*OUTPUTS, REFERENCE("random"), REFERENCE("step_count")])
 
 
 def test_fmpy_finds_no_problem(toy_fmu: Path) -> None:
@@ -41,12 +33,14 @@ def test_fmpy_finds_no_problem(toy_fmu: Path) -> None:
 
 
 def test_building_twice_gives_the_same_bytes(toy_fmu: Path, tmp_path: Path) -> None:
-    again = build_toy(toy_fmu.parent.name.rstrip("0"), tmp_path / "Toy.fmu")
+    kind = toy_fmu.parent.name.rstrip("0")
+    flavour, fmi = ("native", 3) if kind == "fmi3" else (kind, 2)
+    again = build_toy(flavour, tmp_path / "Toy.fmu", fmi=fmi)
     assert again.read_bytes() == toy_fmu.read_bytes()
 
 
-def test_the_model_description_says_what_the_block_says(toy_fmu: Path) -> None:
-    description = fmpy.read_model_description(str(toy_fmu))
+def test_the_model_description_says_what_the_block_says(session: Session) -> None:
+    description = session.description
     variables = {v.name: v for v in description.modelVariables}
     assert description.modelName == "Toy"
     assert description.generationDateAndTime == BUILD_TIME
@@ -112,67 +106,6 @@ def test_documentation_and_licence_are_inside(toy_fmu: Path) -> None:
     assert "http" not in page.replace("http://www.w3.org/1998/Math/MathML", "")
 
 
-def test_a_driven_run_agrees_bit_for_bit_with_the_block_in_process(session: Session) -> None:
-    """10,000 steps of uneven length with changing inputs, both shapes of the spring."""
-    random = np.random.default_rng(4)
-    forces, steps = random.normal(size=10_000), random.uniform(1e-5, 4e-4, size=10_000)
-    slave = session.instance(shape=2, count=5, seed=99, x_0=0.1)
-    block = Instance(Toy())
-    for name, value in {"shape": 2, "count": 5, "seed": 99, "x_0": 0.1}.items():
-        block.set([REFERENCE(name)], [value])
-    block.enter_initialization()
-    block.exit_initialization()
-    found, expected = np.empty((10_000, len(OUTPUTS))), np.empty((10_000, len(OUTPUTS)))
-    for i in range(10_000):
-        time = block.time
-        for target in (slave.setReal, block.set):
-            target([REFERENCE("force")], [forces[i]])
-        slave.doStep(time, steps[i])
-        block.do_step(time, steps[i])
-        found[i], expected[i] = slave.getReal(OUTPUTS), block.get(OUTPUTS)
-    assert np.array_equal(found.view(np.int64), expected.view(np.int64))
-
-
-def test_outputs_are_frozen_between_steps(session: Session) -> None:
-    slave = session.instance()
-    slave.doStep(0.0, 0.1)
-    before = slave.getReal(OUTPUTS)
-    slave.setReal([REFERENCE("force")], [77.0])
-    assert slave.getReal(OUTPUTS) == before
-
-
-def test_outputs_follow_what_is_set_during_initialization(session: Session) -> None:
-    slave = session.instance(running=False)
-    slave.setReal([REFERENCE("x_0")], [0.5])
-    assert slave.getReal([REFERENCE("x"), REFERENCE("inverse")]) == [0.5, 2.0]
-
-
-def test_a_discarded_step_is_logged_and_undone(session: Session) -> None:
-    slave = session.instance()
-    slave.doStep(0.0, 0.1)
-    before = states(slave)
-    slave.setReal([REFERENCE("force")], [float("nan")])
-    with pytest.raises(FMICallException) as failure:
-        slave.doStep(0.1, 0.1)
-    assert failure.value.status == DISCARD
-    (line,) = session.log.lines("toy")
-    assert line.startswith("toy: step from t = 0.1 s with h = 0.1 s discarded: x became")
-    assert states(slave) == before
-    slave.setReal([REFERENCE("force")], [0.5])
-    slave.doStep(0.1, 0.1)
-
-
-@pytest.mark.parametrize(("name", "value"), [("body.mass", 0.0), ("body.mass", 11.0), ("shape", 3)])
-def test_a_value_out_of_range_is_refused_when_initialization_ends(
-    session: Session, name: str, value: float
-) -> None:
-    slave = session.instance(running=False, **{name: value})
-    with pytest.raises(FMICallException) as failure:
-        slave.exitInitializationMode()
-    assert failure.value.status in (ERROR, FATAL)  # PythonFMU knows fmi2Fatal only
-    assert any(f"{name} = {value:g} is outside its range" in line for line in session.log.lines("toy"))
-
-
 def test_wrong_types_references_and_phases_are_refused(session: Session) -> None:
     slave = session.instance()
     for call in (
@@ -190,52 +123,6 @@ def test_wrong_types_references_and_phases_are_refused(session: Session) -> None
     slave.doStep(0.0, 0.1)  # still usable
 
 
-def test_states_return_bit_for_bit_in_memory_and_serialized(session: Session) -> None:
-    slave = session.instance()
-    for k in range(5):
-        slave.doStep(0.1 * k, 0.1)
-    saved = slave.getFMUstate()
-    text = slave.serializeFMUstate(saved)
-
-    def go_on() -> list[list[float]]:
-        rows = []
-        for k in range(5, 10):
-            slave.doStep(0.1 * k, 0.1)
-            rows.append(states(slave))
-        return rows
-
-    once = go_on()
-    slave.setFMUstate(saved)
-    assert go_on() == once
-    slave.freeFMUstate(saved)
-    other = session.instance("other")
-    restored = other.deSerializeFMUstate(text)
-    slave.setFMUstate(restored)
-    assert go_on() == once
-    other.freeFMUstate(restored)
-
-
-def test_reset_brings_the_start_values_back(session: Session) -> None:
-    slave = session.instance(x_0=0.3)
-    first = states(slave)
-    slave.doStep(0.0, 0.1)
-    slave.reset()
-    slave.setReal([REFERENCE("x_0")], [0.3])
-    slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    assert states(slave) == first
-
-
-def test_instances_do_not_share_anything(session: Session) -> None:
-    alone = session.instance("alone")
-    alone.doStep(0.0, 0.1)
-    a, b = session.instance("a"), session.instance("b", x_0=0.9)
-    b.doStep(0.0, 0.1)
-    a.doStep(0.0, 0.1)
-    assert states(a) == states(alone) != states(b)
-
-
 def test_a_foreign_guid_is_refused(native_toy_fmu: Path, tmp_path: Path) -> None:
     """By native FMUs; PythonFMU's library does not look at the GUID."""
     session = Session(native_toy_fmu, tmp_path / "fmu")
@@ -245,14 +132,16 @@ def test_a_foreign_guid_is_refused(native_toy_fmu: Path, tmp_path: Path) -> None
     assert "is not this FMU's" in session.log.lines("toy")[0]
 
 
-def test_a_thousand_instances_come_and_go(toy_fmu: Path) -> None:
+@pytest.mark.parametrize("flavour", ["native", "python"])
+@pytest.mark.slow
+def test_a_thousand_instances_come_and_go(request: pytest.FixtureRequest, flavour: str) -> None:
     """In one process, each stepped and freed (users report crashes of FMUs and importers here).
 
     Without its caches, the C library sees what was released twice when the process ends, and aborts.
     """
     code = (
         "import fmpy\n"
-        f"folder = fmpy.extract({str(toy_fmu)!r})\n"
+        f"folder = fmpy.extract({str(request.getfixturevalue(f'{flavour}_toy_fmu'))!r})\n"
         "description = fmpy.read_model_description(folder)\n"
         "from fmpy.fmi2 import FMU2Slave\n"
         "for i in range(1000):\n"
@@ -268,6 +157,7 @@ def test_a_thousand_instances_come_and_go(toy_fmu: Path) -> None:
     assert (run.returncode, run.stdout.strip()) == (0, "done"), run.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="There is no C compiler `cc` on this machine.")
 def test_the_sources_compile_elsewhere(native_toy_fmu: Path, tmp_path: Path) -> None:
     """`fmpy compile` builds a binary from sources/ with the host's own compiler."""

@@ -1,0 +1,347 @@
+"""Facts about the blocks of emla_fmu."""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from hypothesis import strategies as st
+
+from emla_cosim.study.joint import start_values
+from emla_fmu import EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.reference import MOVES
+from tests.support import joint_data
+from tests.support.blocks.facts import BlockFacts, Draw, Point, beside, magnitude, signed
+from tests.support.joint_data import TILT, observers
+
+
+@st.composite
+def plant_points(draw: Draw) -> Point:
+    u_q, u_d = signed(draw, 10.0, 400.0), signed(draw, 10.0, 400.0)
+    x_L, sigma, noise = magnitude(draw, 0.01, 0.4), magnitude(draw, 1e-5, 1e-4), signed(draw, 0.1, 2.0)
+    quantized = draw(st.booleans())
+    steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
+    sag, F_C = magnitude(draw, 0.01, 0.4), magnitude(draw, 10.0, 1e3)
+    # dead time depends on the electrical angle, whose sine loses digits where it is many turns
+    N_p, rho, angle = draw(st.integers(2, 10)), magnitude(draw, 0.1, 1.0), magnitude(draw, 2.0, 20.0)
+    values = {
+        "supply.sag": sag,
+        "u_q": u_q,
+        "u_d": u_d,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "F_L": signed(draw, 100.0, 6e4),
+        "d_2": signed(draw, 0.01, 1.0),
+        "d_3": signed(draw, 0.1, 10.0),
+        "d_4": signed(draw, 0.1, 10.0),
+        "motor.R_s": magnitude(draw, 0.05, 0.5),
+        "motor.alpha_R": magnitude(draw, 1e-4, 5e-3),
+        "motor.cogging.amplitude": magnitude(draw, 0.1, 2.0),
+        "motor.cogging.periods": draw(st.integers(2, 12)),
+        "screw.lead_error": signed(draw, 1e-3, 1e-2),
+        "screw.wobble": magnitude(draw, 1e-4, 1e-2),
+        "sensor.eccentricity": magnitude(draw, 1e-3, 1e-1),
+        "motor.L_d": magnitude(draw, 1e-3, 5e-3),
+        "motor.L_q": magnitude(draw, 1e-3, 5e-3),
+        "motor.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "motor.N_p": N_p,
+        "motor.J_m": magnitude(draw, 0.005, 0.05),
+        "motor.B_m": magnitude(draw, 1e-3, 1e-2),
+        "coupling.J_c": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.rho": rho,
+        "gearbox.J_GB": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.eta_GB": draw(st.floats(0.7, 0.95)),
+        "screw.lead": 2.0 * math.pi * N_p * x_L / (rho * angle),
+        "screw.M_BS": magnitude(draw, 50.0, 500.0),
+        "screw.B_BS": magnitude(draw, 1.0, 100.0),
+        "screw.C_eq": magnitude(draw, 0.1, 10.0),
+        "screw.q_LB": beside(draw, x_L),
+        "screw.q_UB": beside(draw, x_L),
+        "stop.stiffness": magnitude(draw, 1e3, 1e6),
+        "stop.damping": magnitude(draw, 0.1, 10.0),
+        "friction.F_C": F_C,
+        "friction.F_S": F_C * draw(st.floats(1.1, 3.0)),
+        "friction.v_S": magnitude(draw, 1e-3, 1e-1),
+        "friction.v_0": magnitude(draw, 1e-3, 1e-1),
+        "gearbox.directional": draw(st.booleans()),
+        "gearbox.eta_back": signed(draw, 0.1, 0.9),
+        "motor.i_N": magnitude(draw, 5.0, 50.0),
+        "motor.permitted_rise": magnitude(draw, 10.0, 100.0),
+        "motor.tau_th": magnitude(draw, 1.0, 100.0),
+        "motor.temperature_rise": signed(draw, 1.0, 100.0),
+        "inverter.delay": 0.0,
+        "inverter.dead_time": magnitude(draw, 1e-6, 1e-5),
+        "inverter.f_PWM": magnitude(draw, 1e3, 2e4),
+        "inverter.i_0": magnitude(draw, 1.0, 10.0),
+        "sensor.current.sigma": magnitude(draw, 1e-3, 1e-1),
+        "sensor.current.noise_q": signed(draw, 0.1, 2.0),
+        "sensor.current.noise_d": signed(draw, 0.1, 2.0),
+        "sensor.current.resolution": 0.0,
+        "screw.v_max": magnitude(draw, 0.01, 1.0),
+        "motor.i_max": magnitude(draw, 1.0, 100.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / (1.0 - sag) / beside(draw, 1.0),
+        "use_commanded_current": draw(st.booleans()),
+        "uncertainty.F_2": signed(draw, 0.01, 0.2),
+        "uncertainty.F_3": signed(draw, 0.01, 0.2),
+        "uncertainty.F_4": signed(draw, 0.01, 0.2),
+        "sensor.sigma": sigma,
+        "sensor.noise": noise,
+        "sensor.resolution": (x_L + sigma * noise) / steps if quantized else 0.0,
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+        "start.x_L": x_L,
+        "v_L": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+    }
+    kinks = {"inverter.delay", "sensor.current.resolution"}
+    return Point(values, kinks=kinks if quantized else kinks | {"sensor.resolution"})
+
+
+@st.composite
+def compliant_points(draw: Draw) -> Point:
+    """As the plant, in contact, within the play, or without play."""
+    plant, backlash = draw(plant_points()), draw(st.sampled_from([0.0, 1e-3]))
+    values = {
+        **plant.values,
+        "load.m": magnitude(draw, 100.0, 1e4),
+        "load.v": signed(draw, 1e-3, 0.3),
+        "transmission.stiffness": magnitude(draw, 1e5, 1e7),
+        "transmission.damping": magnitude(draw, 1.0, 100.0),
+        "transmission.backlash": backlash,
+        "start.deflection": signed(draw, 2e-3, 4e-3) if backlash else signed(draw, 1e-4, 4e-3),
+        "sensor.at_load": draw(st.booleans()),
+    }
+    return Point(values, kinks=plant.kinks | {"transmission.backlash"})
+
+
+@st.composite
+def motor_points(draw: Draw) -> Point:
+    """As the plant, with its motion as inputs."""
+    plant, known = draw(plant_points()), {s.name for s in EmlaMotor.layout().scalars}
+    values = {name: value for name, value in plant.values.items() if name in known}
+    return Point({**values, "x_L": plant.values["start.x_L"]}, kinks=plant.kinks)
+
+
+@st.composite
+def observer_points(draw: Draw) -> Point:
+    x_hat, y_bar = signed(draw, 0.05, 0.5), signed(draw, 0.01, 0.04)
+    values = {
+        "y": x_hat + y_bar,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "i_q": signed(draw, 1.0, 100.0),
+        "alpha_1": magnitude(draw, 0.1, 10.0),
+        "alpha_2": magnitude(draw, 0.1, 10.0),
+        "Q_11": magnitude(draw, 0.3, 3.0),
+        "Q_12": signed(draw, 0.01, 0.2),
+        "Q_22": magnitude(draw, 0.3, 3.0),
+        "H_0": magnitude(draw, 2.0, 50.0),
+        "m_0": magnitude(draw, 20.0, 500.0),
+        "m_decay": magnitude(draw, 1e-3, 1e-1),
+        "ell": magnitude(draw, 0.1, 3.0),
+        "use_model": draw(st.booleans()),
+        "use_measured_current": draw(st.booleans()),
+        "omega_d": magnitude(draw, 0.1, 3.0),
+        "d_hat": signed(draw, 0.1, 3.0),
+        "omega_r": magnitude(draw, 0.1, 3.0),
+        "ahead": magnitude(draw, 0.01, 0.3),
+        "r_hat": signed(draw, 0.1, 3.0),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "solver.internal_step": 5e-5,
+        "start.x_hat": x_hat,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "start.eta_hat": magnitude(draw, 0.1, 10.0),
+    }
+    reach = dict.fromkeys(("y", "x_hat", "start.x_hat"), abs(y_bar))
+    return Point(values, draw(st.floats(0.0, 10.0)), reach=reach)
+
+
+@st.composite
+def reference_points(draw: Draw) -> Point:
+    """A time within a move or a dwell, or some periods later."""
+    values: dict[str, Any] = {f"waypoint[{i + 1}]": signed(draw, 0.05, 0.5) for i in range(MOVES + 1)}
+    moves, time, end = draw(st.integers(1, MOVES)), None, 0.0
+    chosen, where_in_it = draw(st.integers(1, moves)), draw(st.floats(0.05, 0.95))
+    in_a_move = draw(st.booleans())
+    for i in range(1, moves + 1):
+        start, duration = end + draw(st.floats(0.1, 0.5)), draw(st.floats(0.3, 2.0))
+        values |= {f"move.start[{i}]": start, f"move.duration[{i}]": duration}
+        if i == chosen:
+            dwell = end + where_in_it * (start - end)
+            time = start + where_in_it * duration if in_a_move else dwell
+        end = start + duration
+    assert time is not None
+    periodic = draw(st.booleans())
+    period = end * draw(st.floats(1.0, 1.5)) if periodic else 0.0
+    time += period * draw(st.integers(0, 3))
+    return Point({**values, "period": period}, time, set() if periodic else {"period"})
+
+
+@st.composite
+def disturbance_points(draw: Draw) -> Point:
+    """A time on a load level, or within a ramp."""
+    ramp = draw(st.floats(0.1, 0.5))
+    values: dict[str, Any] = {
+        "v_L": signed(draw, 1e-2, 3.0),
+        "load.ramp": ramp,
+        "load.ripple": magnitude(draw, 1.0, 100.0),
+        "load.ripple_omega": magnitude(draw, 1.0, 10.0),
+        "d_2.is_force": draw(st.booleans()),
+        "d_2.arctan": signed(draw, 0.1, 10.0),
+        "d_2.decay": magnitude(draw, 0.01, 1.0),
+        "d_2.low": -magnitude(draw, 0.1, 1.0),
+        "d_2.high": magnitude(draw, 0.1, 1.0),
+        "d_2.sample_time": magnitude(draw, 1e-4, 1e-2),
+        "d_2.seed": draw(st.integers(1, 2147483646)),
+        "d_4.amplitude": signed(draw, 0.1, 10.0),
+        "d_4.omega": magnitude(draw, 1.0, 10.0),
+        "d_4.phase": signed(draw, 0.1, 3.0),
+        "supply.depth": magnitude(draw, 0.01, 0.5),
+        "supply.start": 5.0,
+        "supply.duration": 1.0,
+    }
+    for name in ("d_2", "d_3"):
+        for i in (1, 2):
+            values |= {
+                f"{name}.amplitude[{i}]": signed(draw, 0.1, 10.0),
+                f"{name}.omega[{i}]": magnitude(draw, 1.0, 10.0),
+                f"{name}.phase[{i}]": signed(draw, 0.1, 3.0),
+            }
+    starts = [draw(st.floats(0.3, 0.6))]
+    for _ in range(LEVELS - 1):
+        starts.append(starts[-1] + ramp + draw(st.floats(0.4, 1.0)))
+    for i, start in enumerate(starts, 1):
+        values |= {f"load.level[{i}]": signed(draw, 10.0, 1e4), f"load.start[{i}]": start}
+    time = draw(st.sampled_from(starts)) + ramp * draw(st.sampled_from([-0.4, 0.3, 0.5, 0.8, 1.2]))
+    return Point(values, time)
+
+
+@st.composite
+def fault_points(draw: Draw) -> Point:
+    """A time clearly before, within or after the fault."""
+    start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
+    values = {
+        "u": signed(draw, 0.1, 10.0),
+        "freeze": draw(st.booleans()),
+        "start": start,
+        "duration": duration,
+        "gain": draw(st.sampled_from([1.0, -0.5, 3.0])),
+        "offset": signed(draw, 0.1, 10.0),
+    }
+    return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))
+
+
+DRIVE = asdict(joint_data.DRIVES["tilt"])
+VOLTAGES = {
+    "u_q": 300,
+    "u_d": 200,
+    "i_q_ref": 10,
+    "F_L": 2e4,
+    "d_2": 1,
+    "d_3": 0.4,
+    "d_4": 0.2,
+    "supply.sag": 0.1,
+}
+MOVING = {"u_q": 30.0, "u_d": -5.0, "v_L": 0.02, "i_q": 5.0, "i_d": 1.0, "motor.i_N": 30.0}
+
+FACTS = {
+    "EmlaPlant": BlockFacts(
+        start=start_values(
+            EmlaPlant,
+            TILT,
+            DRIVE,
+            {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001},
+        ),
+        inputs=VOLTAGES,
+        smooth={
+            **MOVING,
+            "F_L": 1e3,
+            "d_2": 0.1,
+            "d_3": 1.0,
+            "d_4": 2.0,
+            "motor.L_q": 3e-3,
+            "uncertainty.F_2": 0.1,
+        },
+        points=plant_points,
+        exchange=(0.1, 2e-3),
+        sampled=frozenset({"supply.sag"}),
+    ),
+    "EmlaCompliantPlant": BlockFacts(
+        start=start_values(
+            EmlaCompliantPlant,
+            TILT,
+            DRIVE,
+            {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001, "m_load": 1.5e4},
+            {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4, "tau_cog": 0.5, "alpha_R": 4e-3},
+            {"eccentricity": 1e-4, "lead_error": 1e-4, "wobble": 4e-6},
+        ),
+        inputs=VOLTAGES,
+        smooth={
+            **MOVING,
+            "F_L": 1e3,
+            "load.v": 0.01,
+            "load.m": 2e3,
+            "start.deflection": 1e-3,
+            "transmission.stiffness": 1e7,
+            "transmission.damping": 1e3,
+        },
+        points=compliant_points,
+        exchange=(0.1, 2e-3),
+        sampled=frozenset({"supply.sag"}),
+    ),
+    "EmlaMotor": BlockFacts(
+        start=start_values(
+            EmlaMotor,
+            TILT,
+            joint_data.DRIVES["tilt"],
+            {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_3": 0.002, "F_4": 0.001},
+        ),
+        inputs={"u_q": 300, "u_d": 200, "i_q_ref": 10, "x_L": 1e-3, "v_L": 0.05, "d_3": 0.4, "d_4": 0.2}
+        | {"supply.sag": 0.1},
+        smooth={
+            "u_q": 30.0,
+            "u_d": -5.0,
+            "x_L": 0.24,
+            "v_L": 0.02,
+            "d_3": 1.0,
+            "i_q": 5.0,
+            "motor.L_q": 3e-3,
+        },
+        points=motor_points,
+        exchange=(0.1, 1e-3),
+        sampled=frozenset({"supply.sag"}),
+    ),
+    "EmlaObserver": BlockFacts(
+        start=start_values(EmlaObserver, TILT, observers("robust")["tilt"], {"use_model": True}),
+        inputs={"y": 1e-4, "i_q_ref": 10, "i_q": 10},
+        smooth={"y": 0.5, "i_q_ref": 10.0, "v_hat": 0.1, "m_0": 100.0, "H_0": 10.0},
+        points=observer_points,
+        exchange=(0.1, 1e-2),
+        still=frozenset({"d_hat", "r_hat"}),
+    ),
+    "Reference": BlockFacts(
+        start={"waypoint[1]": 0.1, "waypoint[2]": 0.3, "waypoint[3]": 0.2, "period": 0.4}
+        | {"move.duration[1]": 0.2, "move.start[2]": 0.25, "move.duration[2]": 0.1},
+        inputs={},
+        smooth={"waypoint[2]": 0.3, "move.start[1]": 0.05},
+        points=reference_points,
+    ),
+    "Disturbance": BlockFacts(
+        start={"load.level[1]": 1e4, "load.level[2]": 3e4, "load.start[2]": 0.3, "load.ripple": 5e3}
+        | {"d_2.amplitude[1]": 0.8, "d_2.omega[1]": 7.0, "d_2.high": 2.0, "d_2.arctan": 1.2, "d_2.decay": 3.0}
+        | {"d_3.amplitude[1]": 0.42, "d_3.omega[1]": 8.0, "d_3.phase[1]": 1.0, "d_4.amplitude": -0.15},
+        inputs={"v_L": 0.1},
+        smooth={"v_L": 0.1, "load.level[2]": 100.0, "load.start[2]": 0.1, "load.ripple": 7.0}
+        | {"d_2.arctan": 3.0, "d_2.decay": 2.0, "d_2.amplitude[1]": 0.5, "d_2.omega[1]": 7.0}
+        | {"d_3.amplitude[2]": 1.5, "d_3.omega[2]": 9.0}
+        | {"d_4.amplitude": 2.5, "d_4.omega": 5.0, "d_4.phase": 0.5},
+        points=disturbance_points,
+    ),
+    "SignalFault": BlockFacts(
+        start={"freeze": True, "start": 0.1, "duration": 0.2},
+        inputs={"u": 0.5},
+        smooth={"u": 0.2, "gain": 2.0, "offset": 3.0, "start": 0.1},
+        points=fault_points,
+    ),
+}

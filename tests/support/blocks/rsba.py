@@ -1,0 +1,258 @@
+"""Facts about the blocks of rsba_fmu."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+from hypothesis import strategies as st
+
+from emla_cosim.study.joint import start_values
+from fmublock.instance import Instance
+from rsba_fmu import AnatcController, CacController, FocController, RsbaController
+from tests.support.blocks.facts import BlockFacts, Draw, Point, beside, magnitude, signed
+from tests.support.joint_data import ROBUST, TILT, gains_of
+
+
+@st.composite
+def controller_points(draw: Draw) -> Point:
+    """Limits are beside the demands, which the block computes in process."""
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration", "compensate")
+    values: dict[str, Any] = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        "d_hat": signed(draw, 1e-2, 1.0),
+        "omega_u": magnitude(draw, 10.0, 1000.0),
+        "z_q": signed(draw, 0.1, 100.0),
+        "z_d": signed(draw, 0.1, 100.0),
+        "limit.i_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.u_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.v_max": magnitude(draw, 1e-2, 1.0),
+        **{name: draw(st.booleans()) for name in switches},
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    for i in range(1, 5):
+        values |= {
+            f"beta[{i}]": magnitude(draw, 10.0, 3000.0),
+            f"zeta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"delta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"sigma[{i}]": magnitude(draw, 1e-3, 1e-1),
+            f"theta[{i}]": magnitude(draw, 0.1, 10.0),
+        }
+    k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
+    values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
+    found = controller(values, "i_q_ref")
+    values |= {
+        "limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
+        "limit_current": draw(st.booleans()),
+    }
+    found = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
+    limit = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
+    measured = draw(st.booleans())
+    values |= {"measure_supply": measured, "limit_voltage": draw(st.booleans())}
+    values |= {"limit.u_max": limit * (2.0 if measured else 1.0), "u_available": limit}
+    values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, found)))
+    return Point(values, reach={"x_hat": abs(P_1), "x_d": abs(P_1)})
+
+
+def controller(values: dict[str, Any], *outputs: str) -> dict[str, float]:
+    """Return outputs of a controller with these values."""
+    instance = Instance(RsbaController())
+    reference = instance.layout.reference
+    for name, value in values.items():
+        instance.set([reference(name)], [value])
+    return dict(zip(outputs, instance.get([reference(n) for n in outputs]), strict=True))
+
+
+def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> list[float]:
+    """Return values of theta_max clearly between those at which it starts to limit an adaptation."""
+    begins = []
+    for i in range(1, 5):
+        gain = 0.5 * values[f"zeta[{i}]"] * values[f"delta[{i}]"]
+        growth = gain * found[f"P[{i}]"] ** 2
+        begins.append(values[f"theta[{i}]"] + values["solver.internal_step"] * growth)
+    begins = sorted(begins)
+    pairs = [(low, high) for low, high in pairwise(begins) if high > 10.0 * low]
+    return [3.0 * begins[-1], *(math.sqrt(low * high) for low, high in pairs)]
+
+
+def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
+    """Draw values and reaches of what FocController, CacController and AnatcController have in common.
+
+    Nothing is limited, or all of one kind is, by far; the approach brakes clearly or is clearly linear
+    for gains of the position up to 10 / s.
+    """
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    limited = draw(st.sampled_from(["nothing", "speed", "current", "voltage"]))
+    u = 1e-2 if limited == "voltage" else 1e7
+    u_max, u_available = draw(st.sampled_from([(u, 3.0 * u), (3.0 * u, u)]))
+    values = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-2, 0.3),
+        "d_hat": signed(draw, 0.1, 5.0),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "u_available": u_available,
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        "compensate": draw(st.booleans()),
+        "limit.a_max": draw(st.sampled_from([1e-4, 100.0])),
+        "limit.v_max": 1e-5 if limited == "speed" else 1.0,
+        "limit.i_max": 1e-3 if limited == "current" else 1e5,
+        "limit.u_max": u_max,
+        "limit.u_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.i_reserve": draw(st.floats(0.05, 0.3)),
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    return values, {"x_hat": abs(P_1), "x_d": abs(P_1)}
+
+
+@st.composite
+def foc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_p": magnitude(draw, 1.0, 10.0),
+        "k_v": magnitude(draw, 10.0, 1000.0),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        "w_i": magnitude(draw, 10.0, 300.0),
+        "omega_d": magnitude(draw, 10.0, 1000.0),
+        "xi_q": signed(draw, 10.0, 1e4),
+        "xi_d": signed(draw, 10.0, 1e4),
+        "load.z": signed(draw, 1e-2, 0.3),
+    }
+    return Point(values | own, kinks={"omega_d"}, reach=reach)
+
+
+@st.composite
+def cac_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k[1]": magnitude(draw, 1.0, 10.0),
+        **{f"k[{i}]": magnitude(draw, 0.01, 1e3) for i in range(2, 6)},
+        "varpi[1]": magnitude(draw, 1e-3, 0.1),
+        **{f"varpi[{i}]": magnitude(draw, 0.1, 10.0) for i in range(2, 6)},
+        **{f"m[{i}]": magnitude(draw, 0.1, 1e3) for i in range(1, 4)},
+        "leak": magnitude(draw, 1e-3, 1.0),
+        "epsilon[1]": magnitude(draw, 0.03, 1.0),
+        "epsilon[2]": magnitude(draw, 0.3, 3.0),
+        "epsilon[3]": magnitude(draw, 30.0, 300.0),
+        "epsilon[4]": magnitude(draw, 30.0, 300.0),
+        "omega_n[1]": magnitude(draw, 100.0, 1e4),
+        "omega_n[2]": magnitude(draw, 100.0, 1e4),
+        "damping": magnitude(draw, 0.5, 2.0),
+        "filter.w": signed(draw, 1e-3, 0.1),
+        "filter.w_rate": signed(draw, 0.1, 10.0),
+        "filter.i_q": signed(draw, 0.1, 100.0),
+        "filter.i_q_rate": signed(draw, 10.0, 1e4),
+        "xi[1]": signed(draw, 1e-4, 1e-2),
+        "xi[2]": signed(draw, 1e-3, 0.1),
+        "xi[3]": signed(draw, 0.1, 10.0),
+        "xi[4]": signed(draw, 0.1, 10.0),
+        **{f"D[{i}]": signed(draw, 0.1, 10.0) for i in range(2, 5)},
+    }
+    return Point(values | own, reach=reach)
+
+
+@st.composite
+def anatc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_1": magnitude(draw, 1.0, 10.0),
+        "k_2": magnitude(draw, 0.1, 10.0),
+        "lambda_1": magnitude(draw, 0.1, 100.0),
+        "lambda_2": magnitude(draw, 0.1, 100.0),
+        "ell[1]": magnitude(draw, 1e-3, 1.0),
+        "ell[2]": magnitude(draw, 1e-3, 1.0),
+        "g": magnitude(draw, 10.0, 300.0),
+        "b": magnitude(draw, 0.1, 3.0),
+        "sigma_min": draw(st.sampled_from([1e-3, 1e3])),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        **{f"W[{i}]": signed(draw, 0.1, 10.0) for i in range(1, 6)},
+        "delta": magnitude(draw, 0.1, 10.0),
+    }
+    return Point(values | own, draw(st.floats(0.0, 1.0)), reach=reach)
+
+
+SIGNALS = {"x_hat": 1e-3, "v_hat": 0.05, "d_hat": 1, "i_q": 20, "i_d": 5, "u_available": 400}
+REFERENCE = {"x_d": 1e-3, "v_d": 0.05, "a_d": 0.3}
+NEAR = {"x_hat": 0.25, "x_d": 0.2501, "v_hat": 0.01, "d_hat": 0.2, "i_q": 5.0, "i_d": 1.0}
+NEAR |= {"u_available": 400.0, "a_d": 0.1}
+
+FACTS = {
+    "RsbaController": BlockFacts(
+        start=start_values(RsbaController, TILT, ROBUST["tilt"]),
+        inputs={
+            "x_hat": 1e-3,
+            "v_hat": 0.05,
+            "i_q": 20,
+            "i_d": 5,
+            **REFERENCE,
+            "d_hat": 0.5,
+            "u_available": 100,
+        },
+        smooth={"x_hat": 0.25, "x_d": 0.24, "v_hat": 0.01, "i_q": 5.0, "i_d": 1.0}
+        | {"limit_acceleration": True, "feed_acceleration": True}
+        | {f"beta[{i}]": 50.0 for i in range(1, 5)}
+        | {f"delta[{i}]": 1.0 for i in range(1, 5)}
+        | {f"sigma[{i}]": 40.0 for i in range(1, 5)},
+        points=controller_points,
+        exchange=(0.1, 2e-2),
+        still=frozenset({"saturated"}),
+        is_laborious=True,
+    ),
+    "FocController": BlockFacts(
+        start=start_values(FocController, TILT, gains_of("foc", "rule")["tilt"]),
+        inputs=SIGNALS | REFERENCE,
+        smooth={**NEAR, "omega_d": 50.0, "w_c": 100.0, "w_i": 40.0},
+        points=foc_points,
+        exchange=(0.1, 2e-2),
+        is_laborious=True,
+    ),
+    "CacController": BlockFacts(
+        start=start_values(CacController, TILT, gains_of("cac", "published")["tilt"]),
+        inputs=SIGNALS | REFERENCE,
+        smooth={
+            **NEAR,
+            "omega_n[1]": 50.0,
+            "omega_n[2]": 80.0,
+            "k[1]": 20.0,
+            "k[2]": 30.0,
+            "limit.i_max": 1e4,
+        },
+        points=cac_points,
+        exchange=(0.1, 1e-2),
+        is_laborious=True,
+    ),
+    "AnatcController": BlockFacts(
+        start=start_values(AnatcController, TILT, gains_of("anatc", "published")["tilt"]),
+        inputs=SIGNALS | REFERENCE,
+        smooth={**NEAR, "k_1": 20.0, "g": 10.0, "ell[1]": 3.0, "ell[2]": 3.0},
+        points=anatc_points,
+        exchange=(0.1, 2e-2),
+        is_laborious=True,
+    ),
+}

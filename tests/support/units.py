@@ -1,0 +1,215 @@
+"""One instance of a block behind one interface: in process, or as an FMU of any flavour and FMI version."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from fmpy.fmi1 import FMICallException
+
+from fmublock import Block, BlockError, Instance, build
+from tests.support.fmi3_host import Host
+from tests.support.sessions import WARNING, Session
+
+KINDS = ("block", "native", "python", "fmi3")
+
+
+class Unit(Protocol):
+    """An instance; calls return whether they succeeded, and what is logged is in `messages`."""
+
+    messages: list[str]
+
+    def enter(self, time: float = 0.0, stop: float | None = None) -> bool: ...
+    def exit(self) -> bool: ...
+    def set(self, **values: Any) -> bool: ...
+    def get(self, *names: str) -> list[float]: ...
+    def step(self, time: float, step: float) -> bool: ...
+    def save(self) -> Any: ...
+    def restore(self, state: Any) -> None: ...
+
+
+Make = Callable[..., Unit]
+
+
+def start(unit: Unit, time: float = 0.0, stop: float | None = None, **values: Any) -> Unit:
+    """Set start values, and initialize."""
+    assert unit.set(**values)
+    assert unit.enter(time, stop)
+    assert unit.exit(), unit.messages
+    return unit
+
+
+class BlockUnit:
+    """A block in process."""
+
+    def __init__(self, block: type[Block], name: str) -> None:
+        self.instance, self.messages = Instance(block(), name), list[str]()
+
+    def _call(self, call: Callable[..., Any], *arguments: Any) -> bool:
+        try:
+            call(*arguments)
+        except BlockError as error:
+            self.messages.append(str(error))
+            return False
+        return True
+
+    def enter(self, time: float = 0.0, stop: float | None = None) -> bool:
+        return self._call(self.instance.setup_experiment, time, stop) and self._call(
+            self.instance.enter_initialization
+        )
+
+    def exit(self) -> bool:
+        done = self._call(self.instance.exit_initialization)
+        self.messages += self.instance.left_limits() if done else []
+        return done
+
+    def set(self, **values: Any) -> bool:
+        return all(self._call(self.instance.__setitem__, n, float(v)) for n, v in values.items())
+
+    def get(self, *names: str) -> list[float]:
+        return [self.instance[name] for name in names]
+
+    def step(self, time: float, step: float) -> bool:
+        done = self._call(self.instance.do_step, time, step)
+        self.messages += self.instance.left_limits() if done else []
+        return done
+
+    def save(self) -> Any:
+        return self.instance.get_state()
+
+    def restore(self, state: Any) -> None:
+        self.instance.set_state(state)
+
+
+class Fmi2Unit:
+    """An instance of an FMU for FMI 2.0."""
+
+    def __init__(self, session: Session, name: str) -> None:
+        self.session, self.name, self._before = session, name, len(session.log.all)
+        self.slave = session.new(name)
+
+    @property
+    def messages(self) -> list[str]:
+        lines = self.session.log.all[self._before :]
+        return [line.text for line in lines if line.instance == self.name and line.status >= WARNING]
+
+    def enter(self, time: float = 0.0, stop: float | None = None) -> bool:
+        return _is_done(self.slave.setupExperiment, None, time, stop) and _is_done(
+            self.slave.enterInitializationMode
+        )
+
+    def exit(self) -> bool:
+        return _is_done(self.slave.exitInitializationMode)
+
+    def set(self, **values: Any) -> bool:
+        return _is_done(lambda: self.session.set(self.slave, **values))
+
+    def get(self, *names: str) -> list[float]:
+        return self.session.get(self.slave, *names)
+
+    def step(self, time: float, step: float) -> bool:
+        return _is_done(self.slave.doStep, time, step)
+
+    def save(self) -> bytes:
+        saved = self.slave.getFMUstate()
+        state = self.slave.serializeFMUstate(saved)
+        self.slave.freeFMUstate(saved)
+        return state
+
+    def restore(self, state: bytes) -> None:
+        copy = self.slave.deSerializeFMUstate(state)
+        self.slave.setFMUstate(copy)
+        self.slave.freeFMUstate(copy)
+
+
+class Fmi3Unit:
+    """An instance of an FMU for FMI 3.0, where an array is one variable."""
+
+    def __init__(self, host: Host, name: str) -> None:
+        self.host, self._before = host, len(host.lines)
+        self.slave = host.new(name=name)
+        self._variables = {v.name: v for v in host.description.modelVariables}
+
+    @property
+    def messages(self) -> list[str]:
+        return [text for status, text in self.host.lines[self._before :] if status >= WARNING]
+
+    def enter(self, time: float = 0.0, stop: float | None = None) -> bool:
+        return _is_done(self.slave.enterInitializationMode, None, time, stop)
+
+    def exit(self) -> bool:
+        return _is_done(self.slave.exitInitializationMode)
+
+    def set(self, **values: Any) -> bool:
+        return all(_is_done(self._set, name, value) for name, value in values.items())
+
+    def _set(self, name: str, value: Any) -> None:
+        array, is_element, index = name.removesuffix("]").partition("[")
+        variable = self._variables[array if is_element else name]
+        if is_element:
+            elements = self._array(variable)
+            elements[int(index) - 1] = value
+            self.slave.setFloat64([variable.valueReference], elements)
+            return
+        setters = {"Float64": self.slave.setFloat64, "Boolean": self.slave.setBoolean}
+        setters |= {"Int32": self.slave.setInt32}
+        setters.get(variable.type, self.slave.setInt64)([variable.valueReference], [value])
+
+    def get(self, *names: str) -> list[float]:
+        values = []
+        for name in names:
+            array, is_element, index = name.removesuffix("]").partition("[")
+            variable = self._variables[array if is_element else name]
+            values.append(self._array(variable)[int(index or 1) - 1])
+        return values
+
+    def _array(self, variable: Any) -> list[float]:
+        size = int(variable.dimensions[0].start) if variable.dimensions else 1
+        return list(self.slave.getFloat64([variable.valueReference], nValues=size))
+
+    def step(self, time: float, step: float) -> bool:
+        return _is_done(self.slave.doStep, time, step)
+
+    def save(self) -> bytes:
+        saved = self.slave.getFMUState()
+        state = self.slave.serializeFMUState(saved)
+        self.slave.freeFMUState(saved)
+        return state
+
+    def restore(self, state: bytes) -> None:
+        copy = self.slave.deserializeFMUState(state)
+        self.slave.setFMUState(copy)
+        self.slave.freeFMUState(copy)
+
+
+class Units:
+    """Makes units of blocks; each FMU is built and opened once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._opened = folder, dict[tuple[type[Block], str], Session | Host]()
+
+    def make(self, block: type[Block], kind: str, name: str = "toy") -> Unit:
+        if kind == "block":
+            return BlockUnit(block, name)
+        opened = self.opened(block, kind)
+        return Fmi3Unit(opened, name) if isinstance(opened, Host) else Fmi2Unit(opened, name)
+
+    def opened(self, block: type[Block], kind: str) -> Session | Host:
+        key = block, kind
+        if key not in self._opened:
+            folder = self._folder / f"{block.__name__} {kind}"
+            flavour, fmi = ("python", 2) if kind == "python" else ("native", 3 if kind == "fmi3" else 2)
+            fmu = build(block, folder / f"{block.__name__}.fmu", flavour=flavour, fmi=fmi)
+            self._opened[key] = (Host if fmi == 3 else Session)(fmu, folder / "unpacked")
+        return self._opened[key]
+
+    def close(self) -> None:
+        for opened in self._opened.values():
+            opened.close()
+
+
+def _is_done(call: Callable[..., Any], *arguments: Any) -> bool:
+    try:
+        call(*arguments)
+    except FMICallException:
+        return False
+    return True
