@@ -177,7 +177,7 @@ USUAL = parameters(ec.load("prototype"))
 
 
 @pytest.mark.parametrize("numbers", [MV43, MV43 | MORE], ids=["MV43", "with everything"])
-def test_plant_observer_and_controller_follow_from_every_entry_and_nothing_else_moves(
+def test_start_values_follow_from_entries(
     numbers: dict[str, tuple[float, str]],
 ) -> None:
     """Each entry is changed by 5 %, or by 2 where it is a count; all parameters are held to closed forms."""
@@ -208,7 +208,7 @@ def test_plant_observer_and_controller_follow_from_every_entry_and_nothing_else_
     assert {place for place, components in moved.items() if not components} == checks
 
 
-def test_the_file_says_what_the_numbers_here_are() -> None:
+def test_file_has_the_numbers_of_this_test() -> None:
     assert ec.Actuator.read(FILE).emla == ec.Actuator(**sheet(MV43)).emla
 
 
@@ -261,7 +261,7 @@ def with_entries(**changes: Any) -> dict[str, Any]:
     ],
     ids=str,
 )
-def test_the_same_sheet_in_other_words_is_the_same_actuator(changes: dict[str, Any]) -> None:
+def test_other_units_give_the_same_actuator(changes: dict[str, Any]) -> None:
     found, usual = ec.Actuator(**with_entries(**changes)), ec.Actuator.read(FILE)
     assert asdict(found.emla) == pytest.approx(asdict(usual.emla), rel=1e-14)
     assert found.plant == pytest.approx(usual.plant, rel=1e-14)
@@ -313,13 +313,13 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("changes", "said"), WRONG, ids=[str(changes) for changes, _ in WRONG])
-def test_a_wrong_sheet_is_told_in_a_sentence(changes: dict[str, Any], said: str) -> None:
+def test_invalid_sheet_gives_one_message(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ec.CommandError) as caught:
         ec.Actuator(**with_entries(**changes))
     assert said in str(caught.value)
 
 
-def test_everything_that_is_wrong_is_told_at_once() -> None:
+def test_all_problems_of_a_sheet_are_reported() -> None:
     changes = {"motor__R": None, "motor__kT": "1 N m/A", "screw__lead": "1 s", "sensor__bitz": 3}
     with pytest.raises(ec.CommandError) as caught:
         ec.Actuator(**with_entries(**changes))
@@ -327,7 +327,7 @@ def test_everything_that_is_wrong_is_told_at_once() -> None:
     assert "for 4 reasons:" in str(caught.value)
 
 
-def test_the_speed_that_is_named_is_possible() -> None:
+def test_speed_in_the_message_is_possible() -> None:
     changes = {"inverter__U_supply": "300 V rms line to line", "motor__n_max": "2929 rpm"}
     assert ec.Actuator(**with_entries(**changes)).emla.v_max == pytest.approx(2929 / 60 * 2e-3)
 
@@ -345,7 +345,7 @@ def test_the_speed_that_is_named_is_possible() -> None:
     ],
     ids=["empty", "no table", "other table", "no text", "no TOML", "no UTF-8", "deep"],
 )
-def test_what_is_no_actuator_is_refused(content: bytes, said: str, tmp_path: Path) -> None:
+def test_invalid_actuator_files(content: bytes, said: str, tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(content)
     with pytest.raises(ec.CommandError, match=r"the actuator '.*a\.toml'") as caught:
         ec.load("prototype", actuator={"prototype": tmp_path / "a.toml"})
@@ -364,7 +364,7 @@ odd = st.one_of(
 
 
 @given(st.lists(st.tuples(places, odd), min_size=1, max_size=3))
-def test_whatever_stands_in_a_file_is_an_actuator_or_a_sentence(changes: list[Any]) -> None:
+def test_any_entry_gives_an_actuator_or_a_message(changes: list[Any]) -> None:
     try:
         found = ec.Actuator(**with_entries(**{f"{table}__{key}": x for (table, key), x in changes}))
     except ec.CommandError as error:
@@ -377,7 +377,7 @@ def test_whatever_stands_in_a_file_is_an_actuator_or_a_sentence(changes: list[An
 # ---- In its joint ------------------------------------------------------------------------------
 
 
-def test_what_the_joint_is_to_do_has_to_be_possible_for_its_actuator() -> None:
+def test_impossible_motions_are_refused() -> None:
     slow = ec.Actuator(**with_entries(screw__stroke="120 mm", screw__q_LB="50 mm", screw__v_max="30 mm/s"))
     with pytest.raises(ec.CommandError) as caught:
         ec.load("prototype", actuator={"prototype": slow})
@@ -391,7 +391,7 @@ def test_what_the_joint_is_to_do_has_to_be_possible_for_its_actuator() -> None:
     assert not ec.load("prototype", actuator={"prototype": short}, set=elsewhere).notes
 
 
-def test_a_trajectory_has_to_be_possible_too() -> None:
+def test_impossible_trajectories_are_refused() -> None:
     """That of tilt goes to 473 mm, as fast as the joint's own actuator may, 100 mm/s."""
     for changes, said in (
         ({"screw__stroke": "400 mm"}, "of tilt goes from 389 to 472.8 mm, outside the stroke"),
@@ -401,7 +401,7 @@ def test_a_trajectory_has_to_be_possible_too() -> None:
             ec.load("hdrm-replay", actuator={"tilt": ec.Actuator(**with_entries(**changes))})
 
 
-def test_a_load_that_cannot_be_held_is_a_note() -> None:
+def test_too_large_load_is_noted() -> None:
     level = "prototype.disturbance.load.level[*]"
     for load, said in (
         (30e3, "more than its continuous torque of 8.469 N m"),
@@ -412,7 +412,7 @@ def test_a_load_that_cannot_be_held_is_a_note() -> None:
         assert said in note and f"{load * 2e-3 / (2 * math.pi) / 0.8075:.4g} N m" in note
 
 
-def test_remarks_name_both_fluxes_and_what_limits() -> None:
+def test_notes_on_fluxes_and_limits() -> None:
     changes = {"motor__K_E": "120 V/krpm rms line to line", "inverter__i_max": "10 A rms"}
     notes = ec.load("prototype", actuator={"prototype": ec.Actuator(**with_entries(**changes))}).notes
     assert [
@@ -438,7 +438,7 @@ def test_remarks_name_both_fluxes_and_what_limits() -> None:
     ],
     ids=str,
 )
-def test_a_value_set_in_a_plant_alone_is_noted(
+def test_value_set_only_in_a_plant_is_noted(
     scenario: str, given: dict[str, float], beliefs: list[str]
 ) -> None:
     notes = ec.load(scenario, set=given).notes
@@ -449,14 +449,14 @@ def test_a_value_set_in_a_plant_alone_is_noted(
         assert note.count("model.") == len(beliefs)
 
 
-def test_gains_that_were_found_for_another_actuator_are_noted() -> None:
+def test_gains_of_another_actuator_are_noted() -> None:
     for controller, gains, count in (("cac", "tuned", 1), ("foc", "rule", 0), ("rsba", "published", 1)):
         chosen = ec.load("prototype", actuator={"prototype": FILE}, controller=controller, gains=gains)
         assert len(chosen.notes) == count
         assert parameters(chosen)["prototype.controller.limit.a_max"] != 1.2
 
 
-def test_every_system_takes_actuators_for_its_joints() -> None:
+def test_every_system_accepts_actuators_for_its_joints() -> None:
     changes = {"screw__stroke": "1 m", "gearbox__ratio": 2}
     own = ec.Actuator(**with_entries(**changes))
     for name in ("study", "study-drive", "published", "hdrm-replay", "hdrm-coupled", "hdrm-merged", "tilt"):
@@ -472,7 +472,7 @@ def test_every_system_takes_actuators_for_its_joints() -> None:
     assert merged["machine.plant.screw.M_BS[1]"] == 156.5
 
 
-def test_a_system_without_the_joint_says_which_it_has(tmp_path: Path, fmu_folder: Path) -> None:
+def test_unknown_joint_lists_the_joints(tmp_path: Path, fmu_folder: Path) -> None:
     with pytest.raises(ec.CommandError, match="no joint 'boom' for an actuator; use lift, tilt and tele"):
         ec.load("study", actuator={"boom": FILE})
     with pytest.raises(ec.CommandError, match="run hdrm-coupled"):
@@ -485,9 +485,7 @@ def test_a_system_without_the_joint_says_which_it_has(tmp_path: Path, fmu_folder
 # ---- Run ---------------------------------------------------------------------------------------
 
 
-def test_the_actuator_of_a_scenario_file_converges_as_well_as_from_python(
-    fmu_folder: Path, tmp_path: Path
-) -> None:
+def test_actuator_in_a_scenario_file_runs(fmu_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_bytes(FILE.read_bytes())
     (tmp_path / "run.toml").write_text('system = "prototype"\n[actuator]\nprototype = "my.toml"\n')
     chosen = ec.load(tmp_path / "run.toml", fmus=fmu_folder)
@@ -511,9 +509,7 @@ def test_the_actuator_of_a_scenario_file_converges_as_well_as_from_python(
             again.prepare(**{name: value})
 
 
-def test_actuator_measured_load_and_measured_reference_run_with_one_command(
-    emla: Emla, tmp_path: Path
-) -> None:
+def test_actuator_with_measured_load_and_reference(emla: Emla, tmp_path: Path) -> None:
     """All three as files; the actuator's stroke has no room for the reference of the scenario."""
     text = FILE.read_text(encoding="utf-8").replace('stroke = "400 mm"', 'q_LB = "190 mm"\nstroke = "90 mm"')
     (tmp_path / "my.toml").write_text(text, encoding="utf-8")
@@ -539,9 +535,7 @@ def test_actuator_measured_load_and_measured_reference_run_with_one_command(
     assert figures["torque_effort_N_m"] == pytest.approx(most, rel=0.1)
 
 
-def test_the_terminal_shows_sheet_and_model_before_the_run(
-    emla: Emla, fmu_folder: Path, tmp_path: Path
-) -> None:
+def test_terminal_shows_sheet_and_model_before_the_run(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
     own = f"prototype={FILE}"
     arguments = ("run", "prototype", "--actuator", own, "--stop-time", "0.1", "--no-plots")
     shown = emla(*arguments, "--fmus", str(fmu_folder), "--output", str(tmp_path)).stdout
@@ -551,7 +545,7 @@ def test_the_terminal_shows_sheet_and_model_before_the_run(
     assert record["settings"]["actuator"]["prototype"]["entered"]["motor.kT"] == "1.693717 N m/A rms"
 
 
-def test_what_is_sent_to_workers_has_the_values_and_needs_no_file(fmu_folder: Path) -> None:
+def test_workers_need_no_actuator_file(fmu_folder: Path) -> None:
     made = Preparation.of(ec.load("prototype", actuator={"prototype": FILE}, fmus=fmu_folder))
     assert not made.options.actuator
     assert made.system.component("prototype.plant").parameters["screw.M_BS"] == 60.0
@@ -565,7 +559,7 @@ def test_what_is_sent_to_workers_has_the_values_and_needs_no_file(fmu_folder: Pa
     assert to_plain(read)["prototype"]["sha256"] is not None
 
 
-def test_the_page_shows_the_file_and_every_entry() -> None:
+def test_page_shows_the_file_and_every_entry() -> None:
     page = (ROOT / "docs/actuator.md").read_text(encoding="utf-8")
     assert FILE.read_text(encoding="utf-8").strip() in page
     for table, entries in TABLES.items():

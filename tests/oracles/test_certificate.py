@@ -26,23 +26,21 @@ def lift(fmu_folder: Path) -> JointCertificate:
     return found
 
 
-def test_its_constants_are_those_of_the_gains(lift: JointCertificate) -> None:
+def test_constants_equal_those_of_the_gains(lift: JointCertificate) -> None:
     gains = ROBUST["lift"]
     adapting = [d * s for d, s in zip(gains.delta, gains.sigma, strict=True)]
     assert lift.certificate.phi[1:] == tuple(map(min, gains.beta, adapting))
     assert lift.certificate.direct_rate == min(gains.beta) / 2
 
 
-def test_what_is_simulated_is_within_the_bounds_and_not_far_from_them(lift: JointCertificate) -> None:
+def test_simulated_errors_are_below_and_near_the_bounds(lift: JointCertificate) -> None:
     found = lift.certificate
     assert lift.position_m < found.position < 5 * lift.position_m
     assert lift.current_A < found.current < 5 * lift.current_A
     assert lift.length < found.direct_ultimate < found.ultimate
 
 
-def test_the_measured_bound_of_the_speed_is_what_the_plant_does_beside_the_law(
-    lift: JointCertificate, fmu_folder: Path
-) -> None:
+def test_bound_of_the_speed_error_equals_that_of_the_plant(lift: JointCertificate, fmu_folder: Path) -> None:
     """P_2' by the plant's own acceleration, and the derivative of a_1 = -beta_1 / 2 P_1."""
     options = {"gains": "robust", "stop_time": 1.0, "output_interval": 1e-4, "fmus": fmu_folder}
     run = ec.load("lift", **options).prepare().run()
@@ -53,14 +51,14 @@ def test_the_measured_bound_of_the_speed_is_what_the_plant_does_beside_the_law(
     assert lift.bounds.total[1] == pytest.approx(beside, rel=0.1)
 
 
-def test_it_says_where_the_assumptions_do_not_hold(lift: JointCertificate) -> None:
+def test_violated_assumptions_are_reported(lift: JointCertificate) -> None:
     said = " ".join(lift.remarks)
     assert "Omega_3 there is no prior bound" in said
     assert "held for 0.1 ms" in said
     assert "zeta_i is 0" not in said
 
 
-def test_without_adaptation_it_says_that_nothing_is_proved(fmu_folder: Path) -> None:
+def test_no_adaptation_gives_no_bound(fmu_folder: Path) -> None:
     with ec.load("lift", gains="compensated", fmus=fmu_folder, stop_time=0.5).prepare() as simulation:
         (found,) = certify(simulation)
     assert found.remarks[0].startswith("zeta_i is 0 for i = 1, 2, 3, 4")
@@ -79,7 +77,7 @@ class Alone(Block):
         return {"y": v.x}  # type: ignore[attr-defined]
 
 
-def test_what_has_no_such_joint_is_a_sentence(fmu_folder: Path) -> None:
+def test_system_without_a_joint_is_refused(fmu_folder: Path) -> None:
     system = ec.System((ec.Component("a.b", Alone),), ())
     options = {"stop_time": 0.1, "step_size": 0.1, "fmus": fmu_folder}
     with (
@@ -89,7 +87,7 @@ def test_what_has_no_such_joint_is_a_sentence(fmu_folder: Path) -> None:
         certify(simulation)
 
 
-def test_the_command_certifies_sets_side_by_side(emla: Emla, tmp_path: Path) -> None:
+def test_command_certifies_several_gains(emla: Emla, tmp_path: Path) -> None:
     place = tmp_path / "found"
     arguments = ("--table", "certificate", "--stop-time", "0.4", "--output", str(place))
     result = emla("compare", "lift", "--gains", "robust,published", *arguments)
@@ -110,7 +108,7 @@ def test_the_command_certifies_sets_side_by_side(emla: Emla, tmp_path: Path) -> 
         (("--gains", "soft"), "'soft'"),
     ],
 )
-def test_a_certificate_of_something_else_is_refused(
+def test_unsupported_certificates_are_refused(
     arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
 ) -> None:
     place = tmp_path / "found"
@@ -121,9 +119,7 @@ def test_a_certificate_of_something_else_is_refused(
 
 @pytest.mark.parametrize("measured", [0.0, 1.0])
 @pytest.mark.parametrize("modelled", [0.0, 1.0])
-def test_the_unknown_acceleration_is_that_beside_what_the_observer_reads(
-    measured: float, modelled: float
-) -> None:
+def test_unknown_acceleration(measured: float, modelled: float) -> None:
     own = {"use_model": modelled, "use_measured_current": measured}
     own |= {"model.N_p": 4.0, "model.Phi_PM": 0.1, "model.B_eq": 3.0, "model.A_eq": 20.0}
     numbers = np.random.default_rng(1).normal(size=(5, 6))

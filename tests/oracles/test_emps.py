@@ -74,7 +74,7 @@ def measure(seed: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_the_published_parameters_of_emps_are_found(tmp_path: Path) -> None:
+def test_published_parameters_of_emps_are_estimated(tmp_path: Path) -> None:
     path = tmp_path / "emps.fmu"
     build(Emps, path, producer=PRODUCER)
     data = measure(0)

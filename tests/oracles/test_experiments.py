@@ -34,9 +34,7 @@ def asked(name: str, fmus: Path, stop_time: float, step_size: float) -> ec.Resul
 
 
 @names
-def test_the_reference_stops_at_all_way_points_and_begins_anew_after_40_s(
-    name: str, fmu_folder: Path
-) -> None:
+def test_reference_stops_at_way_points_and_repeats_after_40_s(name: str, fmu_folder: Path) -> None:
     result = asked(name, fmu_folder, 80.0, 0.01)
     x, v = (result[f"prototype.reference.{n}"] for n in ("x_d", "v_d"))
     rests = x[np.flatnonzero(v == 0.0)]
@@ -47,7 +45,7 @@ def test_the_reference_stops_at_all_way_points_and_begins_anew_after_40_s(
 
 
 @names
-def test_the_load_has_the_printed_levels_and_a_ripple(name: str, fmu_folder: Path) -> None:
+def test_load_has_published_levels_and_a_ripple(name: str, fmu_folder: Path) -> None:
     result = asked(name, fmu_folder, 320.0, 1e-3)
     t, force = result["time"], result["prototype.disturbance.F_L"]
     for (begin, end), level in LEVELS[name].items():
@@ -57,9 +55,7 @@ def test_the_load_has_the_printed_levels_and_a_ripple(name: str, fmu_folder: Pat
 
 
 @names
-def test_table_viii_is_beaten_with_observer_and_controller_at_1_khz(
-    name: str, fmu_folder: Path, tmp_path: Path
-) -> None:
+def test_errors_are_below_those_of_table_viii(name: str, fmu_folder: Path, tmp_path: Path) -> None:
     """The first moves; the heaviest load of experiment 1 comes with its own run."""
     loads = {"prototype.disturbance.load.level[1]": 70e3}
     result = run_scenario(ec.load(name), tmp_path, fmus=fmu_folder, stop_time=8.0, set=loads)
@@ -77,7 +73,7 @@ def test_observer_and_controller_sample_at_1_khz_beside_a_plant_at_10_khz(fmu_fo
         assert changed.tolist() == list(range(rate, 506, rate))
 
 
-def test_a_sampled_controller_computes_from_the_values_of_its_sample(fmu_folder: Path) -> None:
+def test_sampled_controller_uses_the_values_of_its_sample(fmu_folder: Path) -> None:
     """RSBA's reference of the current, (31) with all repairs, from what stands in the same row."""
     with ec.load("prototype", gains="robust", fmus=fmu_folder, stop_time=2.0).prepare() as simulation:
         result = simulation.run(output_interval=1e-3)

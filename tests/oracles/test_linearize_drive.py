@@ -1,5 +1,7 @@
 """Margins of a joint, compared with its equations, and frequency responses with an injected sine."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -19,9 +21,9 @@ PLACES = {
 }
 
 
-def drive(controller: str) -> LinearDrive:
+def drive(controller: str, fmus: Path) -> LinearDrive:
     """Return the drive at its operating point."""
-    options = {"gains": GAINS[controller], "set": DELAY, "stop_time": 0.5}
+    options = {"gains": GAINS[controller], "set": DELAY, "stop_time": 0.5, "fmus": fmus}
     with ec.load("lift", controller=controller, **options).prepare() as simulation:
         simulation.advance(AT)
         v, i_q, i_d = (simulation[f"lift.plant.{n}"] for n in ("v_L", "i_q_measured", "i_d_measured"))
@@ -29,7 +31,7 @@ def drive(controller: str) -> LinearDrive:
 
 
 @pytest.mark.parametrize("controller", GAINS)
-def test_the_loop_of_a_joint_is_that_of_its_equations(controller: str) -> None:
+def test_loop_gain_of_a_joint_equals_its_equations(controller: str, fmu_folder: Path) -> None:
     places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
     result = ec.linearize(
         "lift",
@@ -40,8 +42,9 @@ def test_the_loop_of_a_joint_is_that_of_its_equations(controller: str) -> None:
         at=AT,
         duration=DURATION,
         stop_time=0.5,
+        fmus=fmu_folder,
     )
-    expected = drive(controller)
+    expected = drive(controller, fmu_folder)
     for opened_at, name in places.items():
         response, found = result[name], result.margins[name]
         right = expected.loop_gain(opened_at, response.frequency)
@@ -66,7 +69,7 @@ def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controll
 
 
 @pytest.mark.parametrize(("w_i", "phase", "up", "down"), [(0.0, 6.2, 4.0, -2.0), (233.6, 5.7, 3.4, -2.1)])
-def test_the_integral_of_the_current_controllers_costs_margin(
+def test_integral_of_current_controllers_reduces_margins(
     w_i: float, phase: float, up: float, down: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A model of others, without this integral, has the first figures for `tuned` of FOC."""
@@ -101,17 +104,24 @@ OPTIONS = {"gains": "compensated", "set": DELAY}
 
 
 @pytest.fixture(scope="module")
-def compliance() -> ec.FrequencyResponse:
+def compliance(fmu_folder: Path) -> ec.FrequencyResponse:
     """From the load to the position."""
     result = ec.linearize(
-        "lift", perturb=FORCE, read=POSITION_OUT, at=AT, duration=DURATION, stop_time=0.5, **OPTIONS
+        "lift",
+        perturb=FORCE,
+        read=POSITION_OUT,
+        at=AT,
+        duration=DURATION,
+        stop_time=0.5,
+        fmus=fmu_folder,
+        **OPTIONS,
     )
     return result[f"{FORCE} to {POSITION_OUT}"]
 
 
 @pytest.mark.parametrize("frequency", mostly_slow(FREQUENCIES, (50.0, 190.0, 1000.0)))
 def test_an_injected_sine_has_the_same_gain_and_phase(
-    compliance: ec.FrequencyResponse, frequency: float
+    compliance: ec.FrequencyResponse, frequency: float, fmu_folder: Path
 ) -> None:
     """Half the difference of two runs, whose sines have opposite signs; its transient ends before AT.
 
@@ -121,7 +131,7 @@ def test_an_injected_sine_has_the_same_gain_and_phase(
     time = STEP * np.arange(round((AT + PERIOD) / STEP) + 1)
     wave = np.exp(2j * np.pi * frequency * time)
     height = 2e3  # N, of 57 kN
-    up, down = (_move(time, 57e3 + part * height * wave.imag) for part in (1.0, -1.0))
+    up, down = (_move(time, 57e3 + part * height * wave.imag, fmu_folder) for part in (1.0, -1.0))
     periods = slice(round(AT / STEP), -1)
     effect, window = 0.5 * (up - down)[periods], 1.0 - np.cos(2.0 * np.pi * (time[periods] - AT) / PERIOD)
     found = 2j * np.mean(effect * window * (wave * wave[1]).conj()[periods]) / height
@@ -130,31 +140,37 @@ def test_an_injected_sine_has_the_same_gain_and_phase(
     assert abs(np.degrees(np.angle(found / expected))) < 1.0
 
 
-def _move(time: np.ndarray, force: np.ndarray) -> np.ndarray:
+def _move(time: np.ndarray, force: np.ndarray, fmus: Path) -> np.ndarray:
     """Return the position under a load force."""
     load = ec.Input(data={"time": time, "force": force}, signals={FORCE: "force"}, interpolation="held")
-    result = (
-        ec.load("lift", stop_time=time[-1], input=[load], output_interval=STEP, **OPTIONS).prepare().run()
-    )
-    return result[POSITION_OUT]
+    scenario = ec.load("lift", stop_time=time[-1], input=[load], output_interval=STEP, fmus=fmus, **OPTIONS)
+    return scenario.prepare().run()[POSITION_OUT]
 
 
 @pytest.mark.parametrize("joint", mostly_slow(("lift", "tilt", "telescope"), ("lift",)))
-def test_damped_gains_have_the_margins_that_they_promise(joint: str) -> None:
+def test_damped_gains_have_their_margins(joint: str, fmu_folder: Path) -> None:
     """Of the position loop and of the current loop, with one sample of computing delay."""
     loops = [joint, f"{joint}.controller.u_q -> {joint}.plant.u_q"]
     delay = {f"{joint}.plant.inverter.delay": STEP}
-    found = ec.linearize(joint, gains="damped", set=delay, open=loops, at=0.35, duration=0.15, stop_time=0.5)
+    at = {"at": 0.35, "duration": 0.15, "stop_time": 0.5, "fmus": fmu_folder}
+    found = ec.linearize(joint, gains="damped", set=delay, open=loops, **at)
     assert len(found.margins) == 2
     for margins in found.margins.values():
         assert margins.phase_deg >= 30.0 and margins.Ms <= 2.2
         assert margins.gain_up_dB >= 6.0 and margins.gain_down_dB <= -6.0
 
 
-def test_linearity_is_that_of_the_reaction() -> None:
+def test_pulses_are_small(fmu_folder: Path) -> None:
     """A pulse of metres saturates everything, and is linear only in itself."""
     found = ec.linearize(
-        "lift", gains="compensated", set=DELAY, open="lift", at=AT, duration=0.1, stop_time=0.5
+        "lift",
+        gains="compensated",
+        set=DELAY,
+        open="lift",
+        at=AT,
+        duration=0.1,
+        stop_time=0.5,
+        fmus=fmu_folder,
     )
     (measured,) = found.responses.values()
     assert measured.amplitude < 1e-5  # m
@@ -163,8 +179,10 @@ def test_linearity_is_that_of_the_reaction() -> None:
 SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
 
 
-def test_a_joint_is_opened_at_its_current_reference_by_default() -> None:
-    by_default, asked = (ec.linearize("lift", **SHORT, **of) for of in ({}, {"open": PLACES[CURRENT]}))
+def test_joint_is_opened_at_its_current_reference_by_default(fmu_folder: Path) -> None:
+    by_default, asked = (
+        ec.linearize("lift", **SHORT, **of, fmus=fmu_folder) for of in ({}, {"open": PLACES[CURRENT]})
+    )
     assert list(by_default.margins) == [PLACES[CURRENT]]
     assert by_default.margins == asked.margins
 
@@ -175,6 +193,6 @@ def test_all_joints_are_opened_by_default() -> None:
     assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
 
 
-def test_a_controller_without_a_direct_current_reference_needs_a_place() -> None:
+def test_controller_without_current_reference_needs_a_place(fmu_folder: Path) -> None:
     with pytest.raises(ec.CommandError, match=r"without delay.*--open lift"):
-        ec.linearize("lift", controller="cac", **SHORT)
+        ec.linearize("lift", controller="cac", **SHORT, fmus=fmu_folder)

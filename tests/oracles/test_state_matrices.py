@@ -12,8 +12,7 @@ import emla_cosim as ec
 from emla_cosim.cli.app import app
 from emla_fmu import EmlaPlant
 from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, minimum
-from tests.oracles.test_integration import SOURCE
-from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.hand_written_fmus import build_integrated_fmu
 from tests.support.linear_drive import LinearDrive
 
 STEP = 1e-2
@@ -118,7 +117,7 @@ def test_connected_components_have_the_matrices_of_the_closed_loop() -> None:
     assert found.poles == pytest.approx(np.array([-2.0, -2.0]), abs=1e-4)  # a double one
 
 
-def test_the_plant_of_a_joint_has_the_matrices_of_its_equations() -> None:
+def test_matrices_of_a_plant_equal_its_equations() -> None:
     drive = LinearDrive("foc", 0.05, 33.0, -4.0)
     own = ec.load("lift").system.component("lift.plant").parameters
     values = {**own, "v_L": drive.v, "i_q": drive.i_q, "i_d": drive.i_d}
@@ -134,7 +133,7 @@ def test_the_plant_of_a_joint_has_the_matrices_of_its_equations() -> None:
     assert "hold constant" in result.remarks[-1]
 
 
-def test_a_steady_state_is_found_with_free_inputs() -> None:
+def test_steady_state_with_free_inputs() -> None:
     found = linearize(alone(MatrixCart, "cart", gravity=9.81), steady=True, free="cart.force").matrices
     assert found.at_states == pytest.approx(np.array([0.1 - 9.81 * 0.1**2 / 2.0, 0.0]), abs=1e-4)
     assert found.at_inputs == pytest.approx(np.array([9.81]))
@@ -145,18 +144,16 @@ def test_a_steady_state_is_found_with_free_inputs() -> None:
     assert result.matrices.C == pytest.approx(np.array([[0.25]]), rel=1e-6)
 
 
-def test_a_system_that_always_moves_has_no_steady_state() -> None:
+def test_moving_system_has_no_steady_state() -> None:
     with pytest.raises(ec.RunError, match=r"no steady state.*cart.v \(-9.81 m/s/s\) still changes"):
         linearize(alone(MatrixCart, "cart", gravity=9.81), steady=True)
     with pytest.raises(ec.RunError, match="no steady state"):
         linearize(alone(MatrixTank, "tank", inflow=2.0), steady=True)
 
 
-def test_a_foreign_fmu_with_events(tmp_path: Path) -> None:
+def test_matrices_of_an_fmu_with_events(tmp_path: Path) -> None:
     """x' = u - x; a ball that falls; a stair with time events."""
-    fmu = build_handwritten_fmu(
-        tmp_path / "Integrated.fmu", SOURCE, {"rollback": "false", "input": "continuous"}
-    )
+    fmu = build_integrated_fmu(tmp_path / "Integrated.fmu", rollback=False)
     result = linearize(fmu, perturb="u", read="y", set={"gain": 3.0}, stop_time=0.3)
     found = result.matrices
     row = [name.removeprefix("Integrated.") for name in found.states].index("x")
@@ -189,7 +186,7 @@ def test_model_exchange_has_the_same_frequency_response() -> None:
     assert np.abs(other / expected - 1.0)[below].max() < 1e-4
 
 
-def test_inputs_inside_of_a_group_are_perturbed_apart() -> None:
+def test_inputs_inside_a_group_need_separate_integration() -> None:
     h, at = 0.1, {"stop_time": 6.0, "at": 1.0, "duration": 5.0, "amplitude": 1.0}
     options = {"open": "gain.force->cart.force", **ME, "step_size": h, **at}
     with pytest.raises(ec.CommandError, match="integrated together"):
@@ -202,7 +199,7 @@ def test_inputs_inside_of_a_group_are_perturbed_apart() -> None:
     assert margins.phase_deg == pytest.approx(180.0 + np.degrees(np.angle(L)), abs=0.5)
 
 
-def test_a_limit_at_the_operating_point_is_reported() -> None:
+def test_limit_at_the_operating_point_is_reported() -> None:
     (remark,) = linearize(alone(MatrixLimit, "limit"), perturb="limit.u").remarks
     assert remark.startswith("the derivative of limit.x is not smooth in limit.u")
     assert linearize(alone(MatrixLimit, "limit", u=-1.0), perturb="limit.u").remarks == ()
@@ -236,7 +233,7 @@ def test_matrices_as_objects_of_scipy_and_python_control() -> None:
         ({"at": 7.0}, "outside of the run"),
     ],
 )
-def test_wrong_input_gets_one_message(given: dict, message: str) -> None:
+def test_invalid_input_gives_one_message(given: dict, message: str) -> None:
     with pytest.raises(ec.CommandError, match=message):
         ec.linearize(closed(), **{**ME, "matrices": True, **given})
 
@@ -246,7 +243,7 @@ def test_components_that_sample_are_named() -> None:
         linearize("lift", step_size=1e-4, stop_time=1e-3)
 
 
-def test_the_command_writes_and_shows_them(tmp_path: Path) -> None:
+def test_command_writes_matrices(tmp_path: Path) -> None:
     system = tmp_path / "closed.ssp"
     ec.load(closed(), **ME).export(system)
     out = tmp_path / "out"

@@ -30,7 +30,7 @@ def names(controllers: list[str] | None, *gains: str) -> list[str]:
     return [str(one) for one in select_variants(controllers, gains or None)]
 
 
-def test_who_is_compared() -> None:
+def test_selection_of_controllers_and_gains() -> None:
     """Without gains the recommended set of each, which is declared in one place."""
     recommended = ["rsba/damped", "foc/damped", "cac/damped", "anatc/damped"]
     assert names(None) == names(None, "recommended") == recommended
@@ -56,11 +56,12 @@ def test_who_is_compared() -> None:
         ),
         (("--resolution", "5"), "only the table stability has a resolution"),
         (("--table", "stability", "--resolution", "1"), "must be from 2 to 100"),
+        (("--table", "margins", "--resolution", "5"), "only the table stability has a resolution"),
         (("--set", "lift.plant.motor.R=1"), "R_s"),
         (("--workers", "0"), "at least 1"),
     ],
 )
-def test_a_wrong_command_is_one_sentence(
+def test_invalid_options_give_one_message(
     arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
 ) -> None:
     place = tmp_path / "place"
@@ -68,11 +69,11 @@ def test_a_wrong_command_is_one_sentence(
     assert not place.exists()
 
 
-def test_the_paper_prints_nothing_of_one_joint(emla: Emla) -> None:
+def test_table_paper_needs_a_scenario_of_the_paper(emla: Emla) -> None:
     assert "not 'lift'" in sentence(emla("compare", "lift", "--table", "paper"), 2)
 
 
-def test_a_file_in_the_place_of_the_folder_is_told(emla: Emla, tmp_path: Path) -> None:
+def test_output_folder_that_is_a_file_is_reported(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert "it is no folder" in sentence(emla("compare", "lift", "--output", str(tmp_path / "file")), 2)
 
@@ -94,7 +95,7 @@ def compared(
 
 
 @pytest.mark.parametrize(("controller", "gains"), [("rsba", "robust"), ("foc", "rule")])
-def test_rows_are_what_runs_one_by_one_give(
+def test_rows_equal_single_runs(
     controller: str, gains: str, compared: ec.CompareResult, fmu_folder: Path
 ) -> None:
     """Though there the three joints run together, and here each alone."""
@@ -113,7 +114,7 @@ def test_rows_are_what_runs_one_by_one_give(
             assert row[name] == pytest.approx(value, rel=rounding, abs=0.0, nan_ok=True), name
 
 
-def test_one_joint_that_is_lost_ends_no_other(compared: ec.CompareResult) -> None:
+def test_lost_joint_does_not_end_the_runs_of_others(compared: ec.CompareResult) -> None:
     """With the published gains tilt ends its run in the first millisecond; lift and telescope go on."""
     rows = {r["joint"]: r for r in compared.rows.filter(gains="published").rows(named=True)}
     assert not any(row["held"] for row in rows.values())
@@ -123,7 +124,7 @@ def test_one_joint_that_is_lost_ends_no_other(compared: ec.CompareResult) -> Non
     assert [row["joint"] for row in compared.lost.rows(named=True)] == list(rows)
 
 
-def test_the_table_has_no_figure_alone_of_a_joint_that_is_not_held(compared: ec.CompareResult) -> None:
+def test_table_marks_figures_of_lost_joints(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
     column = [head.replace("\n", "/") for head in grid.header].index("rsba/published")
     assert all(row[column].lost and row[column].text.startswith("not held") for row in grid.rows)
@@ -136,7 +137,7 @@ def test_the_table_has_no_figure_alone_of_a_joint_that_is_not_held(compared: ec.
     assert best == [f"{1e6 * others.min():.3g}"]  # type: ignore[operator]
 
 
-def test_the_folder_repeats_what_it_shows(compared: ec.CompareResult, emla: Emla, tmp_path: Path) -> None:
+def test_command_in_the_folder_repeats_a_run(compared: ec.CompareResult, emla: Emla, tmp_path: Path) -> None:
     assert compared.folder is not None
     rows = polars.read_csv(compared.folder / "comparison.csv")
     assert rows.height == compared.rows.height == 9
@@ -151,7 +152,7 @@ def test_the_folder_repeats_what_it_shows(compared: ec.CompareResult, emla: Emla
     assert again["position_error_m"] == row["position_error_m"]
 
 
-def test_errors_over_time_end_where_the_metrics_do(compared: ec.CompareResult) -> None:
+def test_errors_over_time_agree_with_metrics(compared: ec.CompareResult) -> None:
     row = compared.rows.filter(gains="robust", joint="lift").row(0, named=True)
     errors = compared.errors[row["run"]]
     late = errors.filter(polars.col("time") >= 0.3)["lift"].abs().max()
@@ -164,7 +165,7 @@ def test_pictures_are_drawn(compared: ec.CompareResult) -> None:
     assert len(found["comparison-errors"].axes) == 3
 
 
-def test_the_command_says_first_what_is_lost(emla: Emla, tmp_path: Path) -> None:
+def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
     result = emla(
         "compare", "lift", "--controllers", "rsba", "--gains", "published", *SHORT, "--output", str(tmp_path)
     )
@@ -175,7 +176,7 @@ def test_the_command_says_first_what_is_lost(emla: Emla, tmp_path: Path) -> None
     assert names_in(tmp_path) == {"comparison.csv", "comparison.md", "comparison.json"}
 
 
-def test_the_command_of_a_run_has_the_values_of_its_case_before_those_of_all_runs() -> None:
+def test_values_of_a_case_override_common_values() -> None:
     """As the run itself has: a case is for a value that `--set` gives to all."""
     options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
     own = {"set": {"a.b": 3.0}, "step_size": 1e-4}
@@ -206,7 +207,7 @@ def prepared(fmu_folder: Path) -> Preparation:
     return find_independent_subsystems(Preparation.of(load("study", fmus=fmu_folder)))[1]  # tilt
 
 
-def test_cases_change_the_plant_by_what_they_say(prepared: Preparation) -> None:
+def test_cases_change_start_values_of_the_plant(prepared: Preparation) -> None:
     cases = {case.name: case.resolve_start_values(prepared) or {} for case in robustness_cases()}
     plant = prepared.system.component("tilt.plant").parameters
     assert cases["nominal"] == {}
@@ -223,12 +224,12 @@ def test_cases_change_the_plant_by_what_they_say(prepared: Preparation) -> None:
     assert not any("controller" in name or "observer.model" in name for c in cases.values() for name in c)
 
 
-def test_a_case_for_what_is_not_there_is_left_out(prepared: Preparation) -> None:
+def test_cases_without_their_variable_are_omitted(prepared: Preparation) -> None:
     assert ComparisonCase("rain", set={"*.weather.rain": 1.0}).resolve_start_values(prepared) is None
     assert ComparisonCase("rain", scale={"*.weather.rain": 1.0}).resolve_start_values(prepared) is None
 
 
-def test_faults_are_those_of_each_joint() -> None:
+def test_cases_have_faults_for_each_joint() -> None:
     (case,) = (c for c in robustness_cases() if c.name == "encoder freezes at 0.5 s for 1 ms")
     assert [str(fault) for fault in case.faults(["lift", "tilt"])] == [
         "lift.plant.x_measured=freeze@0.5+0.001",
@@ -236,7 +237,7 @@ def test_faults_are_those_of_each_joint() -> None:
     ]
 
 
-def test_a_map_has_all_points_of_its_grid() -> None:
+def test_map_has_all_points_of_its_grid() -> None:
     one = stability_maps()[0]
     cases = one.cases(3)
     assert [case.at for case in cases] == [(x, y) for y in (0.4, 1.0, 1.6) for x in (0.0, 0.3, 0.6)]
@@ -244,7 +245,7 @@ def test_a_map_has_all_points_of_its_grid() -> None:
     assert cases[-1].scale == {"*.plant.motor.L_?": pytest.approx(1.6)}
 
 
-def test_a_map_of_the_stable_corner(fmu_folder: Path) -> None:
+def test_stability_map_separates_stable_and_unstable_corners(fmu_folder: Path) -> None:
     """Without delay lift holds with its own inductance, with 0.6 ms and 0.4 of it nobody does."""
     result = ec.compare(
         "lift", ["rsba"], table="stability", resolution=2, stop_time=0.4, fmus=fmu_folder, workers=1

@@ -14,6 +14,7 @@ from emla_cosim.identification.estimation import Estimator, _find_offset, draw_s
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.prediction import predict_samples
 from tests.support.known_predictions import measured, parameter, problem
+from tests.support.tiers import mostly_slow
 
 TIME = np.linspace(0.0, 2.0, 201)
 
@@ -31,7 +32,7 @@ def search(solved: object, loss: str = "linear") -> Estimator:
 
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy", "arctan"])
-def test_the_minimum_is_that_of_scipy(loss: str) -> None:
+def test_minimum_equals_that_of_scipy(loss: str) -> None:
     values = noisy()
     values[::25] += 0.5  # outliers
     space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
@@ -58,7 +59,7 @@ def test_standard_deviations_follow_from_the_residuals() -> None:
     assert solved.sigma == pytest.approx({"y": 0.01, "v": 0.3}, rel=0.15)
 
 
-def test_outliers_do_not_hide_behind_the_deviation_that_they_cause() -> None:
+def test_outliers_do_not_widen_the_deviation() -> None:
     values = noisy(1)
     values[::20] += 1.0
     space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
@@ -68,7 +69,7 @@ def test_outliers_do_not_hide_behind_the_deviation_that_they_cause() -> None:
     assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 3.0}, rel=0.01)
 
 
-def test_given_deviations_stay_while_others_follow() -> None:
+def test_fixed_deviations_stay() -> None:
     def both(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         return [decay(p)[0] | {"v": decay(p)[0]["y"]}]
 
@@ -79,7 +80,7 @@ def test_given_deviations_stay_while_others_follow() -> None:
     assert solved.sigma == pytest.approx({"y": 0.5, "v": 0.1}, rel=0.15)
 
 
-def test_an_interrupt_while_deviations_change_keeps_the_best() -> None:
+def test_interrupted_adaptation_keeps_the_best_point() -> None:
     space = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
     solved = problem(space, [[measured(TIME, noisy(1))]], decay)
     searching = search(solved)
@@ -88,7 +89,7 @@ def test_an_interrupt_while_deviations_change_keeps_the_best() -> None:
     assert searching.best is not None and (searching.best.point == found.point).all()
 
 
-def test_values_whose_runs_fail_are_avoided() -> None:
+def test_values_with_failing_runs_are_avoided() -> None:
     def fails(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
         return ["the step failed"] if p["b"] > 3.5 else [*decay(p)]
 
@@ -100,7 +101,7 @@ def test_values_whose_runs_fail_are_avoided() -> None:
         search(solved).estimate([np.array([0.2, 0.9])])
 
 
-def test_a_valley_that_is_uneven_is_followed_to_its_end() -> None:
+def test_uneven_valley_is_followed_to_its_end() -> None:
     """Rounding of the outputs stops a search in a narrow valley; points along it show that it goes on."""
 
     def uneven(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
@@ -128,8 +129,11 @@ def uneven(kind: str, size: float) -> Callable[[Mapping[str, float]], list[dict[
     return model
 
 
-@pytest.mark.parametrize(("kind", "size"), [("noisy", 0.003), ("noisy", 0.01), ("rounded", 0.01)])
-def test_intervals_contain_the_truth_also_if_the_response_is_uneven(kind: str, size: float) -> None:
+UNEVEN = [("noisy", 0.003), ("noisy", 0.01), ("rounded", 0.01)]
+
+
+@pytest.mark.parametrize(("kind", "size"), mostly_slow(UNEVEN, UNEVEN[-1:]))
+def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: float) -> None:
     """A search ends in the deepest of many dents; intervals that know nothing of them hold too rarely."""
     space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
     inside, naive, runs, excess = np.zeros(2), np.zeros(2), 30, list[float]()
@@ -169,7 +173,7 @@ def test_longer_steps_average_an_uneven_response() -> None:
     assert 0.3 < np.linalg.norm(found.change[:, 0]) / np.linalg.norm(found.matrix[:, 0] - true) < 5.0
 
 
-def test_a_step_is_not_longer_than_the_curvature_allows() -> None:
+def test_curvature_limits_the_step() -> None:
     """Long steps see the curve in place of the rounding: a step of 0.1 gives a derivative 30 % too large."""
     slope = 2.0 * TIME
 
@@ -185,7 +189,7 @@ def test_a_step_is_not_longer_than_the_curvature_allows() -> None:
     assert 0.0 < found.steps[0] < 0.03
 
 
-def test_steps_aim_at_a_change_that_rounding_does_not_hide() -> None:
+def test_steps_change_outputs_by_more_than_rounding() -> None:
     """The change is 30 standard deviations, or of the residuals if these are smaller."""
     space = [parameter("a", 0.0, 1.0)]
     for residual, change in ((3.0, 30.0), (0.1, 3.0)):
@@ -198,7 +202,7 @@ def test_steps_aim_at_a_change_that_rounding_does_not_hide() -> None:
         assert solved.steps[0] * 1e5 == pytest.approx(change, rel=0.01)
 
 
-def test_a_smooth_response_keeps_its_steps() -> None:
+def test_smooth_response_keeps_its_steps() -> None:
     space = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
     solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.01)
     point = Parameters(space).start
@@ -210,14 +214,14 @@ def test_a_smooth_response_keeps_its_steps() -> None:
     assert found.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
 
 
-def test_a_perfect_fit_is_even() -> None:
+def test_perfect_fit_is_even() -> None:
     space = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
     values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
     solved = problem(space, [[measured(TIME, values)]], decay)
     assert solved.differentiate(Parameters(space).start).unevenness == 0.0
 
 
-def test_the_minimum_at_an_end_of_a_range_does_not_count() -> None:
+def test_minimum_at_the_end_of_a_range_has_no_offset() -> None:
     slopes = np.column_stack([np.ones_like(TIME), TIME - TIME.mean()])
     noise = np.random.default_rng(0).standard_normal(len(TIME))
     noise -= slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0]
@@ -227,7 +231,7 @@ def test_the_minimum_at_an_end_of_a_range_does_not_count() -> None:
     assert _find_offset(np.array([0.5, 0.5]), residuals, slopes) > 1.0
 
 
-def test_at_a_corner_there_is_no_derivative() -> None:
+def test_kink_has_no_derivative() -> None:
     def corner(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         return [{"time": TIME, "y": abs(p["a"] - 0.5) * TIME + 0.1 * p["a"] * TIME}]
 
@@ -245,7 +249,7 @@ def test_at_a_corner_there_is_no_derivative() -> None:
     assert one.problem is not None and "runs with almost equal values differ too much" in one.problem
 
 
-def test_a_search_ends_where_the_residuals_hide_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_search_ends_at_a_thousandth_of_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search to the last digit takes more runs; one thousandth of an error is enough."""
     space = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
     solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.01)
@@ -262,7 +266,7 @@ def test_a_search_ends_where_the_residuals_hide_the_rest(monkeypatch: pytest.Mon
     assert (np.abs(step) < 3e-3 * errors).all()
 
 
-def test_several_starting_points_find_the_lowest_of_several_minima() -> None:
+def test_several_starts_find_the_lowest_minimum() -> None:
     def wave(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         return [{"time": TIME, "y": np.sin(p["w"] * TIME)}]
 
@@ -293,7 +297,7 @@ def test_sensors_have_offset_gain_and_delay() -> None:
     assert of.key(np.array([0.1, 0.2, 0.3])) == ()  # sensors need no run
 
 
-def test_a_parameter_whose_other_values_fail_is_not_called_without_influence() -> None:
+def test_blocked_parameter_has_its_own_problem() -> None:
     def brittle(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
         return ["the step failed"] if p["b"] != 3.0 else [*decay(p)]
 
@@ -308,7 +312,7 @@ def test_a_parameter_whose_other_values_fail_is_not_called_without_influence() -
 
 
 @pytest.mark.parametrize("place", [0.0, 1.0, 0.5])
-def test_derivatives_are_those_of_the_model(place: float) -> None:
+def test_derivatives_equal_those_of_the_model(place: float) -> None:
     space = [parameter("a", 1.0, 3.0), parameter("b", 2.0, 4.0)]
     solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.1)
     point = np.array([place, 0.5])

@@ -92,7 +92,7 @@ RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 1e-3}
 RANGES = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.c": "0:5"}
 
 
-def test_estimates_and_errors_are_those_of_scipy(fmu: Path, scheduler: Client) -> None:
+def test_estimates_and_errors_equal_those_of_scipy(fmu: Path, scheduler: Client) -> None:
     x = noisy()
     found = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(x), **RUN)
     expected = least_squares(
@@ -113,9 +113,7 @@ def test_estimates_and_errors_are_those_of_scipy(fmu: Path, scheduler: Client) -
     )
 
 
-def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(
-    fmu: Path, scheduler: Client
-) -> None:
+def test_incomplete_model_is_reported_and_fails_on_other_data(fmu: Path, scheduler: Client) -> None:
     other = 4.0 * np.sin(2.0 * TIME)
     held_out = data(motion(**TRUE, held=np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, other)), other)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
@@ -130,54 +128,33 @@ def test_a_model_that_lacks_something_is_noticed_and_fails_on_other_data(
         assert not any("second" in note for note in found.notes)
 
 
-def test_held_out_experiments_run_once(fmu: Path, scheduler: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    from emla_cosim.identification import prediction
-
-    ran, whole = list[int](), prediction.Predictor._run
-
-    def counted(self: prediction.Predictor, missing: Any) -> Any:
-        ran.extend(experiment for experiment, _ in missing)
-        return whole(self, missing)
-
-    monkeypatch.setattr(prediction.Predictor, "_run", counted)
-    x = data(noisy())
-    second = ec.Experiment("second", x["measured"], {"input": x["input"]}, held_out=True)
-    found = ec.identify(
-        str(fmu),
-        {"Cart.m": "0.2:10"},
-        experiments=[second],
-        sigma={"Cart.x": 1e-3},
-        scheduler=scheduler,
-        **x,
-        **RUN,
+def test_held_out_experiments_run_once(fmu: Path, scheduler: Client) -> None:
+    first = data(noisy())
+    second = ec.Experiment("second", first["measured"], {"input": first["input"]}, held_out=True)
+    given = {"sigma": {"Cart.x": 1e-3}, "scheduler": scheduler, **first, **RUN}
+    alone, both = (
+        ec.identify(str(fmu), {"Cart.m": "0.2:10"}, experiments=more, **given) for more in ([], [second])
     )
-    assert ran.count(1) == 1 and ran.count(0) > 5 and found.runs == len(ran)
+    assert both.runs == alone.runs + 1 and both.set == alone.set
 
 
-def test_batches_fit_into_memory_and_change_nothing(
+def test_batches_do_not_change_estimates(
     fmu: Path, scheduler: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run of 2001 rows and two columns has 32 kB; two batches of eight points are the smallest."""
     from emla_cosim.identification import prediction
 
-    whole = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(noisy()), **RUN)
-    asked, predict = list[int](), prediction.Predictor.predict
-
-    def counted(self: prediction.Predictor, points: Any, *more: Any) -> Any:
-        asked.append(len(points))
-        found = predict(self, points, *more)
-        assert len(self._kept) <= 3
-        return found
-
-    monkeypatch.setattr(prediction.Predictor, "predict", counted)
+    ranges = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
+    given = {"scheduler": scheduler, "set": {"Cart.c": TRUE["c"]}, **data(noisy()), **RUN}
+    at_once = ec.identify(str(fmu), ranges, **given)
     monkeypatch.setattr(prediction, "_MEMORY", 10_000)
-    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(noisy()), **RUN)
-    assert max(asked) == 8 and len(asked) > 20
-    for name in RANGES:
-        assert found[name].value == whole[name].value and found[name].error == whole[name].error
+    in_batches = ec.identify(str(fmu), ranges, **given)
+    for name in ranges:
+        assert (in_batches[name].value, in_batches[name].error) == (at_once[name].value, at_once[name].error)
 
 
-def test_what_data_do_not_tell_is_said(fmu: Path, scheduler: Client) -> None:
+@pytest.mark.slow
+def test_unidentifiable_parameters_have_a_problem(fmu: Path, scheduler: Client) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
     found = ec.identify(str(fmu), vary, scheduler=scheduler, **data(noisy(c=0.0)), **RUN)
     assert found["Cart.idle"].problem == "it has no influence on the measured signals"
@@ -199,7 +176,7 @@ def test_sensors_are_estimated_with_the_model(fmu: Path, scheduler: Client) -> N
     assert "offset(Cart.x)" not in found.set and set(found.set) == {"Cart.m", "Cart.b"}
 
 
-def test_experiments_are_ranked_by_what_they_tell(fmu: Path, scheduler: Client) -> None:
+def test_experiments_are_ranked_by_information(fmu: Path, scheduler: Client) -> None:
     def experiment(name: str, force: np.ndarray) -> ec.Experiment:
         return ec.Experiment(name, (), {"input": data(FORCE, force)["input"]})
 
@@ -252,7 +229,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changed", "message"), BAD)
-def test_bad_requests_end_before_any_run(
+def test_invalid_requests_are_refused(
     changed: dict[str, Any], message: str, fmu: Path, scheduler: Client
 ) -> None:
     asked = dict(changed)
@@ -266,7 +243,7 @@ def test_bad_requests_end_before_any_run(
         ec.identify(str(fmu), vary, measured=[one], scheduler=scheduler, **asked, **RUN)
 
 
-def test_runs_that_fail_are_avoided(fmu: Path, scheduler: Client) -> None:
+def test_failing_runs_are_avoided(fmu: Path, scheduler: Client) -> None:
     """A negative drag makes the position grow beyond all numbers."""
     found = ec.identify(
         str(fmu),
@@ -282,25 +259,26 @@ def test_runs_that_fail_are_avoided(fmu: Path, scheduler: Client) -> None:
         ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=scheduler, **data(noisy()), **RUN)
 
 
-def test_columns_that_are_called_as_signals_are_compared(fmu: Path, scheduler: Client) -> None:
+def test_columns_with_names_of_signals_are_compared(fmu: Path, scheduler: Client) -> None:
     x, told = noisy(), Interrupting()
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
     for chosen, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
         found = ec.identify(
             str(fmu),
-            RANGES,
+            {"Cart.m": "0.2:10"},
             measured=[ec.Input(data=columns, columns=chosen)],
             input=[ec.Input(data=driven)],
             scheduler=scheduler,
             progress=told,
+            set={"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]},
             **RUN,
         )
         assert {one.signal for one in found.fits} == signals
     assert any("columns that were not compared: remark" in note for note in told.notes)
 
 
-def test_short_names_of_a_single_fmu_are_full_ones_in_the_result(fmu: Path, scheduler: Client) -> None:
+def test_short_names_of_a_single_fmu_become_full_names(fmu: Path, scheduler: Client) -> None:
     one = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
     vary = {"Cart.m": "0.2:10", "offset(x)": "-0.1:0.1"}
     options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
@@ -309,7 +287,7 @@ def test_short_names_of_a_single_fmu_are_full_ones_in_the_result(fmu: Path, sche
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.01)
 
 
-def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, scheduler: Client) -> None:
+def test_negative_delay_of_a_sensor_is_estimated(fmu: Path, scheduler: Client) -> None:
     """The run goes on after the last sample, which was taken later than its time says."""
     early = TIME <= 1.9
     x = np.interp(TIME[early] + 0.05, TIME, motion(**TRUE))
@@ -323,7 +301,7 @@ def test_a_sensor_ahead_of_time_is_predicted_to_the_end(fmu: Path, scheduler: Cl
 
 
 @pytest.mark.parametrize("value", ["NaN", '"a lot"', "null", "1e999"])
-def test_a_damaged_record_is_no_start(value: str, tmp_path: Path) -> None:
+def test_corrupt_record_is_not_a_start(value: str, tmp_path: Path) -> None:
     from emla_cosim.identification.folder import read_unfinished
 
     good = '{"status": "unfinished", "estimates": [{"name": "p", "value": 2.5}]}'
@@ -333,7 +311,7 @@ def test_a_damaged_record_is_no_start(value: str, tmp_path: Path) -> None:
     assert read_unfinished(tmp_path, ["p"]) is None
 
 
-def test_start_values_that_an_fmu_does_not_take_are_told(tmp_path: Path, scheduler: Client) -> None:
+def test_lost_start_values_are_reported(tmp_path: Path, scheduler: Client) -> None:
     careless = str(build_reluctant_fmu(tmp_path / "reluctant.fmu"))
     name = ec.load(careless).system.components[0].name
     run = ec.load(careless, stop_time=1.0, step_size=0.01).prepare().run()
@@ -365,7 +343,7 @@ class Interrupting(Progress):
         self.notes.append(sentence)
 
 
-def test_an_interrupted_search_keeps_the_best_and_continues(
+def test_interrupted_search_can_be_continued(
     fmu: Path, scheduler: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from emla_cosim.identification import prediction
@@ -390,7 +368,7 @@ def test_an_interrupted_search_keeps_the_best_and_continues(
     assert json.loads((place / "identify.json").read_text())["status"] == "completed"
 
 
-def test_the_command_writes_a_scenario_that_runs(
+def test_command_writes_a_scenario_that_runs(
     emla: Emla, fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

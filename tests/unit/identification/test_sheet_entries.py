@@ -23,7 +23,7 @@ def prepared(options: dict[str, Any]) -> dict[str, Any]:
     return {f"{c.name}.{name}": value for c in system.components for name, value in c.parameters.items()}
 
 
-def test_an_entry_changes_the_start_values_that_loading_changes(fmu_folder: Path) -> None:
+def test_entry_changes_the_same_start_values_as_loading(fmu_folder: Path) -> None:
     """Values that an experiment sets itself stay, and those that follow from these with `follow_models`."""
     common: dict[str, Any] = {"fmus": fmu_folder}
     own: list[dict[str, Any]] = [
@@ -45,7 +45,7 @@ def test_an_entry_changes_the_start_values_that_loading_changes(fmu_folder: Path
             assert (LEAD in found) == (i == 0)
 
 
-def test_an_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path) -> None:
+def test_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path) -> None:
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
     true = {"sheet": {ENTRY: "15.2 mm"}, "set": {"prototype.plant.friction.F_C": 300.0}}
     run = ec.load("prototype", **common, **true).prepare().run()
@@ -69,7 +69,8 @@ def test_an_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Pa
     assert again.prepare().run()[x] == pytest.approx(run[x], abs=1e-7)
 
 
-def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, scheduler: Client) -> None:
+@pytest.mark.slow
+def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Client) -> None:
     """The search starts in the middle of the range, with an efficiency above 1."""
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
     run = ec.load("prototype", **common, sheet={"prototype.gearbox.efficiency": 0.8}).prepare().run()
@@ -98,7 +99,7 @@ def test_values_that_a_data_sheet_refuses_are_avoided(fmu_folder: Path, schedule
         ({"actuator.prototype": "14:18"}, "cannot be estimated: prototype is not a start value"),
     ],
 )
-def test_wrong_entries_are_told(vary: dict[str, Any], words: str, fmu_folder: Path) -> None:
+def test_invalid_entries_are_reported(vary: dict[str, Any], words: str, fmu_folder: Path) -> None:
     data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
     with pytest.raises(CommandError) as refused:
         ec.identify(
@@ -110,7 +111,7 @@ def test_wrong_entries_are_told(vary: dict[str, Any], words: str, fmu_folder: Pa
     assert words in str(refused.value)
 
 
-def test_an_entry_that_an_experiment_overrides_is_told(fmu_folder: Path) -> None:
+def test_overridden_entry_is_reported(fmu_folder: Path) -> None:
     data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
     kept = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
     experiment = ec.Experiment(

@@ -22,7 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_report_of_a_run_shows_margins_on_request(folder: Path, tmp_path: Path) -> None:
+def test_report_of_a_run_shows_margins(folder: Path, tmp_path: Path) -> None:
     stored = json.loads((folder / "linearize.json").read_text())["responses"]
     margins = stored["gain.force -> cart.force"]["margins"]
     result = ec.load(closed(), margins=folder, **GIVEN).prepare().run()
@@ -36,7 +36,7 @@ def test_the_report_of_a_run_shows_margins_on_request(folder: Path, tmp_path: Pa
     assert "Stability margins" not in (tmp_path / "without" / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_command_takes_a_folder(folder: Path, tmp_path: Path) -> None:
+def test_run_command_reads_margins(folder: Path, tmp_path: Path) -> None:
     system = tmp_path / "closed.ssp"
     ec.load(closed(), **GIVEN).export(system)
     given = ["--no-plots", "--margins", str(folder / "linearize.json"), "--output", str(tmp_path / "out")]

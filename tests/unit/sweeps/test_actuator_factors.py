@@ -24,39 +24,39 @@ def edited(folder: Path, name: str, before: str, after: str) -> Path:
     return folder / name
 
 
-def peak(file: Path) -> float:
-    result = ec.load("prototype", actuator={"prototype": file}, **SHORT).prepare().run()
+def peak(file: Path, fmus: Path) -> float:
+    result = ec.load("prototype", actuator={"prototype": file}, fmus=fmus, **SHORT).prepare().run()
     return result.metrics["joints"]["prototype"]["torque_peak_N_m"]
 
 
-def test_all_that_follows_from_an_entry_varies_with_it(tmp_path: Path) -> None:
+def test_derived_values_vary_with_an_entry(fmu_folder: Path, tmp_path: Path) -> None:
     """A lead changes plant, models of controller and observer, limits and gains."""
     lead = 'lead = "10 mm"'
     files = [edited(tmp_path, f"{mm}.toml", lead, f'lead = "{mm} mm"') for mm in (10, 14)]
-    base = {"actuator": {"prototype": SHEET}, **SHORT}
+    base = {"actuator": {"prototype": SHEET}, "fmus": fmu_folder, **SHORT}
     found = ec.sweep("prototype", {"actuator.screw.lead": "10mm:14mm:2"}, **base)
     assert found.variants["actuator.screw.lead"].to_list() == [10.0, 14.0]
     peaks = found.variants["prototype.torque_peak_N_m"].to_list()
-    assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
+    assert peaks == pytest.approx([peak(file, fmu_folder) for file in files], rel=1e-12)
     assert peaks[0] != pytest.approx(peaks[1], rel=0.01)
     assert found.options(1)["sheet"] == {"prototype.screw.lead": "14.0 mm"}
 
 
-def test_files_vary_like_entries(tmp_path: Path) -> None:
+def test_files_vary_like_entries(fmu_folder: Path, tmp_path: Path) -> None:
     files = [edited(tmp_path, f"{n}.toml", 'M_BS = "60 kg"', f'M_BS = "{n} kg"') for n in (60, 200)]
     given = ",".join(map(str, files))
-    found = ec.sweep("prototype", {"actuator.prototype": given}, **SHORT)
+    found = ec.sweep("prototype", {"actuator.prototype": given}, fmus=fmu_folder, **SHORT)
     peaks = found.variants["prototype.torque_peak_N_m"].to_list()
-    assert peaks == pytest.approx([peak(file) for file in files], rel=1e-12)
+    assert peaks == pytest.approx([peak(file, fmu_folder) for file in files], rel=1e-12)
     assert found.variants["actuator.prototype"].to_list() == [str(file) for file in files]
 
 
-def test_entries_of_one_actuator_vary_together() -> None:
+def test_entries_of_one_actuator_vary_together(fmu_folder: Path) -> None:
     vary = {
         "actuator.prototype.motor.R": "2 Ohm line to line,3 Ohm line to line",
         "actuator.gearbox.ratio": "4,5",
     }
-    base = {"actuator": {"prototype": SHEET}, "stop_time": 0.01}
+    base = {"actuator": {"prototype": SHEET}, "stop_time": 0.01, "fmus": fmu_folder}
     found = ec.sweep("prototype", vary, **base)
     assert [found.options(i)["sheet"] for i in range(4)] == [
         {"prototype.motor.R": f"{R} Ohm line to line", "prototype.gearbox.ratio": ratio}
@@ -82,12 +82,14 @@ def test_entries_of_one_actuator_vary_together() -> None:
         ("prototype", "actuator.screw.lead", "80%:120%", "need values with their units"),
     ],
 )
-def test_wrong_names_are_refused(scenario: str, name: str, values: str, said: str) -> None:
+def test_invalid_names_are_refused(
+    scenario: str, name: str, values: str, said: str, fmu_folder: Path
+) -> None:
     with pytest.raises(ec.CommandError, match=said.replace("?", r"\?")):
-        ec.sweep(scenario, {name: values}, stop_time=0.01)
+        ec.sweep(scenario, {name: values}, stop_time=0.01, fmus=fmu_folder)
 
 
-def test_an_entry_of_a_single_run(emla: Emla) -> None:
+def test_entry_of_a_single_run(emla: Emla) -> None:
     change = ("--sheet", "prototype.screw.lead=8 mm")
     result = emla("run", "prototype", *change, "--stop-time", "0.01", "--no-plots")
     assert result.exit_code == 0, result.output
@@ -99,7 +101,7 @@ def test_an_entry_of_a_single_run(emla: Emla) -> None:
     assert "there is no joint 'tilt'" in sentence(refused, 2)
 
 
-def test_a_component_called_actuator_keeps_its_parameters() -> None:
+def test_component_named_actuator_keeps_its_parameters() -> None:
     """Other people's systems have such components."""
     system = ec.System.of({"actuator": Half, "other": Half}, [])
     found = ec.sweep(system, {"actuator.k": "100:400:2"}, step_size=1e-2, stop_time=1e-2)

@@ -37,17 +37,17 @@ def table(name: str, **fields: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("text", "expected"), KINDS)
-def test_what_is_drawn_is_distributed_as_it_says(text: str, expected: Any) -> None:
+def test_samples_follow_the_distribution(text: str, expected: Any) -> None:
     assert stats.kstest(parse(text, "x").at(UNIFORM), expected.cdf).pvalue > 0.01
 
 
 @pytest.mark.parametrize(("text", "expected"), KINDS)
-def test_quantiles_are_those_of_scipy(text: str, expected: Any) -> None:
+def test_quantiles_equal_those_of_scipy(text: str, expected: Any) -> None:
     quantiles = np.array([1e-12, 1e-6, 0.01, 0.3, 0.5, 0.7, 0.99, 1 - 1e-6])
     np.testing.assert_allclose(parse(text, "x").at(quantiles), expected.ppf(quantiles), rtol=1e-9, atol=1e-9)
 
 
-def test_a_truncated_log_normal_is_the_exponential_of_a_truncated_normal() -> None:
+def test_truncated_log_normal_is_exp_of_a_truncated_normal() -> None:
     drawn = parse("log-normal(3, 0.5, 2, 8)", "x").at(UNIFORM)
     bounds = np.log(np.array([2, 8]) / 3) / 0.5
     expected = stats.truncnorm(*bounds, loc=math.log(3), scale=0.5)
@@ -58,7 +58,7 @@ def test_a_truncated_log_normal_is_the_exponential_of_a_truncated_normal() -> No
     ("given", "values"),
     [([3, 2, "x", True], [3, 2, "x", True]), ("integers(-3, 4)", list(range(-3, 5))), ([0.5], [0.5])],
 )
-def test_what_can_be_counted_is_equally_likely(given: Any, values: list[Any]) -> None:
+def test_listed_values_are_equally_likely(given: Any, values: list[Any]) -> None:
     counts = Counter(parse_distribution(given, "x").at(UNIFORM))
     assert set(counts) == set(values)
     if len(values) > 1:
@@ -67,7 +67,7 @@ def test_what_can_be_counted_is_equally_likely(given: Any, values: list[Any]) ->
     assert parse_distribution(given, "x").at(middles) == values
 
 
-def test_a_value_given_twice_is_twice_as_likely() -> None:
+def test_repeated_value_is_twice_as_likely() -> None:
     thirds = np.array([0.1, 0.5, 0.9])
     assert parse_distribution(["a", "a", "b"], "x").at(thirds) == ["a", "a", "b"]
 
@@ -97,7 +97,7 @@ def bounded(draw: st.DrawFn) -> Distribution:
 
 @given(bounded(), st.lists(st.floats(0, 1), min_size=1, max_size=20))
 @settings(deadline=None)
-def test_values_rise_from_the_lower_bound_to_the_upper(kind: Distribution, inner: list[float]) -> None:
+def test_values_rise_from_low_to_high(kind: Distribution, inner: list[float]) -> None:
     low, high = kind.low, kind.high  # type: ignore[attr-defined]
     values = np.array(kind.at(np.sort([0, *inner, 1])))
     assert values[0] == low and values[-1] == high and kind.ends == (low, high)
@@ -108,20 +108,20 @@ def test_values_rise_from_the_lower_bound_to_the_upper(kind: Distribution, inner
 
 @given(finite, positive)
 @settings(deadline=None)
-def test_without_bounds_values_are_finite_and_ends_are_the_outer_twentieths(mean: float, by: float) -> None:
+def test_unbounded_normal_has_finite_values(mean: float, by: float) -> None:
     kind = parse_distribution(table("normal", mean=mean, deviation=by), "x")
     assert np.isfinite(kind.at(np.array([0.0, 1.0]))).all()
     np.testing.assert_allclose(kind.ends, stats.norm(mean, by).ppf([0.05, 0.95]), rtol=1e-9, atol=1e-9 * by)
     assert parse_distribution(table("normal", mean=mean, deviation=by, low=mean), "x").ends[0] == mean
 
 
-def test_a_log_normal_value_is_positive_at_the_quantile_0() -> None:
+def test_log_normal_is_positive_at_quantile_0() -> None:
     assert parse("log-normal(1, 3)", "x").at(np.zeros(1))[0] > 0
 
 
 @given(st.floats(-1e3, 1e3), width, st.integers(2, 50))
 @settings(deadline=None)
-def test_levels_are_evenly_spaced_with_both_ends(low: float, by: float, points: int) -> None:
+def test_levels_are_evenly_spaced(low: float, by: float, points: int) -> None:
     kind = parse(f"{low!r}:{low + by!r}:{points}", "x")
     levels = kind.levels
     assert levels is not None and len(levels) == points == kind.level_count
@@ -143,7 +143,7 @@ def test_levels_of_other_kinds() -> None:
     assert parse("0:1:1000000000000000", "x").level_count == 10**15  # not made to be counted
 
 
-def test_the_ends_of_values_are_those_of_numbers_or_the_first_and_the_last() -> None:
+def test_ends_of_listed_values() -> None:
     assert parse("3,1,2", "x").ends == (1, 3)
     assert parse("c,a,b", "x").ends == ("c", "b")
     assert parse("true,false", "x").ends == (True, False)
@@ -337,7 +337,7 @@ NO_FORM += ["±10", "±", "+-x%", "±true%", "90%,1", "normal(0, 1", "0, 1)", "n
 
 
 @pytest.mark.parametrize(("given", "hint"), BAD)
-def test_what_is_wrong_is_one_sentence_that_says_where_and_what_would_be_right(given: Any, hint: str) -> None:
+def test_invalid_distributions_give_one_message(given: Any, hint: str) -> None:
     with pytest.raises(CommandError) as caught:
         parse_distribution(given, "R_s in plan.toml")
     text = str(caught.value)
@@ -346,7 +346,7 @@ def test_what_is_wrong_is_one_sentence_that_says_where_and_what_would_be_right(g
 
 
 @pytest.mark.parametrize("text", NO_FORM)
-def test_a_text_in_no_form_is_told_the_forms(text: str) -> None:
+def test_unknown_form_lists_the_forms(text: str) -> None:
     with pytest.raises(
         CommandError, match=r"^--vary R_s: '.*' is not a distribution; write one of LOW:HIGH, .*A,B,C"
     ):
@@ -354,7 +354,7 @@ def test_a_text_in_no_form_is_told_the_forms(text: str) -> None:
 
 
 @given(st.text(alphabet="0123456789.,:%±+-()=eE abnorml", max_size=30))
-def test_any_text_is_a_distribution_or_a_sentence(text: str) -> None:
+def test_any_text_is_a_distribution_or_a_message(text: str) -> None:
     try:
         kind = parse(text, "x")
     except CommandError as error:

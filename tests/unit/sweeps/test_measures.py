@@ -66,7 +66,7 @@ def test_patterns_keep_the_order_of_the_plan_and_each_figure_once() -> None:
         ("max(case when time > 9 then time end)", None),
     ],
 )
-def test_expressions_know_signals_by_their_names(expression: str, value: float | bool | None) -> None:
+def test_expressions_use_signals_by_name(expression: str, value: float | bool | None) -> None:
     measures = kept([f"mine = {expression}"])
     assert measures.names == ["mine"]
     assert measures.of(result()) == {"mine": value if value is None else pytest.approx(value)}
@@ -80,7 +80,7 @@ def test_only_the_signals_of_expressions_are_recorded() -> None:
 
 
 @given(st.sampled_from(SIGNALS), st.sampled_from(SIGNALS))
-def test_any_two_signals_meet_in_an_expression(one: str, other: str) -> None:
+def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
     found = kept({"mine": f"sum({one}) + 2 * max({other})"}).of(result())["mine"]
     assert found == pytest.approx(sum(VALUES[one]) + 2 * max(VALUES[other]))
 
@@ -105,12 +105,12 @@ def test_any_two_signals_meet_in_an_expression(one: str, other: str) -> None:
         (3, "must be a list or a table"),
     ],
 )
-def test_what_cannot_be_kept_is_a_sentence(metrics: Any, words: str) -> None:
+def test_invalid_metrics_give_one_message(metrics: Any, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         kept(metrics)
 
 
-def test_functions_give_numbers_truths_or_nothing() -> None:
+def test_functions_return_numbers_booleans_or_none() -> None:
     functions = {"a": lambda r: np.float32(2.5), "b": lambda r: np.bool_(True), "c": lambda r: 10**400}
     assert kept(functions).of(result()) == {"a": 2.5, "b": True, "c": np.inf}
     assert kept({"none": lambda r: None}).of(result()) == {"none": None}

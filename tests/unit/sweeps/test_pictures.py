@@ -15,6 +15,7 @@ from emla_cosim.sweeps.drawing.labels import label_with_unit, shorten_text, wrap
 from emla_cosim.sweeps.pictures import draw_pictures
 from emla_cosim.sweeps.result import SweepResult
 from tests.support.sweep_results import series, swept
+from tests.support.tiers import mostly_slow
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -24,7 +25,7 @@ NAMES = ("plant.motor.R_s", "plant.screw.friction.viscous", "controller.gains.k_
 GRID = {"a": np.repeat(np.geomspace(0.01, 10, 5), 4), "b": np.tile(["w", "x", "y", "z"], 5)}
 
 
-def wide(sampling: str = "random", count: int = 300) -> SweepResult:
+def wide(sampling: str = "random", count: int = 100) -> SweepResult:
     """3 joints with 5 figures each, 12 factors with long names; some diverged, some did not converge."""
     rng = np.random.default_rng(0)
     factors = {f"{j}.{name}": rng.random(count) for j in JOINTS for name in NAMES}
@@ -82,10 +83,13 @@ def overlapping(figure: Any) -> list[tuple[str, str]]:
     return [(a, b) for (a, one), (b, other) in combinations(boxes, 2) if one.overlaps(other)]
 
 
-@pytest.mark.parametrize("kind", ["bands", "figures", "sobol", "tornado", "map"])
+KINDS = ["bands", "figures", "sobol", "tornado", "map"]
+
+
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, ["tornado", "map"]))
 def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
     sampling, count = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}.get(
-        kind, ("random", 300)
+        kind, ("random", 100)
     )
     named = ["tilt.held", "lift.observer_error_1_m_s"] if kind == "figures" else []
     figure = wide(sampling, count).plot(kind, *named)
@@ -99,14 +103,14 @@ def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
         assert box.x0 >= -1 and box.y0 >= -1 and box.x1 <= width + 1 and box.y1 <= height + 1, text
 
 
-def test_the_test_of_overlaps_finds_them() -> None:
+def test_overlapping_texts_are_detected() -> None:
     figure = wide().plot("map")
     figure.text(0.5, 0.5, "one thing")
     figure.text(0.51, 0.5, "another")
     assert overlapping(figure) == [("one thing", "another")]
 
 
-def test_bands_are_percentiles_of_the_variants_that_came_that_far() -> None:
+def test_bands_are_percentiles_of_running_variants() -> None:
     t = np.linspace(0, 2, 11)
     values = np.random.default_rng(1).normal(size=(40, 11))
     lengths = [11 if i % 3 else 4 for i in range(40)]
@@ -140,13 +144,13 @@ def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatc
     assert np.allclose(whole.values[2], np.median([np.sin(whole.times + i) for i in range(50)], axis=0))
 
 
-def test_bands_leave_out_what_is_no_number() -> None:
+def test_bands_ignore_invalid_numbers() -> None:
     kept = series({"s": lambda i, t: [1.0, np.nan, np.inf, 1e200][i] + 0 * t}, [np.arange(3.0)] * 4)
     found = compute_bands(swept({"a": range(4)}, {}, signals=["s"], series=kept), "s")
     assert np.array_equal(found.values, np.ones((5, 3)))
 
 
-def test_the_map_of_a_grid_has_a_cell_for_each_variant() -> None:
+def test_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     error = np.arange(20.0) + 1
     held = np.arange(20) % 7 != 3
     status = ["done"] * 18 + ["diverged"] * 2
@@ -164,7 +168,7 @@ def test_the_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     assert figure.axes[1].get_ylabel() == "x error"
 
 
-def test_the_map_of_other_sweeps_has_the_factors_that_decide() -> None:
+def test_map_of_other_sweeps_has_the_decisive_factors() -> None:
     rng = np.random.default_rng(3)
     factors = {name: rng.random(200) for name in "abcd"}
     status = np.where(factors["b"] + factors["d"] > 1.2, "diverged", "done").tolist()
@@ -172,7 +176,7 @@ def test_the_map_of_other_sweeps_has_the_factors_that_decide() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("b", "d")
 
 
-def test_figures_are_against_the_strongest_factors_and_the_rest_is_named() -> None:
+def test_figures_are_plotted_over_the_strongest_factors() -> None:
     rng = np.random.default_rng(3)
     factors: dict[str, Any] = {f"p{i}": rng.random(400) for i in range(8)}
     factors["same"] = [1.0] * 400
@@ -192,7 +196,7 @@ def test_figures_are_against_the_strongest_factors_and_the_rest_is_named() -> No
     assert (figure.axes[0].get_xscale(), figure.axes[0].get_yscale()) == ("log", "linear")
 
 
-def test_the_tornado_has_bars_from_the_nominal_value() -> None:
+def test_tornado_has_bars_from_the_nominal_value() -> None:
     values = [10.0, 9.0, 14.0, 10.5, None]
     figure: Any = swept({"a": range(5), "b": range(5)}, {"f": values}, "one-at-a-time").plot("tornado")
     bars = [(p.get_x(), p.get_x() + p.get_width()) for p in figure.axes[0].patches]
@@ -241,7 +245,7 @@ def nasty() -> dict[str, tuple[SweepResult, list[str]]]:
 
 
 @pytest.mark.parametrize("case", nasty())
-def test_nasty_sweeps_draw_what_there_is(case: str, tmp_path: Path) -> None:
+def test_unusual_sweeps_can_be_drawn(case: str, tmp_path: Path) -> None:
     result, expected = nasty()[case]
     pictures = dict(draw_pictures(result))
     assert list(pictures) == [f"{name}.png" for name in expected]
@@ -251,7 +255,7 @@ def test_nasty_sweeps_draw_what_there_is(case: str, tmp_path: Path) -> None:
         assert path.read_bytes().endswith(b"IEND\xaeB`\x82")
 
 
-def test_names_are_no_formulas() -> None:
+def test_names_are_not_parsed_as_formulas() -> None:
     result = nasty()["names"][0]
     for kind in ("bands", "figures", "map"):
         figure = result.plot(kind)
@@ -261,7 +265,7 @@ def test_names_are_no_formulas() -> None:
         assert not any(t.get_parse_math() for t in named if "mathdefault" not in t.get_text())
 
 
-def test_what_cannot_be_drawn_is_a_sentence() -> None:
+def test_impossible_pictures_give_one_message() -> None:
     result = swept({"a": range(9)}, {"error": range(9)}, name="mine")
     for kind, names, sentence in (
         ("bands", (), "the sweep 'mine' kept no signals over time"),
@@ -279,7 +283,7 @@ def test_what_cannot_be_drawn_is_a_sentence() -> None:
         kept.plot("bands", "x")
 
 
-def test_texts_are_cut_in_the_middle_and_broken_at_dots() -> None:
+def test_long_texts_are_shortened_and_wrapped() -> None:
     assert shorten_text("lift.plant.motor.R_s", 20) == "lift.plant.motor.R_s"
     assert shorten_text("lift.plant.motor.R_s", 19) == "lift.plan…motor.R_s"
     assert shorten_text("a\nb\tc", 9) == "a b c"

@@ -5,7 +5,7 @@ import pytest
 from emla_cosim.sweeps.plan import Plan
 
 
-def test_what_is_given_beside_a_plan_adds_to_its_tables() -> None:
+def test_overrides_are_merged_into_tables() -> None:
     plan = Plan("p", "lift", {"a.x": [1]}, options={"stop_time": 1.0, "set": {"a.y": 1.0, "a.z": 2.0}})
     changed = plan.updated({"vary": {"a.w": [2]}, "options": {"stop_time": 2.0, "set": {"a.z": 3.0}}})
     assert changed.vary == {"a.x": [1], "a.w": [2]}
@@ -23,6 +23,6 @@ def test_what_is_given_beside_a_plan_adds_to_its_tables() -> None:
         ({"seed": 3}, 2000),
     ],
 )
-def test_a_sampling_of_its_own_size_forgets_the_runs_of_the_plan(given: dict, runs: int | None) -> None:
+def test_sampling_without_runs_drops_the_runs_of_the_plan(given: dict, runs: int | None) -> None:
     plan = Plan("p", "lift", {"a.x": [1, 2]}, sampling="random", runs=2000)
     assert plan.updated(given).runs == runs

@@ -85,7 +85,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_plan(name: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
+def test_invalid_plans(name: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
     arguments, expected = WRONG[name]
     plan = {"vary": ONE, "scheduler": scheduler, "output": tmp_path / "a/out", **RUN, **arguments}
     with pytest.raises(CommandError, match=expected) as caught:
@@ -95,7 +95,7 @@ def test_a_wrong_plan(name: str, scheduler: Client, fmu_folder: Path, tmp_path: 
     assert not list(tmp_path.iterdir())
 
 
-def test_what_the_disk_cannot_hold(
+def test_too_large_results_are_refused(
     scheduler: Client, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = namedtuple("usage", "total used free")(2**30, 2**30, 5000)
@@ -129,7 +129,7 @@ FILES: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_wrong_plan_file(name: str, emla: Emla, fmu_folder: Path) -> None:
+def test_invalid_plan_files(name: str, emla: Emla, fmu_folder: Path) -> None:
     content, expected = FILES[name]
     Path("p.toml").write_bytes(content)
     result = emla("sweep", "p.toml", "--fmus", str(fmu_folder))
@@ -138,17 +138,17 @@ def test_a_wrong_plan_file(name: str, emla: Emla, fmu_folder: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "gone.toml", ".", "nul\0.toml"])
-def test_what_is_no_plan_file(path: str, emla: Emla) -> None:
+def test_paths_that_are_not_plan_files(path: str, emla: Emla) -> None:
     sentence(emla("sweep", path, "--vary", f"{R_S}=0.1"), 2)
     assert not list(Path().iterdir())
 
 
 @pytest.mark.parametrize("text", [R_S, f"{R_S}=", "=3", ""])
-def test_a_vary_that_says_nothing(text: str, emla: Emla) -> None:
+def test_incomplete_vary_options(text: str, emla: Emla) -> None:
     assert "has no name or no values" in sentence(emla("sweep", "lift", "--vary", text), 2)
 
 
-def test_a_mark_of_byte_order_is_no_matter(tmp_path: Path) -> None:
+def test_byte_order_mark_is_accepted(tmp_path: Path) -> None:
     (tmp_path / "p.toml").write_bytes(b"\xef\xbb\xbf" + PLAN.encode())
     assert load_plan(tmp_path / "p.toml").vary == {R_S: [0.1]}
 
@@ -159,7 +159,7 @@ values = st.lists(numbers | st.booleans() | st.text(st.characters(codec="utf-8")
 
 
 @given(st.dictionaries(names, values, min_size=1, max_size=4), st.integers(0, 2**63 - 1))
-def test_a_plan_is_read_as_it_was_written(
+def test_plans_are_read_as_written(
     tmp_path_factory: pytest.TempPathFactory, vary: dict[str, list[Any]], seed: int
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "written.toml"
@@ -197,7 +197,7 @@ def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
 
 @settings(max_examples=20)
 @given(data=st.data())
-def test_a_table_does_not_depend_on_its_parts(
+def test_table_does_not_depend_on_its_parts(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     order = data.draw(st.permutations(range(12)))
@@ -213,7 +213,7 @@ def test_a_table_does_not_depend_on_its_parts(
     assert one == many
 
 
-def test_what_a_folder_has_decides_what_can_begin_in_it(
+def test_content_of_a_folder_decides_what_can_be_resumed(
     scheduler: Client, fmu_folder: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -258,7 +258,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
 
 
 @pytest.mark.parametrize("what", ["series", "parts", "link", "strange", "folder", "device"])
-def test_what_is_somebody_elses_stays(what: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
+def test_files_of_others_are_kept(what: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
     """A folder of results may have files of the names that a sweep gives to its own."""
     out, other = tmp_path / "out", tmp_path / "other"
     for folder in (out, other):
@@ -303,9 +303,7 @@ def test_full_disk_gives_one_message(cluster: Client, fmu_folder: Path, tmp_path
     assert sweep("lift", **plan, output=tmp_path / "other").variants.height == 2
 
 
-def test_names_that_have_something_to_say_to_every_format(
-    scheduler: Client, faulty_fmu: Path, tmp_path: Path
-) -> None:
+def test_names_with_special_characters(scheduler: Client, faulty_fmu: Path, tmp_path: Path) -> None:
     name = f"j.{ODD}"
     system = System((Component(name, "Faulty", {"b": 0.5}, faulty_fmu),), ())
     result = sweep(
@@ -319,7 +317,7 @@ def test_names_that_have_something_to_say_to_every_format(
     assert result.series is not None and f"{name}.y" in result.series.collect().columns
 
 
-def test_a_plan_is_checked_wherever_it_comes_from() -> None:
+def test_plan_objects_are_checked() -> None:
     with pytest.raises(CommandError, match="the seed -3"):
         sweep(Plan("p", "lift", ONE, seed=-3))
 

@@ -39,7 +39,7 @@ def with_figure(result: SweepResult, values: Any) -> SweepResult:
     return swept({name: result.variants[name] for name in result.factors}, {"f": values}, result.sampling)
 
 
-def test_sobol_indices_of_ishigamis_function(ishigami: SweepResult) -> None:
+def test_sobol_indices_of_the_ishigami_function(ishigami: SweepResult) -> None:
     found = sobol_indices(ishigami, "f")
     part = 0.1 * np.pi**4
     parts = [0.5 * (1 + part / 5) ** 2, 49 / 8, 8 * part**2 / 225]  # of 1 alone, 2 alone, and 1 with 3
@@ -52,7 +52,7 @@ def test_sobol_indices_of_ishigamis_function(ishigami: SweepResult) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 5])
-def test_the_confidence_depends_on_the_seed_alone(ishigami: SweepResult, seed: int) -> None:
+def test_confidence_depends_only_on_the_seed(ishigami: SweepResult, seed: int) -> None:
     before = np.random.get_state()[1]  # noqa: NPY002
     one, other = (sobol_indices(replace(ishigami, seed=seed), "f") for _ in range(2))
     assert np.array_equal(one.first_confidence, other.first_confidence)
@@ -62,7 +62,7 @@ def test_the_confidence_depends_on_the_seed_alone(ishigami: SweepResult, seed: i
 
 
 @pytest.mark.parametrize("missing", [None, np.nan, np.inf])
-def test_base_samples_without_the_figure_are_left_out_whole(ishigami: SweepResult, missing: Any) -> None:
+def test_incomplete_base_samples_are_omitted(ishigami: SweepResult, missing: Any) -> None:
     values = ishigami.variants["f"].to_list()
     holed = [*values]
     holed[7] = holed[8] = holed[5 * 1000] = missing
@@ -74,7 +74,7 @@ def test_base_samples_without_the_figure_are_left_out_whole(ishigami: SweepResul
     assert np.array_equal(found.total, expected.total)
 
 
-def test_variants_that_are_not_done_or_never_ran_are_missing(ishigami: SweepResult) -> None:
+def test_unfinished_variants_are_missing(ishigami: SweepResult) -> None:
     status = ["done"] * len(ishigami.variants)
     status[12] = "diverged"
     table = swept({}, {"f": ishigami.variants["f"]}, status=status).variants
@@ -84,21 +84,21 @@ def test_variants_that_are_not_done_or_never_ran_are_missing(ishigami: SweepResu
 
 
 @pytest.mark.parametrize("value", [0.0, 5.0, -1e-300, 1e140])
-def test_of_a_constant_figure_no_factor_explains_anything(value: float) -> None:
+def test_constant_figure_has_zero_indices(value: float) -> None:
     result = swept({"a": range(12), "b": range(12)}, {"f": [value] * 12}, "saltelli")
     found = sobol_indices(result, "f")
     for indices in (found.first, found.first_confidence, found.total, found.total_confidence):
         assert indices.tolist() == [0.0, 0.0]
 
 
-def test_sizes_of_figures_do_not_matter(ishigami: SweepResult) -> None:
+def test_indices_do_not_depend_on_scale(ishigami: SweepResult) -> None:
     usual = sobol_indices(ishigami, "f")
     for factor in (1e-200, 1e140):
         scaled = with_figure(ishigami, factor * ishigami.variants["f"].to_numpy())
         assert np.allclose(sobol_indices(scaled, "f").total, usual.total, rtol=1e-9)
 
 
-def test_truths_count_as_0_and_1() -> None:
+def test_booleans_count_as_0_and_1() -> None:
     a = np.random.default_rng(0).random((2000, 2, 2))
     mixed = [(m[0], [m[1][0], m[0][1]], [m[0][0], m[1][1]], m[1]) for m in a]
     x = np.array([row for group in mixed for row in group])
@@ -146,7 +146,7 @@ def test_missing_figures_of_local_sensitivities_are_none() -> None:
     assert local_sensitivities(nothing, "f")[0].effect == 0.0
 
 
-def test_wrong_samplings_and_figures_are_sentences() -> None:
+def test_invalid_samplings_and_figures_give_one_message() -> None:
     result = swept({"a": range(4)}, {"lift.error_m": range(4)}, "one-at-a-time")
     with pytest.raises(CommandError, match="has the sampling one-at-a-time; Sobol indices need the"):
         sobol_indices(result, "lift.error_m")
@@ -173,7 +173,7 @@ def test_influence_is_the_rank_correlation() -> None:
     assert influence(FactorColumn("x", x, None), np.full(80, np.nan)) == 0.0
 
 
-def test_levels_have_influence_where_they_explain_ranks_and_none_by_chance() -> None:
+def test_influence_of_levels() -> None:
     rng = np.random.default_rng(2)
     level = np.arange(400) % 4.0
     names = ("a", "b", "c", "d")

@@ -32,19 +32,19 @@ def ends(factor: Factor, target: Target) -> list[float]:
     return sorted(scale * float(end) for end in factor.distribution.ends)
 
 
-def test_it_is_listed(emla: Emla) -> None:
+def test_plan_is_listed(emla: Emla) -> None:
     result = emla("list")
     assert result.exit_code == 0, result.output
     (line,) = [line for line in result.stdout.splitlines() if NAME in line]
     assert "Three joints" in line
 
 
-def test_it_has_2000_variants_of_the_study(design: Design) -> None:
+def test_plan_has_2000_variants_of_the_study(design: Design) -> None:
     assert (design.count, len(design.groups)) == (2000, 1)
     assert design.groups[0].preparation.name == "study"
 
 
-def test_the_same_things_vary_in_every_joint(design: Design) -> None:
+def test_same_factors_vary_in_every_joint(design: Design) -> None:
     names = [f.name.partition(".") for f in design.factors]
     lift, tilt, telescope = ({what for of, _, what in names if of == joint} for joint in JOINTS)
     assert lift == tilt == telescope
@@ -53,7 +53,7 @@ def test_the_same_things_vary_in_every_joint(design: Design) -> None:
     assert expected <= lift
 
 
-def test_every_range_is_within_what_the_fmu_takes(design: Design) -> None:
+def test_ranges_are_within_those_of_the_fmus(design: Design) -> None:
     preparation = design.groups[0].preparation
     outside = []
     for target, low, high in ((t, *ends(f, t)) for f in design.factors for t in f.targets):
@@ -69,7 +69,7 @@ def test_every_range_is_within_what_the_fmu_takes(design: Design) -> None:
 @pytest.mark.parametrize(
     "name", ["motor.R_s", "motor.Phi_PM", "gearbox.eta_GB", "inverter.u_max", "start.x_L"]
 )
-def test_what_the_study_has_is_among_the_variants(design: Design, name: str) -> None:
+def test_ranges_contain_the_values_of_the_study(design: Design, name: str) -> None:
     system = design.groups[0].preparation.system
     names = [f"{joint}.plant.{name}" for joint in JOINTS]
     ranges = {t.name: ends(f, t) for f in design.factors for t in f.targets if t.name in names}
@@ -79,20 +79,20 @@ def test_what_the_study_has_is_among_the_variants(design: Design, name: str) -> 
         assert low < float(component.parameters[variable]) < high
 
 
-def test_controllers_and_observers_keep_what_they_know(design: Design) -> None:
+def test_models_of_controllers_do_not_vary(design: Design) -> None:
     targets = {target.name for factor in design.factors for target in factor.targets}
     theirs = {t for t in targets if ".controller." in t or ".observer." in t}
     assert theirs == {f"{joint}.observer.start.x_hat" for joint in JOINTS}
 
 
-def test_an_observer_starts_where_its_encoder_says(design: Design) -> None:
+def test_observers_start_at_the_position_of_the_plant(design: Design) -> None:
     starts = {f.name: {t.name for t in f.targets} for f in design.factors if f.name.endswith(".start")}
     assert starts == {
         f"{joint}.start": {f"{joint}.plant.start.x_L", f"{joint}.observer.start.x_hat"} for joint in JOINTS
     }
 
 
-def test_it_runs(fmu_folder: Path, tmp_path: Path) -> None:
+def test_plan_runs(fmu_folder: Path, tmp_path: Path) -> None:
     longer = 0.31  # than it takes to tell who is held
     result = sweep(NAME, runs=4, stop_time=longer, fmus=fmu_folder, workers=1, output=tmp_path / "out")
     assert result.complete

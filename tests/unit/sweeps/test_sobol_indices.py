@@ -21,30 +21,17 @@ from tests.support.toy_fmu import PRODUCER
 
 A = np.array([0.0, 1.0, 4.5, 9.0, 99.0, 99.0])
 PART = 1 / (3 * (1 + A) ** 2)
-WHOLE = np.prod(1 + PART) - 1
-FIRST = PART / WHOLE
-TOTAL = PART * (WHOLE + 1) / (1 + PART) / WHOLE
+FIRST = PART / (np.prod(1 + PART) - 1)
 
 
-def g_function(count: int = 2048) -> tuple[dict[str, Any], np.ndarray]:
+def g_function(count: int = 1024) -> tuple[dict[str, Any], np.ndarray]:
     """A Saltelli sample of the unit cube, and g = prod (|4 x - 2| + a) / (1 + a) of it."""
     columns = np.array(sample("saltelli", [Uniform(0.0, 1.0)] * len(A), count, 7))
     values = np.prod((np.abs(4 * columns.T - 2) + A) / (1 + A), axis=1)
     return {f"x_{i + 1}": column for i, column in enumerate(columns)}, values
 
 
-def test_all_variants_give_the_indices_of_the_closed_form() -> None:
-    factors, g = g_function()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = swept(factors, {"g": g}, "saltelli").sobol("g")
-    assert FIRST[0] == pytest.approx(0.72, abs=0.005)
-    assert np.allclose(found.first, FIRST, atol=0.03)
-    assert np.allclose(found.total, TOTAL, atol=0.03)
-    assert found.warning is None
-
-
-def test_variants_that_fail_where_the_figure_is_large_bias_them_and_a_warning_says_so() -> None:
+def test_biased_indices_have_a_warning() -> None:
     """The top tenth missing: the first factor alone seems to explain more than 0.8, not 0.72."""
     factors, g = g_function()
     status = ["diverged" if failing else "done" for failing in g > np.quantile(g, 0.9)]
@@ -86,7 +73,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
 
 
 @pytest.mark.parametrize("high", [0.9, 1.0])
-def test_they_are_in_the_record_with_their_warning(
+def test_record_has_indices_with_their_warning(
     high: float, scheduler: Client, system: System, tmp_path: Path
 ) -> None:
     plan: dict[str, Any] = {
@@ -114,8 +101,3 @@ def test_they_are_in_the_record_with_their_warning(
     again = ec.sweep(system, **plan, output=tmp_path / "out", resume=True)
     assert (tmp_path / "out/sweep.json").read_text() == text
     assert again.variants.equals(result.variants)
-
-
-def test_other_samplings_have_none() -> None:
-    with pytest.raises(ec.CommandError, match="need the sampling saltelli"):
-        swept({"a": [1.0, 2.0]}, {"f": [1.0, 2.0]}).sobol("f")

@@ -49,7 +49,7 @@ def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
     ]
 
 
-def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> None:
+def test_counts_by_status_and_figures_in_display_units() -> None:
     printed = lines(format_summary(made()))
     assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
@@ -61,7 +61,7 @@ def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> No
     assert "plain 0 4 8.2 9" in printed
 
 
-def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -> None:
+def test_worst_variants_are_failed_ones_first() -> None:
     assert find_worst_variants(made(), "lift.error_m", 20)["variant"].to_list() == [
         8,
         10,
@@ -88,7 +88,7 @@ def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -
     assert find_worst_variants(made(), "plain", 0).is_empty()
 
 
-def test_each_of_the_worst_has_its_problem() -> None:
+def test_worst_variants_have_their_problem() -> None:
     printed = lines(format_summary(made(), "lift.error_m", 4))
     start = printed.index("variant status lift error / µm")
     assert printed[start + 2 :] == [
@@ -102,7 +102,7 @@ def test_each_of_the_worst_has_its_problem() -> None:
     assert "3 not held no" in printed
 
 
-def test_each_of_the_worst_has_the_command_that_runs_it_alone() -> None:
+def test_worst_variants_have_their_command() -> None:
     result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
     assert list_worst_commands(result, "lift.error_m", 2) == [
         "What runs each alone:",
@@ -112,7 +112,7 @@ def test_each_of_the_worst_has_the_command_that_runs_it_alone() -> None:
     assert list_worst_commands(made(), "lift.error_m") == []
 
 
-def test_a_saltelli_sample_has_sobol_indices() -> None:
+def test_summary_of_a_saltelli_sample() -> None:
     a, b = np.random.default_rng(0).random((2, 3000))
     rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
     values = [None, *rows[1:]]
@@ -124,12 +124,12 @@ def test_a_saltelli_sample_has_sobol_indices() -> None:
     assert found[1][1:] == ["0.00", "±", "0.00", "0.00", "±", "0.00"]
 
 
-def test_too_few_base_samples_are_told_and_the_rest_is_shown() -> None:
+def test_too_few_base_samples_are_reported() -> None:
     printed = " ".join(lines(format_summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
     assert "1 of 1 base samples of the sweep 'made-up' have the figure 'f'" in printed
 
 
-def test_factors_that_vary_one_at_a_time_have_a_table() -> None:
+def test_summary_of_one_at_a_time() -> None:
     result = swept(
         {"x": range(5), "y[b]": range(5)},
         {"lift.error_m": [1e-6, 2e-6, 1e-6, 4e-6, None]},
@@ -143,20 +143,20 @@ def test_factors_that_vary_one_at_a_time_have_a_table() -> None:
 
 
 @pytest.mark.parametrize("sampling", ["random", "saltelli", "one-at-a-time"])
-def test_nothing_to_show_is_shown(sampling: str) -> None:
+def test_summaries_of_empty_sweeps(sampling: str) -> None:
     assert lines(format_summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
     assert lines(format_summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
     failed = lines(format_summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
     assert failed[:2] == ["1 variant: 1 refused", "The worst variants"]
 
 
-def test_all_of_a_long_name_is_shown_and_markup_is_none() -> None:
+def test_long_names_are_complete_and_not_markup() -> None:
     name = "[bold]a_<$" + "long.name" * 9
     printed = lines(format_summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
     assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
 
 
-def test_a_figure_that_is_not_there_is_a_sentence() -> None:
+def test_unknown_figure_gives_one_message() -> None:
     with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
         format_summary(made(), "lift.eror_m")
     with pytest.raises(CommandError, match="no figure"):

@@ -13,7 +13,7 @@ from emla_cosim.sweeps.targets import FMU, OPTION, Target, assign_value, format_
 from emla_cosim.system.model import Replacement
 
 
-def test_values_go_to_options_components_and_start_values() -> None:
+def test_values_of_options_components_and_start_values() -> None:
     assert assign_value([Target("gains", OPTION)], "robust") == {"gains": "robust"}
     assert assign_value([Target("parameters", OPTION)], "a.ssv") == {"parameters": ["a.ssv"]}
     assert assign_value([Target("j.plant", FMU)], "a.fmu") == {"replace": {"j.plant": "a.fmu"}}
@@ -21,18 +21,18 @@ def test_values_go_to_options_components_and_start_values() -> None:
     assert assign_value([Target("j.plant.R"), Target("k.plant.R")], None) == {}
 
 
-def test_what_multiplies_several_values_is_told_as_such_and_one_by_its_value() -> None:
+def test_relative_factor_scales_nominal_values() -> None:
     several = [Target("j.R", nominal=2.0), Target("k.R", nominal=5.0)]
     assert assign_value(several, 1.5) == {"set": {"j.R": 3.0, "k.R": 7.5}}
     assert assign_value(several[:1], 3.0) == {"set": {"j.R": 3.0}}
 
 
-def test_options_of_several_factors_are_those_of_one_run() -> None:
+def test_options_of_several_factors_are_merged() -> None:
     parts = [{"set": {"a.x": 1}}, {"gains": "robust"}, {"set": {"a.y": 2}, "replace": {"a": "f.fmu"}}]
     assert merge_options(parts) == {"set": {"a.x": 1, "a.y": 2}, "gains": "robust", "replace": {"a": "f.fmu"}}
 
 
-def test_arguments_mean_what_the_options_did() -> None:
+def test_arguments_of_the_command_line() -> None:
     options = {
         "set": {"a.x": 0.1 + 0.2, "a.on": True, "a.n": 3},
         "replace": {"a": Replacement(Path("f.fmu"), Path("f.ssm")), "b": "g.fmu"},

@@ -75,7 +75,7 @@ def plan(scheduler: Client, **others: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("metrics", [None, ["j.largest"], ["peak = max(j.y.y)"], ["j.held", "j.largest"]])
-def test_every_table_keeps_the_verdict(
+def test_tables_have_the_verdict(
     metrics: Any, growth: System, scheduler: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(ec.METRICS, "limit", limit_metrics)
@@ -97,7 +97,7 @@ def test_every_table_keeps_the_verdict(
     assert kept["problem"].null_count() == len(kept)
 
 
-def test_a_sweep_that_is_resumed_has_the_same_verdicts_and_all_of_its_time(
+def test_resumed_sweep_has_the_same_verdicts_and_adds_its_time(
     growth: System, scheduler: Client, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """As if it had ended after two of its variants, which took 1000 s."""
@@ -119,9 +119,7 @@ def test_a_sweep_that_is_resumed_has_the_same_verdicts_and_all_of_its_time(
     assert SweepFolder(tmp_path / "b").record()["wall_s"] == again.wall_s
 
 
-def test_a_sweep_begun_without_verdicts_is_not_resumed(
-    growth: System, scheduler: Client, tmp_path: Path
-) -> None:
+def test_sweep_without_verdicts_is_not_resumed(growth: System, scheduler: Client, tmp_path: Path) -> None:
     sweep(growth, output=tmp_path / "a", **plan(scheduler))
     record = json.loads((tmp_path / "a/sweep.json").read_text())
     record["identity"]["metrics"], record["status"] = "of before", "unfinished"
@@ -131,7 +129,7 @@ def test_a_sweep_begun_without_verdicts_is_not_resumed(
         sweep(growth, output=tmp_path / "a", resume=True, **plan(scheduler))
 
 
-def test_without_a_verdict_nothing_is_called_held(growth: System, scheduler: Client) -> None:
+def test_sweep_without_metrics_has_no_verdict(growth: System, scheduler: Client) -> None:
     result = sweep(growth, metrics=["largest = max(j.y.y)"], **plan(scheduler))
     assert str(status_line(result)) == "9 variants: 9 done"
     figure = result.plot("map")
@@ -139,7 +137,7 @@ def test_without_a_verdict_nothing_is_called_held(growth: System, scheduler: Cli
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["done (9)"]
 
 
-def test_a_verdict_that_is_missing_is_none() -> None:
+def test_missing_verdict_is_none() -> None:
     figures = {"a.held": [True, None, True, False], "b.held": [True, True, False, True]}
     result = swept({"x": range(4)}, {**figures, "size": [1.0, 2.0, 3.0, 4.0]})
     assert str(status_line(result)) == "4 variants: 4 done (3 of them not held)"
@@ -155,7 +153,7 @@ def test_a_verdict_that_is_missing_is_none() -> None:
 FIGURES = {"lift.held": True, "lift.error_m": False, "tilt.held": True}
 
 
-def test_verdicts_are_kept_once_and_last() -> None:
+def test_verdicts_are_last_columns() -> None:
     for metrics, names in (
         (["lift.error_m"], ["lift.error_m", "lift.held", "tilt.held"]),
         (["tilt.held"], ["tilt.held", "lift.held"]),
@@ -167,22 +165,20 @@ def test_verdicts_are_kept_once_and_last() -> None:
 
 
 @pytest.mark.parametrize("name", ["held", "lift.held", "mine.held"])
-def test_nobody_else_says_what_is_held(name: str) -> None:
+def test_held_is_a_reserved_name(name: str) -> None:
     with pytest.raises(ec.CommandError, match=f"'{name}', but 'held' is the verdict"):
         MetricRequest.of([f"{name} = max(lift.x) < 1"], "the plan")
 
 
 @pytest.mark.parametrize("old", ["lift.converged", "*.converged", "*.saturated_after_convergence"])
-def test_an_old_name_ends_in_the_new_one(old: str) -> None:
+def test_old_names_are_explained(old: str) -> None:
     of, _, figure = old.rpartition(".")
     with pytest.raises(ec.CommandError) as caught:
         resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], [], "the plan")
     assert f"'{figure}' is now called '{of}.{RENAMED[figure]}'" in str(caught.value)
 
 
-def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(
-    scheduler: Client, faulty_fmu: Path
-) -> None:
+def test_problem_has_divergence_and_failed_metric(scheduler: Client, faulty_fmu: Path) -> None:
     """Both in one variant; its neighbour only has the metric that fails."""
 
     def failing(result: Any) -> float:
@@ -200,7 +196,7 @@ def test_why_a_variant_diverged_is_told_beside_a_metric_that_fails(
     assert other == "the metric 'm' raised ValueError('no number')."
 
 
-def test_the_provenance_is_that_of_the_fmu_of_each_variant(
+def test_provenance_depends_on_the_fmu_of_a_variant(
     growth: System, scheduler: Client, tmp_path: Path
 ) -> None:
     """Two FMUs that differ, each with the same values: all four are told apart, whatever their order."""
@@ -229,7 +225,7 @@ def test_the_provenance_is_that_of_the_fmu_of_each_variant(
 LEADS = [0.016, 0.028, 0.04]
 
 
-def test_a_screw_that_the_controller_does_not_know_is_not_held(scheduler: Client, fmu_folder: Path) -> None:
+def test_unknown_lead_is_not_held_unless_models_follow(scheduler: Client, fmu_folder: Path) -> None:
     """Where models follow, every lead is held; where they do not, those are whose errors end within 1 mm."""
     lead = "prototype.plant.screw.lead"
     given: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 1.0}

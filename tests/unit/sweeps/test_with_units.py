@@ -49,14 +49,14 @@ def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]
     ],
     ids=str,
 )
-def test_every_way_to_write_values_takes_units(given: Any, values: list[float], fmu_folder: Path) -> None:
+def test_values_with_units(given: Any, values: list[float], fmu_folder: Path) -> None:
     found, units = table({LEAD: given}, fmu_folder)
     assert found == {LEAD: pytest.approx(values, rel=1e-15)}
     assert units == ["m"]
     assert all(type(value) is float for value in found[LEAD])
 
 
-def test_what_is_drawn_is_in_the_unit_of_the_variable(fmu_folder: Path) -> None:
+def test_samples_have_the_unit_of_the_variable(fmu_folder: Path) -> None:
     for own, plain in (
         ("normal(16 mm, 1 mm)", "normal(0.016, 0.001)"),
         ("log-normal(16 mm, 0.1)", "log-normal(0.016, 0.1)"),
@@ -66,7 +66,7 @@ def test_what_is_drawn_is_in_the_unit_of_the_variable(fmu_folder: Path) -> None:
         assert one[LEAD] == pytest.approx(other[LEAD], rel=1e-14)
 
 
-def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) -> None:
+def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None:
     found, units = table({"lift.plant.motor.L_?": "1 mH,2 mH"}, fmu_folder)
     assert found == {L_D: [0.001, 0.001, 0.002, 0.002], L_Q: [0.001, 0.002, 0.001, 0.002]}
     both = {"of": [L_D, L_Q], "distribution": "values", "values": ["1 mH", "2 mH"]}
@@ -91,7 +91,7 @@ def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) ->
     ],
     ids=str,
 )
-def test_units_that_do_not_fit_are_refused(vary: Any, said: str, fmu_folder: Path) -> None:
+def test_incompatible_units_are_refused(vary: Any, said: str, fmu_folder: Path) -> None:
     with pytest.raises(ec.CommandError, match=said) as caught:
         table(vary, fmu_folder)
     assert str(caught.value).startswith(f"'{next(iter(vary))}' of the sweep of 'lift'") or "relative" in str(
@@ -109,7 +109,7 @@ class Gauge(Block):
         return {"y": 2.0 * v.length}
 
 
-def test_the_unit_is_that_which_the_system_has(tmp_path: Path) -> None:
+def test_unit_is_that_of_the_system(tmp_path: Path) -> None:
     """An FMU in m, and the same one whose length the system calls by another name, in cm."""
     build(Gauge, tmp_path / "Gauge.fmu", producer=PRODUCER)
     cm = Alias("length", LinearTransformation(0.01), SiUnit("cm", (0, 1, 0, 0, 0, 0, 0, 0), 0.01))
@@ -119,7 +119,7 @@ def test_the_unit_is_that_which_the_system_has(tmp_path: Path) -> None:
         assert found.table()[f"a.b.{name}"].to_list() == pytest.approx(expected)
 
 
-def test_table_record_and_axes_of_a_sweep_have_numbers(emla: Emla, fmu_folder: Path) -> None:
+def test_results_have_numbers_without_units(emla: Emla, fmu_folder: Path) -> None:
     done = emla(
         "sweep", "lift", "--vary", f"{LEAD}=19 mm:21 mm:3", "--vary", f"{L_D}=1 mH,2 mH",
         "--stop-time", "0.35", "--workers", "1", "--output", "out", "--fmus", str(fmu_folder),
