@@ -1,6 +1,5 @@
-"""Whatever ends in a cluster, every variant is there exactly once in the end."""
+"""A sweep has every variant once, although variants, workers, its scheduler or its caller end."""
 
-import http.client
 import os
 import pickle
 import random
@@ -29,11 +28,12 @@ from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.stored import read_sweep
 from tests.support.clusters import CODE, At, family, outside_cluster, shared_cluster
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.hand_written_fmus import Fault
 from tests.support.paths import ROOT
-from tests.support.tiers import mostly_slow
 from tests.support.waiting import wait_for
+
+pytestmark = pytest.mark.slow
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
 
@@ -68,9 +68,7 @@ def numbers(result: Any) -> list[int]:
     return result.variants["variant"].to_list()
 
 
-def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
-    cluster: Client, faulty_fmu: Path, tmp_path: Path
-) -> None:
+def test_variant_that_ends_its_process_is_reported(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
     """One variant's FMU ends every process that it comes to; another's process is killed once."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     faults = [Fault.NONE] * 4 + [Fault.SEGFAULT] + [Fault.NONE] * 3
@@ -119,8 +117,8 @@ def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows does not have the signals of POSIX.")
-@pytest.mark.parametrize("way", mostly_slow(["Ctrl-C", "caller", "everything"], ["Ctrl-C", "everything"]))
-def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
+@pytest.mark.parametrize("way", ["Ctrl-C", "caller"])
+def test_ended_sweep_leaves_nothing_and_can_be_continued(
     way: str, cluster: Client, fmu_folder: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
     temporary = tmp_path / "temporary"
@@ -139,10 +137,9 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
         if way == "Ctrl-C":
             process.send_signal(signal.SIGINT)
         else:
-            for one in family(process)[: 1 if way == "caller" else None]:
-                one.kill()
-    errors = process.communicate(timeout=60)[1]
-    assert not psutil.wait_procs(everybody, timeout=15)[1], "a process survives"
+            process.kill()
+    errors = process.communicate(timeout=300)[1]
+    assert not psutil.wait_procs(everybody, timeout=60)[1], "a process survives"
     if way == "Ctrl-C":
         assert process.returncode == 1
         assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
@@ -153,11 +150,10 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     assert partial.series is not None and whole.series is not None
     expected = whole.series.filter(polars.col("variant").is_in(there))
     assert partial.series.collect().equals(expected.collect())
-    if way != "everything":
-        if way == "caller":  # its folder stays until the next command
-            command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
-            subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
-        assert not list(temporary.iterdir())
+    if way == "caller":  # its folder stays until the next command
+        command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
+        subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
+    assert not list(temporary.iterdir())
 
     alone = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
     shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{alone:09d}.parquet")  # killed before
@@ -169,7 +165,7 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     assert not list(out.glob("parts")) and {p.name for p in out.rglob(".*")} <= {MANIFEST}
 
 
-def test_processes_elsewhere_that_share_nothing(
+def test_sweep_survives_the_loss_of_worker_and_scheduler(
     faulty_fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A worker of it is killed, then the scheduler; the local cluster goes on with what there is."""
@@ -226,7 +222,7 @@ def files_of_fmus(folder: Path) -> set[Path]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Other systems name libraries in other ways.")
-def test_fmus_of_a_worker_that_is_lost_with_all_its_processes(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_next_worker_removes_fmus_of_a_lost_one(faulty_fmu: Path, tmp_path: Path) -> None:
     """Nobody is left who could remove them: they lie where the next worker of the machine tidies up."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     with outside_cluster(tmp_path, workers=1) as outside:
@@ -248,7 +244,7 @@ def test_fmus_of_a_worker_that_is_lost_with_all_its_processes(faulty_fmu: Path, 
         wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
 
 
-def test_a_chunk_of_long_variants_comes_back_early(
+def test_chunk_of_long_variants_returns_early(
     cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Long variants after many short ones: no process keeps those that another one could run."""
@@ -288,25 +284,9 @@ def test_a_chunk_of_long_variants_comes_back_early(
     assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
 
 
-def test_no_port_of_the_own_cluster_answers_other_users(cluster: Client) -> None:
-    """Dask's pages would show them all that runs, and let them call functions."""
-    ports: Any = cluster.run_on_scheduler(listening_ports)
-    assert ports
-    for port in ports:
-        for page in ("/", "/status", "/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
-            with suppress(OSError, http.client.HTTPException):  # it is encrypted
-                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
-                connection.request("GET", page)
-                assert connection.getresponse().status == 404, (port, page)
-
-
-def listening_ports() -> list[int]:
-    """Return the ports on which this process waits for connections."""
-    found = psutil.Process().net_connections("tcp")
-    return sorted({one.laddr.port for one in found if one.status == psutil.CONN_LISTEN})
-
-
-def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_unreachable_scheduler_is_reported(
+    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     monkeypatch.setattr(executor, "_CONNECT_S", 0.5)
     with socket.socket() as closed:
@@ -328,7 +308,7 @@ class Notes(Progress):
         self.notes.append(sentence)
 
 
-def test_a_scheduler_without_workers(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_scheduler_without_workers_is_waited_for(faulty_fmu: Path, tmp_path: Path) -> None:
     """It is said what is waited for; an adaptive cluster starts workers for what waits."""
     plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
     system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
@@ -348,7 +328,7 @@ def test_a_scheduler_without_workers(faulty_fmu: Path, tmp_path: Path) -> None:
         assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
 
 
-def test_a_variant_that_hangs(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+def test_hanging_variant_is_named_and_ended(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
     system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
     cluster.run(set_slow_s, 0.5)
@@ -380,14 +360,14 @@ def set_slow_s(seconds: float) -> None:
     worker._SLOW_S = seconds
 
 
-@pytest.mark.parametrize("killers", mostly_slow([1, 3], [3]))
-@pytest.mark.parametrize("kind", mostly_slow(["here", "nanny", "no nanny"], ["no nanny"]))
+@pytest.mark.parametrize(("kind", "killers"), [("here", 1), ("nanny", 3), ("no nanny", 3)])
 def test_variants_that_end_processes_cost_no_worker(
     kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
     chosen = random.Random(killers).sample(range(40), killers)
-    faults = [int(Fault.ABORT if n in chosen else Fault.NONE) for n in range(40)]
+    others = Fault.NONE if kind == "no nanny" else Fault.SEGFAULT_TERMINATE  # after their variant is done
+    faults = [int(Fault.ABORT if n in chosen else others) for n in range(40)]
     with ExitStack() as stack:
         scheduler: Any = cluster
         if kind != "here":
@@ -406,19 +386,7 @@ def test_variants_that_end_processes_cost_no_worker(
     assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
 
 
-def test_fmus_that_end_the_process_of_the_next_variant(cluster: Client, faulty_fmu: Path) -> None:
-    """They fail in fmi2Terminate, after their variant is done: nobody is blamed for it."""
-    faults = [Fault.SEGFAULT_TERMINATE] * 8
-    result = sweep(
-        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
-        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
-        metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=cluster, **RUN,
-    )  # fmt: skip
-    assert result.variants["status"].to_list() == ["done"] * 8
-    assert result.series is not None and set(result.series.collect()["variant"]) == set(range(8))
-
-
-def test_a_worker_without_the_package(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_worker_without_the_package_is_reported(faulty_fmu: Path, tmp_path: Path) -> None:
     """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
     (tmp_path / "other/emla_cosim").mkdir(parents=True)
     (tmp_path / "other/emla_cosim/__init__.py").write_text("raise ImportError('no emla_cosim here')")
@@ -476,7 +444,7 @@ if __name__ == "__main__":
 """Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""
 
 
-def test_what_a_script_defines_runs_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+def test_definitions_of_a_script_run_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
     """The algorithm of docs/recipes.md, whose options are fields of a dataclass."""
     page = (ROOT / "docs/recipes.md").read_text(encoding="utf-8")
     recipe = re.search(r"```python\n(from dataclasses .*?)with ec.load", page, re.DOTALL)
@@ -489,13 +457,13 @@ def test_what_a_script_defines_runs_on_workers(cluster: Client, fmu_folder: Path
     (tmp_path / "script.py").write_text("\n".join([*lines, recipe[1], SCRIPT]))
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": CODE},
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
 
 
-def test_a_worker_of_another_version(
+def test_worker_of_another_version_is_refused(
     cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is refused, and the cluster remains as good as it was."""
@@ -511,7 +479,7 @@ def test_a_worker_of_another_version(
     ]
 
 
-def test_what_workers_do_not_have_is_told(
+def test_modules_that_workers_lack_are_reported(
     cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A metric of a module that only the caller has."""

@@ -1,4 +1,4 @@
-"""Commands and surroundings that somebody may come up with, good and bad, for hypothesis to draw.
+"""Commands and surroundings, good and bad, for hypothesis to draw.
 
 Options come from the table of options: one that is new is drawn too, with values of its type.
 """
@@ -15,8 +15,10 @@ from emla_cosim.fmu.models import MODELS
 from emla_cosim.run.options import list_options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from fmublock.platforms import host_platform
-from tests.support.command_server import CLOSED, FULL, TERMINAL, USABLE
 from tests.support.odd_files import FILES, ODD, Materials
+
+USABLE, CLOSED, FULL = "usable", "closed", "full"
+"""What streams can be: read by us, closed, on a full disk."""
 
 FMUS, FOLDER = "{fmus}", "{folder}"
 """Stand for the folder of FMUs and that of a command, which are others every time."""
@@ -30,62 +32,19 @@ def _weighted(*parts: tuple[int, st.SearchStrategy[Any]]) -> st.SearchStrategy[A
 # ---- values of options -----------------------------------------------------------------------------
 
 _NO_FILES = [
-    "gone",
-    "gone/gone",
-    ".",
-    "..",
-    "~",
-    "-",
-    "out",
-    "out/results.csv",
-    "folder/x",
-    "new",
-    "ok.toml/x",
-    "ok.ssp#gone.ssd",
-    "ok.ssp#../x",
-]
+    "gone", "gone/gone", ".", "..", "~", "-", "out", "out/results.csv", "folder/x", "new", "ok.toml/x",
+    "ok.ssp#gone.ssd", "ok.ssp#../x"
+]  # fmt: skip
 _NO_FILES += ["", "n" * 300, ODD, "new.ssp", "out/run.json", "\udcff"]
 _NUMBERS = [
-    "0",
-    "-1",
-    "1",
-    "2",
-    "0.001",
-    "1e-4",
-    "3e-4",
-    "1e-5",
-    "1e-300",
-    "1e308",
-    "1e400",
-    "nan",
-    "inf",
-    "-inf",
-    "1e9",
-    "0x1",
-    "1_000",
-    "١",
-    "x",
-    "5e-324",
-    "1,5",
-]
+    "0", "-1", "1", "2", "0.001", "1e-4", "3e-4", "1e-5", "1e-300", "1e308", "1e400", "nan", "inf", "-inf",
+    "1e9", "0x1", "1_000", "١", "x", "5e-324", "1,5"
+]  # fmt: skip
 _NUMBERS += ["", " ", "9" * 400, "1" + "0" * 5000, "0.00015", "1e-3"]
 _TEXTS = [
-    "x",
-    "*",
-    "lift.*",
-    "lift.plant",
-    "=",
-    "[/]",
-    "a=b",
-    "--",
-    "[",
-    "{}",
-    "%s",
-    "rsba",
-    "published",
-    "lift.plant.x_L",
-    "lift.plant,lift.controller",
-]
+    "x", "*", "lift.*", "lift.plant", "=", "[/]", "a=b", "--", "[", "{}", "%s", "rsba", "published",
+    "lift.plant.x_L", "lift.plant,lift.controller"
+]  # fmt: skip
 _TEXTS += ["", " ", ODD, "x" * 5000, "é\n", "\udcff"]
 _paths, _numbers = st.sampled_from([*FILES, *_NO_FILES]), st.sampled_from(_NUMBERS)
 _texts = st.sampled_from(_TEXTS) | st.text("[]=.*<>'\"\\lift1e", max_size=9)
@@ -218,12 +177,9 @@ _info = st.builds(
 )
 _model = st.sampled_from([*MODELS, "EmlaPlant", "x", ODD, "gone.py:B", "broken.py:B", "block.py:C", "folder"])
 _more = [
-    ("--flavour", "python"),
-    ("--flavour", "x"),
-    ("--platform", "x"),
-    ("--output", "device"),
-    ("--output",),
-]
+    ("--flavour", "python"), ("--flavour", "x"), ("--platform", "x"), ("--output", "device"),
+    ("--output",)
+]  # fmt: skip
 _build = st.builds(
     lambda models, more: _joined(("build", *models, "--output", FMUS, "--platform", host_platform()), *more),
     st.lists(_model, min_size=1, max_size=2),
@@ -249,16 +205,12 @@ class Surroundings:
     largest: int | None = None
 
 
-_out = st.sampled_from([USABLE, USABLE, USABLE, CLOSED, FULL, TERMINAL])
+_out = st.sampled_from([USABLE, USABLE, USABLE, CLOSED, FULL])
 _VARIABLES = [("HOME", None), ("HOME", f"{FOLDER}/device"), ("EMLA_COSIM_CACHE", "device"), ("PATH", None)]
 _VARIABLES += [("TMPDIR", f"{FOLDER}/gone"), ("TMPDIR", "device"), ("TERM", "dumb"), ("COLUMNS", "20")]
 _VARIABLES += [
-    ("COLUMNS", "x"),
-    ("LC_ALL", "C"),
-    ("LANG", "xx_YY.gbk"),
-    ("PYTHONUTF8", "0"),
-    ("NO_COLOR", "1"),
-]
+    ("COLUMNS", "x"), ("LC_ALL", "C"), ("LANG", "xx_YY.gbk"), ("PYTHONUTF8", "0"), ("NO_COLOR", "1")
+]  # fmt: skip
 surroundings = st.just(Surroundings()) | st.builds(
     Surroundings,
     st.tuples(st.sampled_from([USABLE, CLOSED]), _out, _out),

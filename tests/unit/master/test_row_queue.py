@@ -1,4 +1,4 @@
-"""Rows on their way to the thread that stores them: in order, none twice, none lost, whatever fails."""
+"""The thread that stores rows stores all of them, once and in order, also when something fails."""
 
 import threading
 import time
@@ -55,7 +55,7 @@ def numbered(first: int, count: int) -> np.ndarray:
     return np.repeat(np.arange(first, first + count, dtype=float)[:, None], WIDTH, axis=1)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_all_rows_are_stored_in_order(seed: int) -> None:
     random, store, count = np.random.default_rng(seed), Store(), 0
     queue = RowQueue(WIDTH, store, store.progress)
@@ -70,7 +70,7 @@ def test_all_rows_are_stored_in_order(seed: int) -> None:
     assert store.threads - {threading.current_thread().name}
 
 
-def test_the_run_goes_on_while_rows_are_stored() -> None:
+def test_rows_are_taken_while_others_are_stored() -> None:
     """One block is being stored, and the next one fits in."""
     may_store, begun = threading.Event(), threading.Event()
     stored = list[float]()
@@ -90,8 +90,8 @@ def test_the_run_goes_on_while_rows_are_stored() -> None:
     assert stored == list(range(2 * BLOCK))
 
 
-@pytest.mark.parametrize("fails_at", [1, 2, 5])
-def test_a_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
+@pytest.mark.parametrize("fails_at", [1, 5])
+def test_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
     store, count, raised = Store(fails_at), 0, 0
     queue = RowQueue(WIDTH, store, store.progress)
     for _ in range(20):
@@ -108,17 +108,14 @@ def test_a_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
     assert raised == 1
     assert store.calls == fails_at
     assert store.rows == list(range(len(store.rows)))
-
-
-def test_a_failure_of_the_last_rows_is_raised_by_waiting_for_them() -> None:
-    store = Store(fails_at=1)
-    queue = RowQueue(WIDTH, store, store.progress)
-    queue.put(numbered(0, 1))
+    last = RowQueue(WIDTH, Store(fails_at=1), store.progress, shared=True)
+    assert not last.is_shared  # there is no memory to share
+    last.put(numbered(0, 1))
     with pytest.raises(OSError, match="No space left"):
-        queue.drain()
+        last.drain()
 
 
-def test_without_threads_rows_are_stored_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(thread: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
@@ -131,8 +128,8 @@ def test_without_threads_rows_are_stored_all_the_same(monkeypatch: pytest.Monkey
     assert store.rows == list(range(70))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_another_process_finds_the_rows_that_wait(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("seed", range(2))
+def test_another_process_can_read_the_waiting_rows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it was told stays true until it is told more, also while the next rows are put."""
     memory = bytearray(2**25 + 2**12)
     monkeypatch.setattr(black_box._Box, "memory", memory)
@@ -153,11 +150,6 @@ def test_another_process_finds_the_rows_that_wait(seed: int, monkeypatch: pytest
     assert waited
 
 
-def test_a_table_in_memory_that_nobody_shares_waits() -> None:
-    store = Store()
-    assert not RowQueue(WIDTH, store, store.progress, shared=True).is_shared
-
-
 def make_outline(every: int = 1) -> Outline:
     return Outline(["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=every)
 
@@ -168,10 +160,9 @@ def random_rows(count: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("every", [1, 3])
-def test_what_a_checkpoint_keeps_of_a_table_is_in_the_file(every: int, tmp_path: Path) -> None:
+def test_checkpoint_waits_for_rows_on_the_disk(tmp_path: Path) -> None:
     """A run that continues there leaves the same file, however slow the disk is."""
-    rows, found = random_rows(100), []
+    rows, found, every = random_rows(100), [], 3
     for cuts in ([], [10, 50], [7, 8, 9, 64]):
         path = tmp_path / f"{len(found)}.csv"
         file: Any = CsvFile(path)
@@ -188,13 +179,14 @@ def test_what_a_checkpoint_keeps_of_a_table_is_in_the_file(every: int, tmp_path:
                 stream.write(b"rows after the checkpoint\n")
             file = CsvFile(path)
             file.begin(outline, memory)
+        assert file.read(["b"])["b"][0] == rows[0, 2]  # also rows that wait
         file.end()
         found.append(path.read_bytes())
     assert found[0] == found[1] == found[2]
 
 
 @pytest.mark.parametrize(("kind", "name"), [(CsvFile, "r.csv"), (ParquetFile, "r.parquet")])
-def test_the_thread_changes_no_byte(
+def test_thread_changes_no_byte(
     kind: Any, name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with ec.load("lift", stop_time=0.2, fmus=fmu_folder).prepare() as simulation:
@@ -204,9 +196,9 @@ def test_the_thread_changes_no_byte(
     assert (tmp_path / name).read_bytes() == (tmp_path / f"direct.{name}").read_bytes()
 
 
-@pytest.mark.parametrize("size", [3000, 20_000, 60_000])
-def test_a_full_disk_ends_a_run_with_the_rows_that_fit(size: int, fmu_folder: Path, tmp_path: Path) -> None:
+def test_full_disk_ends_a_run_with_the_rows_that_fit(fmu_folder: Path, tmp_path: Path) -> None:
     """The error message is that of the file, and the rows are the first ones of a whole run."""
+    size = 20_000
     with ec.load("lift", stop_time=0.2, fmus=fmu_folder).prepare() as simulation:
         simulation.run(recorders=[CsvFile(tmp_path / "whole.csv")])
         with files_of_at_most(size):
@@ -216,11 +208,3 @@ def test_a_full_disk_ends_a_run_with_the_rows_that_fit(size: int, fmu_folder: Pa
     whole, kept = (tmp_path / "whole.csv").read_bytes(), (tmp_path / "r.csv").read_bytes()
     assert whole.startswith(kept)
     assert kept.endswith(b"\n") and size - 2000 < len(kept) <= size
-
-
-def test_rows_that_wait_are_read_too(tmp_path: Path) -> None:
-    file, rows = CsvFile(tmp_path / "r.csv"), random_rows(3)
-    file.begin(make_outline())
-    file.write(rows)
-    assert file.read(["b"])["b"].tolist() == rows[:, 2].tolist()
-    file.end()

@@ -1,4 +1,4 @@
-"""Steps that become slow, or never end: a run ends when told, and names the component."""
+"""Steps that become slow, or never end: Ctrl-C ends the run, which names the component."""
 
 import os
 import signal
@@ -14,7 +14,8 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.recorders.recorder import RowBuffer
 from emla_cosim.system.model import Component, Connection, System
-from tests.support.reluctant_fmu import build_reluctant_fmu
+from tests.support.hand_written_fmus import build_reluctant_fmu
+from tests.support.tiers import mostly_slow
 from tests.support.waiting import wait_for
 
 SLOW_FROM, PAUSE = 0.01, 0.02
@@ -40,8 +41,8 @@ def _pair(fmu: Path) -> System:
     return System(parts, (Connection("a", "x", "b", "u"),))
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_stretch_of_steps_is_bounded_by_time(way: str, reluctant: Path) -> None:
+@pytest.mark.parametrize("way", mostly_slow(WAYS, ["one thread", "error control"]))
+def test_stretch_of_steps_is_limited_in_time(way: str, reluctant: Path) -> None:
     options: dict[str, Any] = {"stop_time": 100.0, "step_size": 1e-4, **WAYS[way]}
     with ec.load(_pair(reluctant), **options).prepare() as simulation:
         simulation.start(recorders=[])
@@ -54,15 +55,14 @@ def test_a_stretch_of_steps_is_bounded_by_time(way: str, reluctant: Path) -> Non
             stepping.advance(rows, 2**20)
             assert stepping.time > reached
             reached = stepping.time
-            assert time.monotonic() - began < 10.0  # 2**20 steps take six hours
+            assert time.monotonic() - began < 60.0  # 2**20 steps take six hours
             began = time.monotonic()
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, and so no guard that looks.")
-@pytest.mark.parametrize(
-    ("isolate", "unasked"), [(False, False), pytest.param(True, True, marks=pytest.mark.slow)]
-)
-def test_a_step_that_never_ends_is_told_by_name(
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, so no supervision.")
+@pytest.mark.parametrize(("isolate", "unasked"), [(False, False), (True, True)])
+def test_step_that_never_ends_is_reported(
     reluctant: Path, isolate: bool, unasked: bool, tmp_path: Path
 ) -> None:
     arguments = ["run", str(reluctant), "--set", "Reluctant.slow_from=0.5", "--set", "Reluctant.pause=1000"]

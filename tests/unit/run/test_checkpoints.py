@@ -1,16 +1,10 @@
-"""A run that is put aside and continued leaves the same bytes as one that was not."""
+"""A run that is continued from a checkpoint leaves the same bytes as one without a pause."""
 
-import errno
 import io
 import json
-import os
 import pickle
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,9 +21,9 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.stepping_base import Stepping
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
 from tests.support.full_disk import files_of_at_most
+from tests.support.hand_written_fmus import Fault
 from tests.support.tiers import examples, mostly_slow
 from tests.support.whole_files import names
 
@@ -45,14 +39,6 @@ def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> E
 
 def command(fmus: Path, *options: str) -> list[str]:
     return ["run", "lift", "--no-plots", "--fmus", str(fmus), *options]
-
-
-def elsewhere(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
-    """The same in a process of its own."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "emla_cosim", *command(fmus, *options)],
-        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
 
 
 def done(result: Result) -> None:
@@ -104,10 +90,10 @@ CONTINUED: list[tuple[list[str], tuple[str, str]]] = [
 
 @pytest.mark.parametrize(
     ("options", "stops"),
-    mostly_slow(CONTINUED, [x for i, x in enumerate(CONTINUED) if i not in (0, 4, 5, 6)]),
+    mostly_slow(CONTINUED, [CONTINUED[i] for i in (1, 3, 4, 7, 8, 10)]),
     ids=lambda x: " ".join(x)[:60] if isinstance(x, list) else "",
 )
-def test_a_continued_run_leaves_the_same_bytes(
+def test_continued_run_leaves_the_same_bytes(
     options: list[str], stops: tuple[str, str], emla: Emla, python_fmu_folder: Path, tmp_path: Path
 ) -> None:
     first, second = stops
@@ -117,7 +103,7 @@ def test_a_continued_run_leaves_the_same_bytes(
     assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
-def test_a_run_can_be_continued_again_and_again(emla: Emla, tmp_path: Path) -> None:
+def test_run_is_continued_several_times(emla: Emla, tmp_path: Path) -> None:
     done(emla("--stop-time", "0.05", "--output", "whole"))
     done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
     for stop in ("0.0123", "0.0345", "0.05"):
@@ -126,14 +112,14 @@ def test_a_run_can_be_continued_again_and_again(emla: Emla, tmp_path: Path) -> N
     assert {p.name for p in tmp_path.iterdir()} == {"whole", "parts", "c"}
 
 
-def test_compiled_and_python_steps_can_take_turns(emla: Emla, tmp_path: Path) -> None:
+def test_checkpoint_of_interpreted_steps_continues_compiled(emla: Emla, tmp_path: Path) -> None:
     done(emla("--stop-time", "0.02", "--output", "whole"))
     done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c", "--no-kernel"))
     done(emla("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
     assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
-def test_error_control_without_an_interval_goes_on_where_it_was(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_error_control_continues_at_the_checkpoint(faulty_fmu: Path, tmp_path: Path) -> None:
     """The first part shortens a step to meet its stop time: rows are as many as steps, and in order."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
     run_system(system, tmp_path, stop_time=0.5, error_tolerance=0.1, checkpoint=tmp_path / "c")
@@ -144,16 +130,6 @@ def test_error_control_without_an_interval_goes_on_where_it_was(faulty_fmu: Path
 
 
 # ---- continued elsewhere -----------------------------------------------------------------------
-
-
-def test_another_process_can_continue(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
-    done(emla("--stop-time", "0.07", "--output", "whole"))
-    options = ("--stop-time", "0.0355", "--output", "parts", "--checkpoint", "c")
-    process = elsewhere(fmu_folder, tmp_path, *options)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 0, errors
-    done(emla("--stop-time", "0.07", "--output", "parts", "--resume", "c"))
-    assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
 def test_another_folder_gets_the_rows_after_the_checkpoint(emla: Emla, tmp_path: Path) -> None:
@@ -170,7 +146,7 @@ def test_another_folder_gets_the_rows_after_the_checkpoint(emla: Emla, tmp_path:
     assert record["settings"]["resumed_from"] == "c" and record["stepping"]["steps"] == 200
 
 
-def test_results_that_are_not_those_of_the_checkpoint_are_not_continued(emla: Emla, tmp_path: Path) -> None:
+def test_results_of_another_run_are_not_continued(emla: Emla, tmp_path: Path) -> None:
     """Another run of the same columns has left its results in the folder."""
     done(emla("--stop-time", "0.02", "--output", "whole"))
     done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
@@ -178,23 +154,6 @@ def test_results_that_are_not_those_of_the_checkpoint_are_not_continued(emla: Em
     done(emla("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
     whole, parts = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "parts"))
     assert parts == [whole[0], *whole[-10:]]
-
-
-def test_an_interrupted_run_can_be_continued(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
-    options = ("--realtime", "1", "--output", "parts", "--checkpoint", "c")
-    process = elsewhere(fmu_folder, tmp_path, *options, "--stop-time", "1000")
-    results, deadline = tmp_path / "parts/results.csv", time.monotonic() + 60.0
-    while not (results.exists() and results.stat().st_size > 10_000):
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1 and "interrupted at t = " in errors, errors
-    steps = json.loads((tmp_path / "parts/run.json").read_text())["stepping"]["steps"]
-    stop = f"{(steps + 37) * 1e-4:.4f}"
-    done(emla("--stop-time", stop, "--output", "parts", "--resume", "c"))
-    done(emla("--stop-time", stop, "--output", "whole"))
-    assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
 # ---- checkpoints of other runs -----------------------------------------------------------------
@@ -216,15 +175,26 @@ def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--gains", "published"], "other values set, of lift."),
         (["--algorithm", "jacobi"], "the algorithm gauss-seidel, but this run has jacobi."),
         (["--flavour", "python"], "other FMUs, of lift.reference, lift.plant"),
+        (["tilt"], "other FMUs, of lift.reference"),
     ],
     ids=lambda x: " ".join(x) if isinstance(x, list) else "",
 )
-def test_a_checkpoint_of_another_run_leaves_everything_alone(
-    options: list[str], words: str, made: Path, emla: Emla, python_fmu_folder: Path, tmp_path: Path
+def test_checkpoint_of_another_run_is_refused(
+    options: list[str],
+    words: str,
+    made: Path,
+    python_fmu_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     shutil.copytree(made / "out", tmp_path / "out")
     resume = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", "out")
-    text = sentence(emla(*options, *resume), 2)
+    arguments = command(python_fmu_folder, *resume, *options)
+    if options == ["tilt"]:
+        del arguments[1]
+        arguments.insert(1, arguments.pop())
+    text = sentence(CliRunner().invoke(app, arguments), 2)
     assert text.startswith(f"the checkpoint '{made / 'c'}' has ") and words in text
     for file in (made / "out").iterdir():
         assert (tmp_path / "out" / file.name).read_bytes() == file.read_bytes()
@@ -245,7 +215,7 @@ def test_a_checkpoint_of_another_run_leaves_everything_alone(
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
-def test_what_is_different_is_named(
+def test_differences_to_the_checkpoint_are_named(
     algorithm: str, options: dict[str, Any], words: str, faulty_fmu: Path, tmp_path: Path
 ) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
@@ -255,37 +225,21 @@ def test_what_is_different_is_named(
     assert str(refused.value) == f"the checkpoint '{tmp_path / 'c'}' has {words}"
 
 
-def test_a_checkpoint_of_another_system_is_refused(made: Path, fmu_folder: Path, tmp_path: Path) -> None:
-    options = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", str(tmp_path))
-    arguments = command(fmu_folder, *options)
-    arguments[1] = "tilt"
-    text = sentence(CliRunner().invoke(app, arguments), 2)
-    assert "has other FMUs, of lift.reference" in text
-
-
-def test_other_connections_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
-    components = [faulty("j.a", faulty_fmu), faulty("j.b", faulty_fmu)]
-    first, other = (wired(components, f"j.a.{y} -> j.b.u") for y in "yz")
-    run_system(first, tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="has other connections"):
-        run_system(other, tmp_path, resume=tmp_path / "c")
-
-
-def test_components_in_another_order_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
-    """Signals are kept in the order of the components."""
-    components = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
-    run_system(wired(components), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="has other components"):
-        run_system(wired(components[::-1]), tmp_path, resume=tmp_path / "c")
+def test_other_wiring_and_order_are_named(faulty_fmu: Path, tmp_path: Path) -> None:
+    parts = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
+    run_system(wired(parts, "j.a.y -> j.b.u"), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
+    for other, words in (
+        (wired(parts, "j.a.z -> j.b.u"), "other connections"),
+        (wired(parts[::-1], "j.a.y -> j.b.u"), "other components"),  # signals are in their order
+    ):
+        with pytest.raises(CommandError, match=f"has {words}"):
+            run_system(other, tmp_path, resume=tmp_path / "c")
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
 def test_the_stop_time_must_come_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
     text = sentence(emla("--resume", str(made / "c"), "--stop-time", stop), 2)
     assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
-
-
-def test_a_checkpoint_that_is_not_there_is_named(emla: Emla) -> None:
     assert sentence(emla("--resume", "gone"), 2) == "there is no checkpoint 'gone'."
 
 
@@ -327,7 +281,7 @@ def header(content: object) -> bytes:
         (header({"format": 3, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
     ],
 )
-def test_a_file_that_is_no_checkpoint_is_named(
+def test_invalid_checkpoint_files_are_reported(
     content: bytes, words: str, faulty_fmu: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "c").write_bytes(content)
@@ -337,29 +291,20 @@ def test_a_file_that_is_no_checkpoint_is_named(
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_damaged_checkpoint_is_one_sentence_of_the_command(made: Path, emla: Emla, tmp_path: Path) -> None:
-    (tmp_path / "c").write_bytes((made / "c").read_bytes()[:-1])
-    text = sentence(emla("--resume", "c", "--stop-time", "0.02"), 2)
-    assert text.startswith("'c' is not a checkpoint, or is damaged: ")
-
-
-@examples(20, 100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(part=st.floats(0.0, 1.0, exclude_max=True))
-def test_a_checkpoint_cut_anywhere_is_refused(part: float, made: Path, tmp_path: Path) -> None:
-    content = (made / "c").read_bytes()
-    (tmp_path / "c").write_bytes(content[: int(part * len(content))])
-    with pytest.raises(CommandError, match="is not a checkpoint, or is damaged"):
-        load_checkpoint(tmp_path / "c")
-
-
-@examples(50, 300, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(part=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
-def test_a_byte_that_changed_is_noticed_or_does_not_matter(
+@examples(20, 300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(part=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(0, 255))
+def test_changed_byte_is_noticed_or_has_no_effect(
     part: float, change: int, made: Path, tmp_path: Path
 ) -> None:
+    """Where the change is 0 the file ends there."""
     content = bytearray((made / "c").read_bytes())
-    content[int(part * len(content))] ^= change
-    (tmp_path / "c").write_bytes(content)
+    at = int(part * len(content))
+    content[at] ^= change
+    (tmp_path / "c").write_bytes(content if change else content[:at])
+    if not change:
+        with pytest.raises(CommandError, match="is not a checkpoint, or is damaged"):
+            load_checkpoint(tmp_path / "c")
+        return
     good = load_checkpoint(made / "c")
     try:
         found = load_checkpoint(tmp_path / "c")
@@ -373,8 +318,8 @@ def test_a_byte_that_changed_is_noticed_or_does_not_matter(
 # ---- checkpoints that cannot be written --------------------------------------------------------
 
 
-@pytest.mark.parametrize("path", [".", "/", "..", "gone/c", "file/c", "out"])
-def test_a_place_that_cannot_be_written_is_named_before_anything_is_run(
+@pytest.mark.parametrize("path", [".", "/", "gone/c", "file/c", "out"])
+def test_unusable_place_is_reported_before_the_run(
     path: str, faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -387,12 +332,11 @@ def test_a_place_that_cannot_be_written_is_named_before_anything_is_run(
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@pytest.mark.parametrize("size", [0, 1000, 5000])
-def test_a_full_disk_leaves_the_earlier_checkpoint(
-    size: int, made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_full_disk_leaves_the_earlier_checkpoint(
+    made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def save(path: Path, stepping: Stepping, notes: dict[str, Any], overwrite: bool) -> None:
-        with files_of_at_most(size):
+        with files_of_at_most(1000):
             save_checkpoint(path, stepping, notes, overwrite)
 
     shutil.copy(made / "c", tmp_path / "c")
@@ -404,26 +348,7 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(
     assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
 
 
-def test_a_failure_in_the_end_leaves_the_earlier_checkpoint(
-    made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flush, calls = os.fsync, []
-
-    def fail(descriptor: int) -> None:
-        calls.append(descriptor)
-        if len(calls) > 1:  # the manifest of the output folder
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        flush(descriptor)
-
-    shutil.copy(made / "c", tmp_path / "c")
-    monkeypatch.setattr(os, "fsync", fail)
-    text = sentence(emla("--stop-time", "0.02", "--checkpoint", "c"), 1)
-    assert "the checkpoint 'c' cannot be written: Input/output error." in text
-    assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
-    assert not (tmp_path / "c.part").exists()
-
-
-def test_a_checkpoint_is_written_when_the_last_is_long_ago(
+def test_failed_run_has_the_last_regular_checkpoint(
     faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run fails in the end, and can be continued from the last checkpoint before."""
@@ -450,9 +375,9 @@ def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]
         yield from places(value, (*path, key))
 
 
-@examples(15, 60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(8, 60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_checkpoint_made_by_hand_is_one_sentence_at_the_most(
+def test_edited_checkpoint_gives_at_most_one_message(
     data: st.DataObject, made: Path, emla: Emla, tmp_path: Path
 ) -> None:
     """Whole files in which one entry of the header, or one array, is another."""

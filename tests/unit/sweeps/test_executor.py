@@ -1,4 +1,4 @@
-"""Chunks that come back, or take their worker with them, in any order: every variant is there once."""
+"""Every variant is there once, in whatever order chunks return or end their worker."""
 
 import heapq
 import itertools
@@ -76,7 +76,7 @@ class Process:
     has_signals=st.booleans(),
     choices=st.randoms(use_true_random=False),
 )
-def test_every_variant_ends_once_and_only_what_kills_dies(
+def test_every_variant_ends_once_and_only_killers_die(
     groups: list[int],
     killers: set[int],
     late: set[int],
@@ -124,7 +124,7 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
     assert sum(p.ends for p in processes) <= 2 * len(killers) + len(late)
 
 
-def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:
+def test_chunks_last_as_long_as_planned_and_are_short_near_the_end() -> None:
     chunks, sizes = ChunkQueue([WorkPackage(0, range(2000))], most=10**6), list[int]()
     while chunks:
         chunk, _ = chunks.next(2)
@@ -137,7 +137,7 @@ def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:
     assert len(sizes) < 70
 
 
-def test_variants_are_given_out_before_there_are_workers() -> None:
+def test_variants_are_submitted_before_there_are_workers() -> None:
     """Adaptive clusters start workers for what waits. Ever more waits, the more workers there are."""
     chunks = ChunkQueue([WorkPackage(0, range(10_000))], most=10)
     assert chunks.may_submit(0, threads=0)
@@ -176,9 +176,8 @@ def makespan(durations: Sequence[float], threads: int) -> float:
     return now
 
 
-@pytest.mark.parametrize("threads", [16, 64])
-@pytest.mark.parametrize("order", ["short first", "long first", "mixed"])
-def test_threads_end_together_whatever_the_order(threads: int, order: str) -> None:
+@pytest.mark.parametrize(("order", "threads"), [("short first", 64), ("long first", 16), ("mixed", 64)])
+def test_threads_end_together_in_any_order(order: str, threads: int) -> None:
     """A grid is sorted by nature: 1,500 variants of 2 ms, and 60 of 0.5 s."""
     durations = [0.002] * 1500 + [0.5] * 60
     if order == "long first":

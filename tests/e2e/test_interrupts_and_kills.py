@@ -1,0 +1,328 @@
+"""A command that is ended at any instant leaves whole files and no process, and can be repeated."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import polars
+import psutil
+import pytest
+from typer.testing import CliRunner
+
+from emla_cosim.cli.app import app
+from emla_cosim.master.stepping.checkpoint import load_checkpoint
+from emla_cosim.sweeps import runner
+from emla_cosim.sweeps.data import STATUS
+from emla_cosim.views.output_folder import OutputFolder
+from tests.support.clusters import family
+from tests.support.commands import Emla, sentence
+from tests.support.waiting import has_rows, wait_for
+from tests.support.whole_files import assert_whole, names
+
+needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, so no supervision.")
+
+SHORT = ("--stop-time", "0.002")
+STOP_TIME = "0.8"
+OFTEN = "import emla_cosim.recorders.checkpoints as c; c.INTERVAL = 0.05\n"
+"""Makes so many checkpoints that most runs have one."""
+PREPARE_SLOWLY = """
+import emla_cosim.run.preparation as p, time
+build = p.build
+def slow(*a, **k):
+    open('preparing', 'w').close(); time.sleep(20); return build(*a, **k)
+p.build = slow
+"""
+DRAW_SLOWLY = """
+import time
+from emla_cosim.views.output_folder import OutputFolder
+draw = OutputFolder.draw
+def slow(*arguments):
+    open('drawing', 'w').close(); time.sleep(20); return draw(*arguments)
+OutputFolder.draw = slow
+"""
+SAVE_SLOWLY = """
+import time
+from emla_cosim.views.output_folder import OutputFolder
+save = OutputFolder.save
+def slow(*arguments, **named):
+    open('saving', 'w').close(); time.sleep(2.0); return save(*arguments, **named)
+OutputFolder.save = slow
+"""
+
+
+def start(folder: Path, *arguments: object, code: str = "") -> subprocess.Popen[str]:
+    """Start a command with its temporary files in the folder; `code` runs before it."""
+    (folder / "temporary").mkdir()
+    program = f"{code}\nfrom emla_cosim.cli.program import main; main()"
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        cwd=folder, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(folder / "temporary")},
+    )  # fmt: skip
+
+
+def run(fmus: Path, stop_time: str = STOP_TIME) -> tuple[object, ...]:
+    return ("run", "lift", "--stop-time", stop_time, "--fmus", fmus, "--output", "out")
+
+
+@pytest.fixture(scope="module")
+def complete(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """results.csv of a run that nobody ended."""
+    folder = tmp_path_factory.mktemp("complete")
+    done = start(folder, *run(fmu_folder), "--no-plots")
+    assert done.communicate(timeout=300.0) and done.returncode == 0
+    return (folder / "out/results.csv").read_bytes()
+
+
+PHASES = {
+    "preparing": (PREPARE_SLOWLY, "preparing"),
+    "stepping": ("", ""),
+    "saving": (SAVE_SLOWLY, "saving"),
+    "drawing": (DRAW_SLOWLY, "drawing"),
+}
+"""Code that makes a phase last, and the file that says that it has begun."""
+
+ENDS = [
+    ("SIGKILL", False, "preparing"),
+    ("SIGTERM", False, "preparing"),
+    ("SIGINT", False, "stepping"),
+    ("SIGHUP", False, "stepping"),
+    ("SIGKILL", False, "stepping"),
+    ("SIGKILL", True, "stepping"),
+    ("SIGTERM", False, "saving"),
+    ("SIGKILL", True, "saving"),
+    ("SIGINT", False, "drawing"),
+    ("SIGKILL", False, "drawing"),
+]
+"""The signal, whether the supervised child gets it, and the phase."""
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "child", "phase"), ENDS)
+def test_ended_run_leaves_whole_files_and_can_be_continued(
+    name: str,
+    child: bool,
+    phase: str,
+    complete: bytes,
+    fmu_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    code, begun = PHASES[phase]
+    pace = ("--realtime", "0.2", "--checkpoint", "c") if phase == "stepping" else ()
+    process = start(tmp_path, *run(fmu_folder), *pace, code=OFTEN + code)
+    out = tmp_path / "out"
+    wait_for((tmp_path / begun).exists if begun else lambda: has_rows(out / "results.csv"), 300.0)
+    if begun:
+        time.sleep(0.1)
+    everyone = family(process)
+    (everyone[1] if child else process).send_signal(getattr(signal, name))
+    _, errors = process.communicate(timeout=300.0)
+    assert not psutil.wait_procs(everyone, timeout=60.0)[1], "a process survives"
+
+    killed = name == "SIGKILL" and not child
+    check_message(process.returncode, errors, killed, name, phase)
+    assert killed or not any((tmp_path / "temporary").iterdir())
+    if out.exists():
+        assert_whole(out, killed)
+    if phase in ("saving", "drawing") and not killed:
+        assert names(out) >= {"results.csv", "metrics.json", "run.json"}
+    if killed:  # the next command removes what it left
+        assert any((tmp_path / "temporary").iterdir())
+        emla = [sys.executable, "-m", "emla_cosim", "--version"]
+        environment = {**os.environ, "TMPDIR": str(tmp_path / "temporary")}
+        subprocess.run(emla, env=environment, check=True, capture_output=True)
+        assert not any((tmp_path / "temporary").iterdir())
+
+    monkeypatch.chdir(tmp_path)
+    command = [*map(str, run(fmu_folder)), "--no-plots"]
+    if (tmp_path / "c").exists() and load_checkpoint(tmp_path / "c").notes["time"] < float(STOP_TIME):
+        command += ["--resume", "c"]
+    again = CliRunner().invoke(app, command)
+    assert again.exit_code == 0, again.output
+    assert (out / "results.csv").read_bytes() == complete
+    assert_whole(out)
+
+
+def check_message(code: int, errors: str, killed: bool, name: str, phase: str) -> None:
+    """There is one message, if anybody is left to write it."""
+    assert "Traceback" not in errors, errors
+    messages = [x for x in errors.splitlines() if x.startswith(("Error:", "Interrupted."))]
+    if killed:
+        assert code == -signal.SIGKILL
+    elif phase == "saving" and name != "SIGKILL":
+        assert not messages or "interrupted" in messages[0]  # its files come first
+    else:
+        assert code == 1 and len(messages) == 1, errors
+        words = {"preparing": "Interrupted.", "drawing": "the plots were interrupted"}
+        stepping = "killed" if name == "SIGKILL" else r"interrupted at t = \S+ s\. The results so far are in"
+        assert re.search(words.get(phase, stepping), messages[0])
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.0, 0.3, 0.8])
+def test_signal_while_a_command_starts(after: float, fmu_folder: Path, tmp_path: Path) -> None:
+    process = start(tmp_path, *run(fmu_folder, "0.01"), "--no-plots")
+    wait_for(lambda: any((tmp_path / "temporary").iterdir()) or process.poll() is not None)
+    time.sleep(after)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=300.0)
+    assert process.returncode == 0 or (process.returncode == 1 and "nterrupted" in errors)
+    assert "Traceback" not in errors
+    assert not any((tmp_path / "temporary").iterdir())
+
+
+@needs_fork
+@pytest.mark.slow
+def test_many_signals_are_one_request(fmu_folder: Path, tmp_path: Path) -> None:
+    process = start(tmp_path, *run(fmu_folder, "1e7"), "--no-plots")
+    wait_for(lambda: has_rows(tmp_path / "out/results.csv"), 300.0)
+    for _ in range(10):
+        process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=300.0)
+    assert process.returncode == 1 and "Traceback" not in errors
+    assert errors.count("interrupted at t = ") == 1
+
+
+def test_signal_while_plots_are_drawn_ends_them(
+    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw, drawn = OutputFolder.draw, list[str]()
+
+    def send_signal(self: OutputFolder, name: str, figure: Any) -> Path:
+        drawn.append(name)
+        if len(drawn) == 2:
+            signal.raise_signal(signal.SIGTERM)
+        return draw(self, name, figure)
+
+    monkeypatch.setattr(OutputFolder, "draw", send_signal)
+    message = sentence(emla("run", "lift", *SHORT, "--output", "out"), 1)
+    assert message == "Error: the plots were interrupted. The results so far are in out."
+    assert len(drawn) == 2
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_signal_while_files_are_saved_waits_for_them(
+    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = OutputFolder.save
+
+    def send_signal(*arguments: Any, **options: Any) -> Any:
+        signal.raise_signal(signal.SIGTERM)
+        return save(*arguments, **options)
+
+    monkeypatch.setattr(OutputFolder, "save", send_signal)
+    result = emla("run", "lift", *SHORT, "--no-plots", "--output", "out")
+    assert "Traceback" not in result.stderr
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
+    assert '"status": "completed"' in (tmp_path / "out/run.json").read_text()
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+@pytest.mark.slow
+def test_sweep_without_a_finished_variant_is_interrupted(
+    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def interrupt_at_once() -> Iterator[Any]:
+        yield lambda: True
+
+    monkeypatch.setattr(runner, "catch_interrupts", interrupt_at_once)
+    vary = ("--vary", "lift.plant.motor.R_s=0.1,0.2")
+    result = emla("sweep", "lift", *vary, *SHORT, "--output", "out")
+    assert "interrupted; the results so far are in out" in sentence(result, 1)
+    table = polars.read_parquet(tmp_path / "out/variants.parquet")
+    columns = {STATUS, "lift.plant.motor.R_s", "lift.position_error_m"}
+    assert table.height == 0 and columns <= set(table.columns)
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"])
+def test_ended_verification_leaves_nothing(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+    fmu = fmu_folder / "Reference/Reference.fmu"
+    process = start(tmp_path, "verify", fmu, "--json", "v.json")
+    wait_for(lambda: len(family(process)) >= 3 or process.poll() is not None, 300.0)
+    everyone = family(process)
+    process.send_signal(getattr(signal, name))
+    _, errors = process.communicate(timeout=300.0)
+    assert not psutil.wait_procs(everyone, timeout=60.0)[1], "a process survives"
+    assert process.returncode in (1, -signal.SIGKILL) and "Traceback" not in errors
+    assert_whole(tmp_path, killed=True)
+    assert name == "SIGKILL" or not any((tmp_path / "temporary").iterdir())
+
+
+# ---- supervision -------------------------------------------------------------------------------
+
+
+def supervise(run: str, rescue: str, folder: Path, **how: Any) -> subprocess.CompletedProcess[str]:
+    """Call `run_supervised` in a process of its own."""
+    code = (
+        "import os, sys\nfrom emla_cosim.sandbox.guard import run_supervised\n"
+        f"def rescue(how):\n    {rescue}\nrun_supervised({run}, rescue)"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, text=True, check=False, stderr=subprocess.PIPE, **how
+    )
+
+
+@needs_fork
+@pytest.mark.parametrize(
+    ("rescue", "message"),
+    [
+        ("sys.stderr.write(f'Error: {how}.')", "Error: SIGABRT."),
+        ("os.abort()", "Error: the run ended: SIGABRT. What it computed could not be saved: SIGABRT."),
+        ("raise MemoryError", "Error: the run ended: SIGABRT. What it computed could not be saved: "),
+    ],
+)
+def test_end_of_a_supervised_process_is_reported(rescue: str, message: str, tmp_path: Path) -> None:
+    done = supervise("os.abort", rescue, tmp_path)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith(message)
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="There is no `/dev/full` on this machine.")
+def test_rescue_that_cannot_write_ends_with_one_message(tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        rescue = "sys.stdout.write('results'); sys.stderr.write(f'Error: the run ended: {how}.')"
+        environment = {**os.environ, "PYTHONUNBUFFERED": ""}
+        done = supervise("os.abort", rescue, tmp_path, stdout=full, env=environment)
+    assert (done.returncode, done.stderr) == (1, "Error: the run ended: SIGABRT.")
+
+
+WITHOUT_PROCESSES = """
+import os
+def fork(): raise BlockingIOError(11, 'Resource temporarily unavailable')
+os.fork = fork
+"""
+WITHOUT_FOLDER = """
+import os
+mkdir = os.mkdir
+def refuse(path, *more, **how):
+    if 'emla-run-' in str(path): raise OSError(28, 'No space left on device')
+    return mkdir(path, *more, **how)
+os.mkdir = refuse
+"""
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.parametrize("code", [WITHOUT_PROCESSES, WITHOUT_FOLDER], ids=["processes", "temporary folder"])
+def test_command_runs_without_supervision(code: str, fmu_folder: Path, tmp_path: Path) -> None:
+    """Files of others in the folder for temporary files stay."""
+    save = "open(os.path.join(os.environ['TMPDIR'], 'mine'), 'w').close()\n"
+    process = start(tmp_path, *run(fmu_folder, "0.01"), "--no-plots", code=code + save)
+    assert process.communicate(timeout=300.0) and process.returncode == 0
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
+    assert [p.name for p in (tmp_path / "temporary").iterdir()] == ["mine"]

@@ -1,0 +1,804 @@
+"""No command replaces a file that emla did not write, and a folder takes one command at a time."""
+
+import errno
+import json
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+import fmublock.files
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.ownership import MANIFEST, OutputFiles, has_entries
+from emla_cosim.cli.app import COMMANDS
+from emla_cosim.comparison.certificates import CertificateFolder
+from emla_cosim.comparison.folder import CompareFolder
+from emla_cosim.fmu.models import FMU_FOLDER, check_build_path
+from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
+from emla_cosim.run.options import list_options
+from emla_cosim.sandbox.locking import exclusive_lock
+from emla_cosim.sweeps.folder import SweepFolder
+from emla_cosim.tuning.folder import TuneFolder
+from emla_cosim.views.folder import Folder
+from emla_cosim.views.output_folder import OutputFolder
+from emla_cosim.views.plots.pictures import FIGURES
+from fmublock import build
+from fmublock.__main__ import main as fmublock_main
+from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
+from fmublock.platforms import host_platform
+from tests.support import toy
+from tests.support.commands import Emla, sentence
+from tests.support.ignoring_case import folder_ignoring_case
+from tests.support.tiers import mostly_slow
+from tests.support.whole_files import names
+
+MINE = "years of work\n"
+SHORT = ("--stop-time", "0.002")
+RUN = ("run", "lift", *SHORT)
+QUICK = (*RUN, "--no-plots", "--output", "out")
+SWEEP = ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *SHORT)
+COMPARE = ("compare", "lift", "--controllers", "foc", *SHORT)
+CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SHORT)
+TUNE = (
+    *("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m"),
+    *("--evaluations", "4", "--validation", "0", *SHORT),
+)
+FIRST = (*RUN, "--no-plots", "--output", "first")
+IDENTIFY = (
+    *("identify", "lift", "--measured", "first/results.csv:lift.plant.x_L=lift.plant.x_L"),
+    *("--vary", "lift.plant.motor.J_m=0.1:0.4", "--evaluations", "2", *SHORT),
+)
+VERIFY = ("verify", "read.fmu", "--only", "archive")
+SIZE = ("size", "prototype", "--stop-time", "0.05", "--lead-in", "350ms")
+LINEARIZE = ("linearize", "lift", "--open", "lift.controller.u_q->lift.plant.u_q", "--stop-time", "0.1")
+TRAJECTORY = ("trajectory", "--knots", "10", "--points", "5")
+RUN_FILES = ["results.csv", "metrics.json", "run.json", MANIFEST, *(f"{name}.png" for name in FIGURES)]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A command whose output is named by an option.
+
+    Attributes:
+        arguments: The command without the option.
+        option: The option, empty if the output is an argument.
+        files: What it writes into the folder; none if the option names a file.
+        suffix: The end that the name must have.
+        after: Whether the command reads the folder `first` of a run.
+        code: The exit code of the command when it may write.
+    """
+
+    arguments: Sequence[str]
+    option: str
+    files: Sequence[str] = ()
+    suffix: str = ""
+    after: bool = False
+    code: int = 0
+
+    def named(self, place: Path) -> list[str]:
+        return [*self.arguments, *filter(None, [self.option]), str(place)]
+
+
+FMUS = ("--fmus", ["EmlaPlant/EmlaPlant.fmu"])
+
+ATTEMPTS: dict[str, Attempt] = {
+    "run output": Attempt(RUN, "--output", RUN_FILES),
+    "run output report": Attempt((*RUN, "--no-plots", "--report"), "--output", ["report.html"]),
+    "run output parquet": Attempt(
+        (*RUN, "--no-plots", "--output-format", "parquet"), "--output", ["results.parquet"]
+    ),
+    "run checkpoint": Attempt((*RUN, "--no-plots", "--output", "o"), "--checkpoint"),
+    "run fmus": Attempt((*RUN, "--output", "o"), *FMUS),
+    "build output": Attempt(
+        ("build", "Reference", "--platform", host_platform()), "--output", ["Reference/Reference.fmu"]
+    ),
+    "rerun output": Attempt(("rerun", "first"), "--output", RUN_FILES, after=True),
+    "rerun checkpoint": Attempt(("rerun", "first", "--output", "o"), "--checkpoint", after=True),
+    "info json": Attempt(("info", "lift"), "--json"),
+    "info fmus": Attempt(("info", "lift"), *FMUS),
+    "plot output": Attempt(("plot", "first"), "--output", suffix=".png", after=True),
+    "sweep output": Attempt(
+        SWEEP, "--output", ["variants.parquet", "sweep.json", "worst.txt", "figures.png", MANIFEST]
+    ),
+    "sweep fmus": Attempt((*SWEEP, "--output", "o"), *FMUS),
+    "compare output": Attempt(
+        COMPARE, "--output", ["comparison.csv", "comparison.md", "comparison.json", "comparison-errors.png"]
+    ),
+    "compare output certificate": Attempt(CERTIFY, "--output", ["certificate.csv", "certificate.md"]),
+    "compare fmus": Attempt((*COMPARE, "--output", "o"), *FMUS),
+    "tune output": Attempt(
+        TUNE, "--output", ["best.toml", "tune.json", "history.csv", "tuning.png", MANIFEST], code=1
+    ),
+    "tune fmus": Attempt((*TUNE, "--output", "o"), *FMUS),
+    "identify output": Attempt(
+        IDENTIFY,
+        "--output",
+        ["identified.toml", "identify.json", "samples.csv", "fit.png", "certainty.png", MANIFEST],
+        after=True,
+    ),
+    "identify fmus": Attempt((*IDENTIFY, "--output", "o"), *FMUS, after=True),
+    "trajectory output": Attempt(TRAJECTORY, "--output"),
+    "size output": Attempt(
+        SIZE, "--output", ["size.json", "limits.csv", "cycles.csv", "prototype.png", MANIFEST]
+    ),
+    "size fmus": Attempt((*SIZE, "--no-plots", "--output", "o"), *FMUS),
+    "linearize output": Attempt(
+        LINEARIZE, "--output", ["linearize.json", "responses.csv", "bode.png", "nyquist.png", MANIFEST]
+    ),
+    "linearize fmus": Attempt((*LINEARIZE, "--no-plots", "--output", "o"), *FMUS),
+    "verify junit": Attempt(VERIFY, "--junit"),
+    "verify json": Attempt(VERIFY, "--json"),
+    "verify html": Attempt(VERIFY, "--html"),
+    "verify record": Attempt(
+        ("verify", "read.fmu"), "--record", ["read_ref.csv", "read_ref.opt", "read_ref.toml"]
+    ),
+    "export file": Attempt(("export", "lift"), "", suffix=".ssp"),
+    "export fmus": Attempt(("export", "lift", "x.ssp"), *FMUS),
+}
+"""By command and option, and what else decides which files are written."""
+
+
+def test_every_option_that_names_an_output_is_in_the_table() -> None:
+    aliases = {"rerun": "run", "tune": "sweep"}
+    written = {
+        f"{command} {option.name}"
+        for command in COMMANDS
+        for option in list_options(aliases.get(command, command)).values()
+        if option.about.writes
+    }
+    assert written - {"rerun fmus"} <= ATTEMPTS.keys()
+
+
+# ---- files of the user -------------------------------------------------------------------------
+
+
+def a_file(place: Path, outside: Path) -> None:
+    place.write_text(MINE)
+
+
+def a_link(place: Path, outside: Path) -> None:
+    place.symlink_to(outside)
+
+
+def a_broken_link(place: Path, outside: Path) -> None:
+    place.symlink_to(outside.with_name("gone"))
+
+
+def a_pipe(place: Path, outside: Path) -> None:
+    os.mkfifo(place)
+
+
+def a_folder(place: Path, outside: Path) -> None:
+    place.mkdir()
+    (place / "thesis.txt").write_text(MINE)
+
+
+Make = Callable[[Path, Path], None]
+KINDS: list[Make] = [a_file, a_link, a_broken_link, a_pipe, a_folder]
+
+
+def state(folder: Path) -> dict[Path, tuple[int, bytes]]:
+    """What everything in a folder is, and its content."""
+    states = {}
+    for path in folder.rglob("*"):
+        kind = stat.S_IFMT(path.lstat().st_mode)
+        content = path.read_bytes() if kind == stat.S_IFREG else b""
+        states[path] = (kind, str(path.readlink()).encode() if kind == stat.S_IFLNK else content)
+    return states
+
+
+def assert_unchanged(folder: Path, before: dict[Path, tuple[int, bytes]]) -> None:
+    """Everything is as it was; new folders are empty."""
+    after = state(folder)
+    assert {path: after.get(path) for path in before} == before
+    assert all(path.is_dir() for path in after.keys() - before.keys())
+
+
+@pytest.fixture(scope="session")
+def toy_file(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """An FMU that is verified quickly."""
+    path = tmp_path_factory.mktemp("toy") / "Toy.fmu"
+    build(toy.Toy, path)
+    return path.read_bytes()
+
+
+def prepare(attempt: Attempt, emla: Emla, folder: Path, toy_file: bytes) -> Path:
+    """Make what a command reads, and return the place of its output."""
+    (folder / "read.fmu").write_bytes(toy_file)
+    assert not attempt.after or emla(*FIRST).exit_code == 0
+    return folder / f"place{attempt.suffix}"
+
+
+CASES = [(name, file) for name, attempt in ATTEMPTS.items() for file in (attempt.files or [""])]
+FEW_CASES = [
+    *(("run output", file) for file in ("results.csv", "run.json", MANIFEST)),
+    *(("run checkpoint", ""), ("build output", "Reference/Reference.fmu"), ("verify json", "")),
+    *(("export file", ""), ("sweep output", "sweep.json"), ("trajectory output", "")),
+]
+
+
+@pytest.mark.parametrize(("name", "file"), mostly_slow(CASES, FEW_CASES))
+def test_user_file_is_neither_replaced_nor_removed(
+    name: str, file: str, emla: Emla, tmp_path: Path, toy_file: bytes
+) -> None:
+    attempt = ATTEMPTS[name]
+    place = prepare(attempt, emla, tmp_path, toy_file)
+    target = place / file if file else place
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(MINE)
+    before = state(tmp_path)
+    message = sentence(emla(*attempt.named(place)), 2)
+    assert "--overwrite" in message and len(message) < 600
+    assert_unchanged(tmp_path, before)
+
+
+@pytest.mark.parametrize(
+    ("name", "file"), [("run output", "metrics.json"), ("run checkpoint", ""), ("export file", "")]
+)
+def test_links_pipes_and_folders_are_never_replaced(
+    name: str, file: str, emla: Emla, tmp_path: Path, toy_file: bytes
+) -> None:
+    attempt = ATTEMPTS[name]
+    for make in KINDS[1:]:
+        folder = tmp_path / make.__name__
+        place = folder / f"place{attempt.suffix}"
+        target = place / file if file else place
+        target.parent.mkdir(parents=True)
+        (folder / "outside").write_text(MINE)
+        make(target, folder / "outside")
+        before = state(folder)
+        for more in ((), ("--overwrite",)):
+            sentence(emla(*attempt.named(place), *more), 2)
+            assert_unchanged(folder, before)
+
+
+REPLACED = [n for n, a in ATTEMPTS.items() if a.option != "--fmus"]
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+@pytest.mark.parametrize("name", mostly_slow(REPLACED, ["run output", "run checkpoint", "export file"]))
+def test_overwrite_replaces_user_files_and_own_files_need_no_option(
+    name: str, emla: Emla, tmp_path: Path, toy_file: bytes
+) -> None:
+    attempt = ATTEMPTS[name]
+    place = prepare(attempt, emla, tmp_path, toy_file)
+    files = [place / file for file in attempt.files] or [place]
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(MINE)
+    copy = tmp_path / "copy"
+    os.link(files[0], copy)
+    result = emla(*attempt.named(place), "--overwrite")
+    assert result.exit_code == attempt.code, result.output
+    assert copy.read_text() == MINE, "another name of the file has new content"
+    unwritten = {"worst.txt"} | {f"{n}.png" for n in FIGURES}  # which not every command has
+    assert all(f.read_text("latin-1") != MINE for f in files if f.exists() and f.name not in unwritten)
+    if attempt.option == "--record":
+        return  # reference files need the option each time
+    thesis = (place if attempt.files else tmp_path) / "thesis.txt"
+    thesis.write_text(MINE)
+    assert emla(*attempt.named(place)).exit_code == attempt.code
+    assert thesis.read_text() == MINE
+
+
+def test_pictures_beside_a_trajectory_are_not_replaced(emla: Emla, tmp_path: Path) -> None:
+    for suffix in ("forces-and-speeds", "positions-and-accelerations", "path"):
+        file = tmp_path / f"place-{suffix}.png"
+        file.write_text(MINE)
+        assert f"{file.name}' was not written by emla" in sentence(
+            emla(*TRAJECTORY, "--output", "place.json"), 2
+        )
+        assert file.read_text() == MINE
+        file.unlink()
+    assert not (tmp_path / "place.json").exists()
+
+
+# ---- the folder of a run -----------------------------------------------------------------------
+
+
+def test_run_replaces_and_removes_its_own_files_only(emla: Emla, tmp_path: Path) -> None:
+    """Hidden files that only look like unfinished ones stay, and pictures of an earlier run go."""
+    out = tmp_path / "out"
+    out.mkdir()
+    others = ("report.html", "errors.png", "results.parquet", "thesis.txt", ".unfinished-thesis.txt")
+    for name in others:
+        (out / name).write_text(MINE)
+    (out / ".unfinished-abcdefgh").write_text("of a killed run")
+    (out / ".unfinished-abcdefgi").symlink_to(out / "thesis.txt")
+    for _ in range(2):
+        assert emla(*QUICK).exit_code == 0
+    assert all((out / name).read_text() == MINE for name in others)
+    assert not (out / ".unfinished-abcdefgh").exists() and (out / ".unfinished-abcdefgi").is_symlink()
+    manifest = json.loads((out / MANIFEST).read_text())
+    assert manifest["format"] == "emla-output"
+    assert manifest["files"].keys() == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_changed_file_and_folder_without_record_are_refused(emla: Emla, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert emla(*RUN, "--output", "out").exit_code == 0
+    assert any(out.glob("*.png"))
+    (out / MANIFEST).unlink()  # as a folder of an early version
+    assert emla(*QUICK).exit_code == 0
+    assert not any(out.glob("*.png"))
+    with (out / "metrics.json").open("a") as stream:
+        stream.write("\n")
+    assert sentence(emla(*QUICK), 2) == (
+        "Error: 'out/metrics.json' was changed since emla wrote it. Choose another output folder, or use "
+        "--overwrite."
+    )
+    for name in (MANIFEST, "run.json"):
+        (out / name).unlink()
+    before = state(out)
+    assert sentence(emla(*QUICK), 2) == (
+        "Error: 'out/results.csv' was not written by emla. Choose another output folder, or use --overwrite."
+    )
+    assert state(out) == before
+    assert emla(*QUICK, "--overwrite").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "record", "content"),
+    [
+        (SweepFolder, "sweep.json", {"identity": {}, "status": "completed"}),
+        (TuneFolder, "tune.json", {"plan": {}, "best": {}, "runs": 3}),
+        (CompareFolder, "comparison.json", {"entrants": [], "runs": []}),
+        (CertificateFolder, "certificate.csv", "gains,figure,unit,lift\n"),
+    ],
+)
+def test_folders_of_early_versions_are_recognized(
+    kind: type[Folder], record: str, content: Mapping[str, Any] | str, tmp_path: Path
+) -> None:
+    for name in (*kind.files, *kind.pictures):
+        (tmp_path / name).write_text(MINE)
+    with pytest.raises(CommandError, match="was not written by emla"):
+        kind(tmp_path)
+    (tmp_path / record).write_text(content if isinstance(content, str) else json.dumps(content))
+    kind(tmp_path).check_files((*kind.files, *kind.pictures))
+
+
+def test_files_are_owned_before_they_are_complete(tmp_path: Path) -> None:
+    files = OutputFiles(tmp_path, tmp_path, "r.json", has_entries("x"), ["r.json", "a"])
+    files.claim(["a", "r.json"])
+    (tmp_path / "a").write_text("half of it")
+    files.check(["a"], "the file")  # a killed command left it
+    files.settle()
+    assert json.loads((tmp_path / MANIFEST).read_text())["files"].keys() == {"a"}
+    files.check(["a"], "the file")
+    (tmp_path / "a").write_text("the other half")
+    with pytest.raises(CommandError, match="was changed since emla wrote it"):
+        files.check(["a"], "the file")
+    files.remove(["a"])
+    assert (tmp_path / "a").exists()
+    OutputFiles(tmp_path, tmp_path, "r.json", has_entries("x"), ["a"], overwrite=True).remove(["a"], ["a"])
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("name", [".running", ".running.json", MANIFEST])
+@pytest.mark.parametrize("make", KINDS)
+def test_hidden_files_of_the_user_are_refused(name: str, make: Make, emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "outside").write_text(MINE)
+    make(tmp_path / "out" / name, tmp_path / "outside")
+    before = state(tmp_path)
+    assert name in sentence(emla(*QUICK), 2)
+    assert state(tmp_path) == before
+
+
+def test_linked_folder_of_parts_is_refused(emla: Emla, tmp_path: Path) -> None:
+    for name in ("outside", "out"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "outside/000000.parquet").write_text(MINE)
+    (tmp_path / "out/results.parquet.parts").symlink_to(tmp_path / "outside")
+    before = state(tmp_path)
+    for more in ((), ("--overwrite",)):
+        message = sentence(emla(*QUICK, "--output-format", "parquet", *more), 2)
+        assert "is not a folder of a run; move it away" in message
+        assert state(tmp_path) == before
+
+
+def test_result_and_tables_of_python_replace_their_own_files_only(fmu_folder: Path, tmp_path: Path) -> None:
+    with ec.load("lift", stop_time=0.002, fmus=fmu_folder).prepare() as simulation:
+        result = simulation.run()
+        for _ in range(2):
+            result.save(tmp_path / "out", plots=False)
+        (tmp_path / "out/errors.png").write_text(MINE)
+        with pytest.raises(CommandError, match=r"errors\.png' was not written by emla"):
+            result.save(tmp_path / "out")
+        result.save(tmp_path / "out", overwrite=True)
+
+        other = tmp_path / "notes.txt"
+        other.write_text(MINE)
+        for kind, file in ((ec.CsvFile, "t.csv"), (ec.ParquetFile, "t.parquet")):
+            path, second = tmp_path / file, tmp_path / f"second-{file}"
+            path.write_text(MINE)
+            with pytest.raises(CommandError, match=f"{file}' was not written by emla"):
+                simulation.run(recorders=[kind(path)])
+            assert path.read_text() == MINE
+            simulation.run(recorders=[kind(path, overwrite=True)])
+            for stop_time in (0.001, 0.002):
+                simulation.run(recorders=[kind(path), kind(second)], stop_time=stop_time)
+            assert path.read_bytes() == second.read_bytes()
+            path.write_bytes(path.read_bytes() + b"\n")
+            with pytest.raises(CommandError, match=f"{file}' was changed since emla wrote it"):
+                simulation.run(recorders=[kind(path)])
+            path.unlink()
+            path.symlink_to(other)
+            with pytest.raises(ec.CosimError, match="link"):
+                simulation.run(recorders=[kind(path, overwrite=True)])
+            assert path.is_symlink() and other.read_text() == MINE
+
+
+# ---- one command per folder --------------------------------------------------------------------
+
+FOLDERS = {
+    "run": QUICK,
+    "sweep": (*SWEEP, "--output", "out"),
+    "compare": (*COMPARE, "--output", "out"),
+    "tune": (*TUNE, "--output", "out"),
+    "size": ("size", "lift", *SHORT, "--output", "out"),
+    "linearize": ("linearize", "lift", "--open", "lift", "--stop-time", "0.01", "--output", "out"),
+}
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+@pytest.mark.parametrize("command", mostly_slow(FOLDERS, ["run"]))
+def test_folder_takes_one_command_at_a_time(command: str, emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "other").mkdir()
+    with exclusive_lock(tmp_path / "other"), exclusive_lock(tmp_path / "out"):
+        before = state(tmp_path)
+        assert json.loads((tmp_path / "out/.running.json").read_text())["process"] == os.getpid()
+        message = sentence(emla(*FOLDERS[command]), 2)
+        assert re.search(rf"another run writes to '.*out', process {os.getpid()} since 20", message)
+        assert state(tmp_path) == before
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_lock_of_a_killed_command_is_taken_over(emla: Emla, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    code = (
+        "import sys; from pathlib import Path; from emla_cosim.sandbox.locking import exclusive_lock as e\n"
+    )
+    code += "with e(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
+    command, pipe = [sys.executable, "-c", code, str(out)], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        assert f"process {other.pid} since 20" in sentence(emla(*QUICK), 2)
+        other.kill()
+    assert (out / ".running").exists()
+    assert emla(*QUICK).exit_code == 0
+    assert names(out) == {"results.csv", "metrics.json", "run.json"}
+
+
+@pytest.mark.slow
+def test_two_commands_with_one_file_leave_it_whole(fmu_folder: Path, tmp_path: Path) -> None:
+    call = [sys.executable, "-m", "emla_cosim", "export", "lift", "x.ssp", "--fmus", str(fmu_folder)]
+    pipe = subprocess.PIPE
+    processes = [subprocess.Popen(call, cwd=tmp_path, stdout=pipe, stderr=pipe) for _ in range(2)]
+    errors = [process.communicate(timeout=300)[1].decode() for process in processes]
+    assert [process.returncode for process in processes] == [0, 0], errors
+    with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
+        assert archive.testzip() is None
+    assert [p.name for p in tmp_path.iterdir()] == ["x.ssp"]
+
+
+# ---- files and folders that change while a command runs ----------------------------------------
+
+
+def remove(out: Path, mine: Path) -> None:
+    out.rename(out.with_name("moved"))
+
+
+def replace_by_file(out: Path, mine: Path) -> None:
+    remove(out, mine)
+    out.write_text(MINE)
+
+
+def replace_by_link(out: Path, mine: Path) -> None:
+    remove(out, mine)
+    out.symlink_to(mine, target_is_directory=True)
+
+
+def replace_by_folder(out: Path, mine: Path) -> None:
+    remove(out, mine)
+    mine.rename(out)
+
+
+CHANGES: list[tuple[Sequence[str], type[Any], str, Callable[[Path, Path], None]]] = [
+    (QUICK, OutputFolder, "keep", remove),
+    (QUICK, OutputFolder, "keep", replace_by_file),
+    (QUICK, OutputFolder, "keep", replace_by_link),
+    ((*QUICK, "--overwrite"), OutputFolder, "keep", replace_by_folder),
+    ((*RUN, "--output", "out"), OutputFolder, "draw", replace_by_folder),
+    ((*SWEEP, "--output", "out"), SweepFolder, "merge", replace_by_link),
+]
+"""A command, the method before which its folder changes, and how."""
+
+
+@pytest.mark.usefixtures("on_one_cluster")
+@pytest.mark.parametrize(("command", "owner", "method", "change"), mostly_slow(CHANGES, CHANGES[2:4]))
+def test_folder_that_changes_during_a_command(
+    command: Sequence[str],
+    owner: type[Any],
+    method: str,
+    change: Callable[[Path, Path], None],
+    emla: Emla,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, mine = tmp_path / "out", tmp_path / "mine"
+    mine.mkdir()
+    files = ("metrics.json", "run.json", "results.csv", "variants.parquet", "sweep.json", "tracking.png")
+    for name in files:
+        (mine / name).write_text(MINE)
+    original, changed = getattr(owner, method), list[bool]()
+
+    def change_once(self: Any, *arguments: Any, **named: Any) -> Any:
+        if not changed:
+            changed.append(True)
+            change(out, mine)
+        return original(self, *arguments, **named)
+
+    monkeypatch.setattr(owner, method, change_once)
+    assert sentence(emla(*command), 1)
+    folder = out if change is replace_by_folder else mine
+    assert {p.name for p in folder.iterdir()} == set(files)
+    assert all((folder / name).read_text() == MINE for name in files)
+    assert change is not replace_by_file or out.read_text() == MINE
+    assert change is not replace_by_link or out.is_symlink()
+
+
+APPEARING = {
+    "out/metrics.json": QUICK,
+    "c": (*QUICK, "--checkpoint", "c"),
+    "x.ssp": ("export", "lift", "x.ssp"),
+    "i.json": ("info", "lift", "--json", "i.json"),
+    "built/Reference/Reference.fmu": ("build", "Reference", "--output", "built"),
+}
+"""Commands by the file that appears."""
+
+
+@pytest.mark.parametrize("file", mostly_slow(APPEARING, ["out/metrics.json"]))
+def test_file_that_appears_during_a_command_stays(
+    file: str, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The user writes it just before the command gives its own file the name."""
+    original, done = fmublock.files._move, list[str]()
+
+    def move(unfinished: Path, place: Path, check: Callable[[Path], object]) -> None:
+        if place.name == Path(file).name and not done:
+            done.append(place.name)
+            place.write_text(MINE)
+        original(unfinished, place, check)
+
+    monkeypatch.setattr(fmublock.files, "_move", move)
+    message = sentence(emla(*APPEARING[file]), 1)
+    assert "appeared while emla ran" in message or "was not built by" in message
+    assert (tmp_path / file).read_text() == MINE
+    assert not [p for p in tmp_path.rglob("*") if p.name.startswith(UNFINISHED)]
+    done.clear()
+    assert emla(*APPEARING[file], "--overwrite").exit_code == 0 and done
+    assert (tmp_path / file).read_bytes() != MINE.encode()
+
+
+def test_file_that_appears_while_a_run_is_prepared_stays(
+    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check = OutputFolder.check
+
+    def late(self: OutputFolder) -> None:
+        if (tmp_path / "out/.running").exists():
+            (tmp_path / "out/run.json").write_text(MINE)
+        check(self)
+
+    monkeypatch.setattr(OutputFolder, "check", late)
+    assert "run.json' was not" in sentence(emla(*QUICK), 2)
+    assert (tmp_path / "out/run.json").read_text() == MINE
+
+
+@pytest.mark.parametrize("links", [True, False], ids=["with hard links", "without"])
+def test_atomic_write_replaces_no_new_file(
+    links: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Path.hardlink_to
+    appears = False
+
+    def refuse(place: Path) -> None:
+        raise FileExistsError(errno.EEXIST, "it is mine")
+
+    def link(self: Path, target: Path) -> None:
+        if appears:
+            self.write_text(MINE)
+        if not links:
+            raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+        original(self, target)
+
+    monkeypatch.setattr(Path, "hardlink_to", link)
+    with write_atomically(tmp_path / "f", refuse) as stream:
+        stream.write(b"ours")
+    assert (tmp_path / "f").read_bytes() == b"ours" and (tmp_path / "f").stat().st_nlink == 1
+    (tmp_path / "f").unlink()
+    appears = True
+    with pytest.raises(FileExistsError, match="it is mine"), write_atomically(tmp_path / "f", refuse) as s:
+        s.write(b"ours")
+    assert (tmp_path / "f").read_text() == MINE
+    assert [p.name for p in tmp_path.iterdir()] == ["f"]
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_table_that_is_removed_during_a_run_is_reported(
+    replaced: bool, fmu_folder: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "results.csv"
+
+    class Removing(ec.Recorder):
+        def write(self, rows: Any) -> None:
+            path.unlink()
+            if replaced:
+                path.write_text(MINE)
+
+    with (
+        ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare() as simulation,
+        pytest.raises(ec.RunError, match="removed or replaced while the run wrote to it"),
+    ):
+        simulation.run(recorders=[ec.CsvFile(path), Removing()])
+    assert not replaced or path.read_text() == MINE
+
+
+# ---- names -------------------------------------------------------------------------------------
+
+
+def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> None:
+    """Also if two names differ only in case. Refused before anything is computed."""
+    (tmp_path / "my.toml").write_text('system = "lift"\nstop_time = 0.002\nplots = false\n')
+    (tmp_path / "endless.toml").symlink_to("/dev/zero")
+    assert emla("export", "lift", "x.ssp").exit_code == 0
+    (tmp_path / "link.ssp").symlink_to("x.ssp")
+    for name in ("Faulty.fmu", "f/FAULTY.fmu"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(faulty_fmu, tmp_path / name)
+    source = Path(toy.__file__).read_text()
+    for name in ("b.py", "c.py"):
+        (tmp_path / name).write_text(f"{source}\n\nclass toy(Toy):\n    pass\n")
+    before, n = state(tmp_path), "n" * 300
+    for command, words in (
+        ((*QUICK, "--checkpoint", "out/results.csv"), "is also a file of the results"),
+        ((*QUICK, "--checkpoint", "out/../out/run.json"), "is also a file of the results"),
+        ((*QUICK, "--checkpoint", "out/RUN.json"), "is also a file of the results"),
+        (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is also the scenario"),
+        (("run", "x.ssp", *SHORT, "--checkpoint", "link.ssp"), "'link.ssp' cannot be written: it is a"),
+        ((*RUN, "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is also the FMU"),
+        (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
+        (("verify", "Faulty.fmu", "--json", "r", "--html", "R"), "the page 'R' is also the JSON report 'r'"),
+        (("verify", "Faulty.fmu", "f/FAULTY.fmu", "--record", "r"), "two FMUs have the name FAULTY"),
+        (("build", "b.py:Toy", "b.py:toy"), "the FMUs of 'b.py:Toy' and 'b.py:toy' have the same name"),
+        (("build", "b.py:Toy", "c.py:Toy"), "the FMUs of 'b.py:Toy' and 'c.py:Toy' have the same name"),
+        (("trajectory", "--output", "x.PNG"), "must not end in .png"),
+        (("run", "endless.toml"), "it is a device"),
+        ((*QUICK, "--checkpoint", n), "the checkpoint"),
+        ((*RUN, "--no-plots", "--output", n), "the output folder"),
+        (("export", "lift", f"{n}.ssp"), "cannot be written"),
+    ):
+        assert words in sentence(emla(*command), 2)
+        shutil.rmtree(tmp_path / "out", ignore_errors=True)
+    assert_unchanged(tmp_path, before)
+
+
+@pytest.mark.parametrize("suffix", [".ssp", ".c"])
+def test_names_of_the_greatest_length(suffix: str, emla: Emla, tmp_path: Path) -> None:
+    name = "n" * (255 - len(suffix)) + suffix
+    command = ("export", "lift", name) if suffix == ".ssp" else (*QUICK, "--checkpoint", name)
+    for _ in range(2):
+        assert emla(*command).exit_code == 0
+    assert not [p.name for p in tmp_path.iterdir() if p.name.startswith(UNFINISHED)]
+
+
+def test_links_to_folders_are_followed_and_links_to_files_are_not(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").symlink_to("elsewhere")
+    assert emla(*QUICK, "--checkpoint", "out/c").exit_code == 0
+    assert names(tmp_path / "elsewhere") == {"results.csv", "metrics.json", "run.json", "c"}
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OSError):
+        real_place(tmp_path / "a")
+    assert real_place(tmp_path / "out" / "new") == (tmp_path / "elsewhere" / "new").resolve()
+    for name, words in (("out", "a symbolic link"), ("a", "a symbolic link"), ("elsewhere/..", "a folder")):
+        with pytest.raises(NotAFileError, match=f"it is {words}"):
+            real_place(tmp_path / name)
+
+
+def test_paths_are_relative_to_where_a_simulation_was_prepared(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("here", "elsewhere"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "elsewhere" / "c").write_text(MINE)
+    monkeypatch.chdir(tmp_path / "here")
+
+    class Going(ec.Recorder):
+        def pause(self, run: Any) -> None:
+            os.chdir(tmp_path / "elsewhere")  # as an FMU may do
+
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        simulation.run(checkpoint="c", recorders=[Going(), ec.TimeSeries()])
+        simulation.run(checkpoint="c", stop_time=0.003)
+        assert simulation.run(resume="c", stop_time=0.004).simulated_s == pytest.approx(0.001)
+        (tmp_path / "elsewhere" / "sub").mkdir()
+        with pytest.raises(CommandError, match="the checkpoint 'sub/c' cannot be written: there is no"):
+            simulation.run(checkpoint="sub/c")
+        with pytest.raises(CommandError, match=r"the checkpoint .* cannot be written: .*null"):
+            simulation.run(checkpoint="x\0y")
+    assert (tmp_path / "here" / "c").exists()
+    assert (tmp_path / "elsewhere" / "c").read_text() == MINE
+
+
+@pytest.mark.slow
+def test_file_system_that_ignores_case(
+    emla: Emla, tmp_path: Path, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with folder_ignoring_case(tmp_path) as folder:
+        monkeypatch.chdir(folder)
+        shutil.copy(faulty_fmu, "Faulty.fmu")
+        Path("out").mkdir()
+        for mine, command in (
+            ("out/Results.csv", QUICK),
+            ("OUT/Variants.parquet", (*SWEEP, "--output", "out")),
+            ("X.SSP", ("export", "lift", "x.ssp")),
+            ("I.json", ("info", "lift", "--json", "i.json")),
+            ("V.json", ("verify", "Faulty.fmu", "--only", "archive", "--json", "v.json")),
+            ("reference", ("build", "Reference", "--platform", "linux64", "--output", ".")),
+        ):
+            Path(mine).write_text(MINE)
+            sentence(emla(*command), 2)
+            assert Path(mine).read_text() == MINE
+            Path(mine).unlink()
+        assert emla(*QUICK).exit_code == 0
+        before = names(Path("out"))
+        assert emla(*QUICK[:-1], "OUT").exit_code == 0
+        assert names(Path("out")) == before
+        with zipfile.ZipFile("a.zip", "w") as archive:
+            archive.writestr("resources/Pump.fmu", b"one")
+            archive.writestr("resources/pump.fmu", b"another")
+        with pytest.raises(UnsafeArchiveError, match="names differ only in case"):
+            unpack(folder / "a.zip", folder / "unpacked")
+
+
+# ---- FMUs --------------------------------------------------------------------------------------
+
+
+def test_user_fmus_are_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mine = FMU_FOLDER / "Reference" / "Reference.fmu"
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"PK of another tool")
+    with pytest.raises(CommandError, match=r"'fmus/Reference/Reference.fmu' was not written by emla"):
+        check_build_path("Reference", "native")
+    check_build_path("Reference", "native", overwrite=True)
+    check_build_path("Controller", "native")
+
+    shutil.copy(toy.__file__, "toy.py")
+    command = ["build", "toy.py:Toy"]
+    Path("Toy.fmu").write_text(MINE)
+    assert fmublock_main(command) == 2
+    assert "'Toy.fmu' was not built by fmublock" in capsys.readouterr().err
+    assert Path("Toy.fmu").read_text() == MINE
+    for more in (["--overwrite"], []):
+        assert fmublock_main([*command, *more]) == 0
+    Path("Toy.fmu").rename("elsewhere.fmu")
+    Path("Toy.fmu").symlink_to("elsewhere.fmu")
+    assert fmublock_main([*command, "--overwrite"]) == 2
