@@ -1,4 +1,4 @@
-"""Runs held against runs that were kept: `emla run --reference`, and in Python."""
+"""Runs compared with stored runs: `emla run --reference`, and in Python."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ def kept(simulation: ec.Simulation, tmp_path_factory: pytest.TempPathFactory) ->
     return folder
 
 
-def test_the_same_run_agrees(simulation: ec.Simulation, kept: Path) -> None:
+def test_same_run_agrees(simulation: ec.Simulation, kept: Path) -> None:
     result = simulation.run(reference=kept, tolerance={"*": ec.Tolerance(0.0, time=0.0)})
     assert len(result.comparisons) == len(simulation.names)
     assert all(c.inside and c.worst == 0.0 for c in result.comparisons)
@@ -38,9 +38,7 @@ def test_the_same_run_agrees(simulation: ec.Simulation, kept: Path) -> None:
     }
 
 
-def test_another_run_says_which_signal_left_first_and_by_how_much(
-    simulation: ec.Simulation, kept: Path
-) -> None:
+def test_other_run_reports_which_signal_left_its_tube_first(simulation: ec.Simulation, kept: Path) -> None:
     with pytest.raises(RunError, match=r"signals do not agree with '.*results\.csv': lift\.") as raised:
         simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2})
     result = raised.value.fields["result"]
@@ -53,14 +51,15 @@ def test_another_run_says_which_signal_left_first_and_by_how_much(
     # the tube's edges are up to half an interval away
     assert 0.0 < worst["worst"] <= off.max()
     assert {x["signal"] for x in left} == {c.signal for c in result.comparisons if not c.inside}
-
-
-def test_wider_tubes_let_it_pass(simulation: ec.Simulation, kept: Path) -> None:
     wide = {"*": ec.Tolerance(1e-9, time=0.0), "lift.*": 10.0}
     assert simulation.run(reference=kept, tolerance=wide, set={"lift.plant.motor.R_s": 0.2}).problem is None
+    with pytest.raises(RunError, match=r"requirements not met: run\.steps < 3.*signals do not agree"):
+        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
+    with pytest.raises(CommandError, match="needs a recorder that keeps a table"):
+        simulation.run(reference=kept, recorders=[])
 
 
-def test_a_result_can_be_compared_later(simulation: ec.Simulation, kept: Path) -> None:
+def test_result_can_be_compared_later(simulation: ec.Simulation, kept: Path) -> None:
     result = simulation.run(stop_time=0.02)
     comparisons = result.compare(kept, {"*": 1e-9})
     assert [c.signal for c in comparisons] == simulation.names
@@ -68,12 +67,7 @@ def test_a_result_can_be_compared_later(simulation: ec.Simulation, kept: Path) -
     assert comparisons[0].time[-1] == pytest.approx(0.02)
 
 
-def test_what_was_required_and_what_disagrees_are_both_told(simulation: ec.Simulation, kept: Path) -> None:
-    with pytest.raises(RunError, match=r"requirements not met: run\.steps < 3.*signals do not agree"):
-        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
-
-
-def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, tmp_path: Path) -> None:
+def test_reference_in_parquet(simulation: ec.Simulation, tmp_path: Path) -> None:
     run = simulation.run(output_format="parquet")
     run.save(tmp_path / "p", plots=False)
     assert simulation.run(reference=tmp_path / "p").problem is None
@@ -89,7 +83,7 @@ def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, 
         ("time,other.x\n0,1\n", "has none of the recorded signals; it has other.x and 0 more"),
     ],
 )
-def test_a_run_that_cannot_be_compared_is_told_before_anything_runs(
+def test_reference_that_cannot_be_compared(
     content: str | None, said: str, simulation: ec.Simulation, tmp_path: Path
 ) -> None:
     place = tmp_path / "results.csv"
@@ -99,12 +93,7 @@ def test_a_run_that_cannot_be_compared_is_told_before_anything_runs(
         simulation.run(reference=place)
 
 
-def test_a_comparison_needs_a_table(simulation: ec.Simulation, kept: Path) -> None:
-    with pytest.raises(CommandError, match="needs a recorder that keeps a table"):
-        simulation.run(reference=kept, recorders=[])
-
-
-def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Path) -> None:
+def test_command_fails_with_a_table_and_a_message(emla: Emla, tmp_path: Path) -> None:
     assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
     same = emla("run", "lift", *SHORT, "--output", "b", "--reference", "a")
     assert same.exit_code == 0
@@ -123,7 +112,10 @@ def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Pat
     )
 
 
-def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_path: Path) -> None:
+def test_reference_is_not_overwritten(emla: Emla, tmp_path: Path) -> None:
+    text = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
+    assert text == "Error: the run to compare with, 'nowhere', does not exist."
+    assert not list(tmp_path.rglob("*.csv"))
     assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
     before = (tmp_path / "a" / "results.csv").read_bytes()
     for reference in ("a", "a/results.csv"):
@@ -134,13 +126,8 @@ def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_pa
     assert (tmp_path / "a" / "results.csv").read_bytes() == before
 
 
-def test_a_missing_reference_is_told_before_fmus_are_prepared(emla: Emla, tmp_path: Path) -> None:
-    said = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
-    assert said == "Error: the run to compare with, 'nowhere', does not exist."
-    assert not (tmp_path / "results").exists() or not any((tmp_path / "results").rglob("*.csv"))
-
-
-def test_verify_holds_a_package_against_a_run(emla: Emla, tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_verify_compares_a_package_with_a_run(emla: Emla, tmp_path: Path) -> None:
     assert emla("export", "lift", "lift.ssp", "--stop-time", "0.05").exit_code == 0
     assert emla("run", "lift.ssp", "--no-plots", "--output", "a").exit_code == 0
     good = ec.verify("lift.ssp", reference="a", only="description.readable")

@@ -14,6 +14,7 @@ import fmublock
 import hdrm_fmu
 import rsba_fmu
 from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
 
 PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu, hdrm_fmu]
 
@@ -34,8 +35,13 @@ def examples() -> dict[str, doctest.DocTest]:
 EXAMPLES = examples()
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_works(
+SLOW = {f"emla_cosim.{name}" for name in ("identify", "compare", "tune", "Input", "sweep")} | {
+    "fmublock.build"
+}
+
+
+@pytest.mark.parametrize("name", mostly_slow(EXAMPLES, EXAMPLES.keys() - SLOW))
+def test_docstring_example(
     name: str,
     fmu_folder: Path,
     on_one_cluster: None,
@@ -49,12 +55,12 @@ def test_an_example_works(
     assert runner.run(EXAMPLES[name]).failed == 0, capsys.readouterr().out
 
 
-def test_functions_have_examples() -> None:
+def test_main_functions_have_examples() -> None:
     functions = {"load", "info", "sweep", "compare", "tune", "Scenario.prepare", "Simulation.run"}
     assert {f"emla_cosim.{name}" for name in functions} <= set(EXAMPLES)
 
 
-def test_what_extensions_need_is_public() -> None:
+def test_names_for_extensions_are_public() -> None:
     assert {"Progress", "Network", "Link", "FmuInstance", "__version__"} <= set(ec.__all__)
     assert ec.__version__ == version("emla-cosim")
 

@@ -1,4 +1,4 @@
-"""What a Python user meets: prepared once, run many times, results in memory."""
+"""Runs in Python: prepared once, run many times, with results in memory and one message per mistake."""
 
 import json
 import os
@@ -22,11 +22,11 @@ from emla_cosim.base.units import LinearTransformation
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
-from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault
-from tests.support.whole_files import names
+from tests.support.hand_written_fmus import Fault
 
 SHORT = {"stop_time": 0.02}
+ORDER = [f"lift.{part}" for part in ("plant", "observer", "controller", "reference", "disturbance")]
 Array = np.ndarray
 
 
@@ -41,7 +41,7 @@ def rows(result: ec.Result) -> bytes:
     return np.column_stack(list(result.read(["time", *result.names]).values())).tobytes()
 
 
-def test_a_run_gives_arrays_units_frames_and_metrics(lift: ec.Simulation) -> None:
+def test_result_has_arrays_units_frames_and_metrics(lift: ec.Simulation) -> None:
     result = lift.run(stop_time=0.4, output_interval=1e-3)
     assert result.time == pytest.approx(np.arange(401) * 1e-3, abs=1e-15)
     assert result["lift.plant.x_L"].shape == (401,)
@@ -56,7 +56,7 @@ def test_a_run_gives_arrays_units_frames_and_metrics(lift: ec.Simulation) -> Non
     assert result.steps == 4000
 
 
-def test_every_run_begins_anew(lift: ec.Simulation) -> None:
+def test_runs_do_not_affect_one_another(lift: ec.Simulation) -> None:
     first = lift.run()
     other = lift.run(set={"lift.plant.motor.R_s": 0.3, "lift.disturbance.load.level[1]": 2e4})
     assert rows(other) != rows(first)
@@ -72,7 +72,7 @@ def test_every_run_begins_anew(lift: ec.Simulation) -> None:
 @pytest.mark.parametrize(
     "options", [{}, {"algorithm": "strong", "step_size": 1e-3}, {"error_tolerance": 0.01}]
 )
-def test_a_run_in_parts_is_the_same(lift: ec.Simulation, options: dict[str, Any]) -> None:
+def test_run_in_parts_has_the_same_rows(lift: ec.Simulation, options: dict[str, Any]) -> None:
     whole = lift.run(**options)
     lift.start(**options)
     lift.advance(0.004)
@@ -87,41 +87,29 @@ def test_a_run_in_parts_is_the_same(lift: ec.Simulation, options: dict[str, Any]
     assert parts.steps >= whole.steps
 
 
-def test_flavours_reset_alike(python_fmu_folder: Path) -> None:
-    runs = {}
-    for flavour in ("native", "python"):
-        with ec.load("lift").prepare(fmus=python_fmu_folder, flavour=flavour, stop_time=0.002) as simulation:
-            runs[flavour] = [rows(simulation.run()) for _ in range(3)]
-    assert len({*runs["native"], *runs["python"]}) == 1
-
-
-def test_many_runs_leave_nothing_behind_and_are_those_of_the_command(
+def test_many_runs_leave_no_files_and_give_the_rows_of_the_command(
     fmu_folder: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    resistances = np.linspace(0.1, 0.2, 60)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05) as simulation:
         simulation.run()
-        before = set(Path(tempfile.gettempdir()).iterdir())
-        results, memory = {}, []
-        for i, resistance in enumerate(resistances):
+        before, memory = set(temporary.iterdir()), list[int]()
+        for resistance in np.linspace(0.1, 0.2, 40):
             result = simulation.run(set={"lift.plant.motor.R_s": resistance})
-            if i in (0, 31, 59):
-                results[i] = result
             memory.append(psutil.Process().memory_info().rss)
-        assert set(Path(tempfile.gettempdir()).iterdir()) == before
-    assert max(memory[30:]) - memory[29] < 2**20
-    for i, result in results.items():
-        value = f"lift.plant.motor.R_s={float(resistances[i])!r}"
-        assert emla("run", "lift", "--stop-time", "0.05", "--set", value, "--no-plots").exit_code == 0
-        result.save(tmp_path / "saved", plots=False)
-        csv = (tmp_path / "results/lift/results.csv").read_bytes()
-        assert (tmp_path / "saved/results.csv").read_bytes() == csv
-    assert not set(Path(tempfile.gettempdir()).iterdir()) - before
+        assert set(temporary.iterdir()) == before
+    assert max(memory[20:]) - memory[19] < 2**20
+    options = ("--stop-time", "0.05", "--set", "lift.plant.motor.R_s=0.2", "--no-plots")
+    assert emla("run", "lift", *options).exit_code == 0
+    result.save(tmp_path / "saved", plots=False)
+    rows_of_command = (tmp_path / "results/lift/results.csv").read_bytes()
+    assert (tmp_path / "saved/results.csv").read_bytes() == rows_of_command
+    assert not set(temporary.iterdir()) - before
 
 
-def test_a_result_is_saved_as_the_command_saves_it(fmu_folder: Path, emla: Emla, tmp_path: Path) -> None:
+def test_saved_result_has_the_files_of_the_command(fmu_folder: Path, emla: Emla, tmp_path: Path) -> None:
     """In one thread: whether more are tried depends on how busy the machine is, and run.json has it."""
     assert emla("run", "lift", "--stop-time", "0.4", "--threads", "1").exit_code == 0
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.4) as simulation:
@@ -135,7 +123,7 @@ def test_a_result_is_saved_as_the_command_saves_it(fmu_folder: Path, emla: Emla,
     assert record["units"]["lift.plant.tau_m"] == "N.m"
 
 
-def test_a_signal_that_was_not_kept_is_named(lift: ec.Simulation) -> None:
+def test_signal_that_was_not_recorded_is_named(lift: ec.Simulation) -> None:
     result = lift.run(signals=["lift.plant.*"])
     assert result.names
     assert all(n.startswith("lift.plant.") for n in result.names)
@@ -171,31 +159,73 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation, tmp_path: Path) -> Non
         ({"stop": 1.0}, "there is no option 'stop'; did you mean 'stop_time'"),
         ({"stop_time": "soon"}, "the option 'stop_time' is 'soon'; it must be a number"),
         ({"stop_time": float("nan")}, "the stop time nan s"),
+        ({"stop_time": 0.0}, "stop time 0 s"),
+        ({"step_size": 0.0}, "step size 0 s must be a positive"),
+        ({"step_size": float("nan")}, "step size nan s"),
+        ({"step_size": 3e-4, "stop_time": 1e-3}, "is not a whole number of steps"),
+        ({"output_interval": 1.5e-4}, "output interval 0.00015 s"),
+        ({"output_interval": -1.0}, "output interval -1 s must be a positive"),
+        ({"real_time": 0.0}, "real-time factor 0 must be a positive number"),
         ({"algorithm": "euler"}, "there is no algorithm 'euler'; choose from jacobi"),
         ({"algorithm": "jacobi", "coupling_tolerance": 1e-6}, "jacobi has no coupling tolerance; strong has"),
+        ({"algorithm": "strong", "coupling_tolerance": 0.0}, "coupling tolerance 0 must be between 0 and 1"),
         (
             {"algorithm": ec.Jacobi(), "step_multiples": {}},
             "is an object with its own options; leave out step_mult",
         ),
+        ({"error_tolerance": 0.0}, "error tolerance 0 must be between 0 and 1"),
+        ({"error_tolerance": 2.0}, "the error tolerance 2 must be between 0 and 1"),
+        ({"order": ["lift.plant"]}, "must name every component once"),
+        ({"order": [*ORDER[1:]]}, f"once (missing: {ORDER[0]})."),
+        ({"order": [*ORDER, "lift.plant"]}, "once (unknown or named twice: lift.plant)."),
+        ({"step_multiples": {"lift.pump": 2}}, "no component 'lift.pump'"),
+        ({"step_multiples": {"lift.plant": 0}}, "step multiple 0 of lift.plant must be at least 1"),
+        ({"step_multiples": {"lift.plant": 2}, "error_tolerance": 0.1}, "step multiples need fixed steps"),
         ({"set": {"lift.plant.R": 1.0}}, "lift.plant has no variable 'R'"),
         ({"set": {"lift.plant.motor.R_s": -1.0}}, "motor.R_s = -1 Ohm is out of range"),
+        ({"set": {"lift.plant.gearbox.eta_GB": 2.0}}, "at most 1"),
+        ({"set": {"lift.plant.motor.N_p": "2.5"}}, "motor.N_p = 2.5 is not a whole number"),
+        ({"set": {"lift.plant.sensor.seed": 99999999999}}, "at most 2147483646"),
+        ({"set": {"lift.plant.start.x_L": "nan"}}, "lift.plant.start.x_L = nan m is out of range"),
+        ({"set": {"lift.observer.use_model": "maybe"}}, "= maybe is not a Boolean"),
+        ({"set": {"lift.plant.x_L": 1.0}}, "cannot be set; did you mean start.x_L?"),
         ({"set": {"lift.plant.u_q": 1.0}}, "lift.plant.u_q cannot be set: it is driven by"),
         ({"set": {"lift.pump.p": 1.0}}, "there is no component 'lift.pump'"),
-        ({"set": {"p": 1.0}}, "'p' is not a variable; write it as lift.reference.VARIABLE"),
+        ({"set": {"lift.plant": 1.0}}, "'lift.plant' is not a variable; write it as lift.reference.VARIABLE"),
         ({"flavour": "python"}, "'flavour' cannot change between runs"),
         ({"output": "here"}, "'output' is for the command line; use `save`"),
-        ({"order": ["lift.plant"]}, "must name every component once"),
-        ({"error_tolerance": 2.0}, "the error tolerance 2 must be between 0 and 1"),
     ],
 )
-def test_what_does_not_fit_is_one_sentence(lift: ec.Simulation, options: dict[str, Any], words: str) -> None:
-    with pytest.raises(ec.CommandError) as found:
+def test_invalid_option_gives_one_message(lift: ec.Simulation, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ec.CommandError) as caught:
         lift.run(**options)
-    assert words in str(found.value)
-    assert lift.run().problem is None
+    assert words in str(caught.value)
+    assert lift.run(stop_time=0.001).problem is None
 
 
-def test_numbers_of_numpy_are_numbers(lift: ec.Simulation) -> None:
+def test_record_has_the_stepping(lift: ec.Simulation) -> None:
+    """Order and late connections of gauss-seidel, those of jacobi, and the loops of strong."""
+    for options in ({}, {"order": ORDER}, {"algorithm": "jacobi"}):
+        record = lift.run(stop_time=0.001, **options).record
+        stepping, connections = record["stepping"], record["connections"]
+        place = {name: i for i, name in enumerate(stepping.get("order") or ())}
+        if "algorithm" in options:
+            assert stepping["late_connections"] == connections and stepping["compiled"]
+            continue
+        ends = {
+            x: [next(c for c in place if e.startswith(f"{c}.")) for e in x.split(" -> ")] for x in connections
+        }
+        assert stepping["late_connections"] == [x for x, (a, b) in ends.items() if place[a] >= place[b]]
+        assert 0 < len(stepping["late_connections"]) < len(connections)
+        assert list(place) == options.get("order", list(place))
+    strong = lift.run(stop_time=0.001, algorithm="strong").record["stepping"]
+    assert strong["late_connections"] == [] and strong["compiled"]
+    (loop,) = strong["loops"]
+    assert sorted(loop) == [f"lift.{part}" for part in ("controller", "disturbance", "observer", "plant")]
+    assert strong["sweeps_over_loops"] >= strong["steps"] == 10
+
+
+def test_numpy_numbers_are_numbers(lift: ec.Simulation) -> None:
     result = lift.run(stop_time=np.float64(0.02), step_multiples={"lift.observer": np.int64(2)})
     assert result.record["settings"]["step_multiples"] == {"lift.observer": 2}
 
@@ -203,7 +233,7 @@ def test_numbers_of_numpy_are_numbers(lift: ec.Simulation) -> None:
 # ---- stepping by hand ------------------------------------------------------------------------------
 
 
-def test_inputs_that_nothing_drives_can_be_set_between_steps(fmu_folder: Path) -> None:
+def test_free_inputs_can_be_set_between_steps(fmu_folder: Path) -> None:
     plant = fmu_path("EmlaPlant", "native", fmu_folder)
     system = ec.System.of({"plant": plant}, set={"plant.start.x_L": 0.25})
     with ec.load(system, stop_time=0.1, step_size=1e-4).prepare() as simulation:
@@ -219,7 +249,7 @@ def test_inputs_that_nothing_drives_can_be_set_between_steps(fmu_folder: Path) -
     assert result["plant.x_L"][-1] < 0.25
 
 
-def test_values_between_steps_are_in_the_unit_that_the_component_has_here(faulty_fmu: Path) -> None:
+def test_values_between_steps_are_in_the_units_of_the_system(faulty_fmu: Path) -> None:
     """Here in mm, in the FMU in m, with another zero: read, set and recorded alike."""
     to_m = LinearTransformation(1e-3, 0.5)
     aliases = {"place": Alias("y", to_m), "drive": Alias("u", to_m)}
@@ -234,7 +264,7 @@ def test_values_between_steps_are_in_the_unit_that_the_component_has_here(faulty
     assert to_m(place) == pytest.approx(0.5 * 2.0)  # the FMU integrates 2 m
 
 
-def test_what_cannot_be_set_between_steps_is_said(lift: ec.Simulation) -> None:
+def test_variables_that_cannot_be_set_between_steps(lift: ec.Simulation) -> None:
     lift.start()
     for name, words in (
         ("lift.plant.u_q", "driven by lift.controller.u_q"),
@@ -267,7 +297,7 @@ class Interrupting(ec.Recorder):
             signal.raise_signal(signal.SIGINT)
 
 
-def test_ctrl_c_returns_what_was_computed(lift: ec.Simulation) -> None:
+def test_ctrl_c_returns_the_results_so_far(lift: ec.Simulation) -> None:
     kept = ec.TimeSeries()
     result = lift.run(stop_time=1000.0, recorders=[kept, Interrupting()])
     assert result.problem is not None
@@ -277,7 +307,7 @@ def test_ctrl_c_returns_what_was_computed(lift: ec.Simulation) -> None:
     assert lift.run().problem is None
 
 
-def test_ctrl_c_between_steps_by_hand_ends_the_users_loop_and_nothing_else(lift: ec.Simulation) -> None:
+def test_ctrl_c_between_steps_by_hand_keeps_the_run(lift: ec.Simulation) -> None:
     lift.start(stop_time=100.0, recorders=[Interrupting(once=True)])
     with pytest.raises(KeyboardInterrupt):
         lift.advance(100.0)
@@ -287,7 +317,7 @@ def test_ctrl_c_between_steps_by_hand_ends_the_users_loop_and_nothing_else(lift:
     assert lift.finish().end_s == pytest.approx(reached + 0.01)
 
 
-def test_a_run_that_fails_raises_with_what_was_computed(faulty_fmu: Path) -> None:
+def test_failed_run_raises_with_the_results_so_far(faulty_fmu: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
     with ec.load(system, stop_time=1.0, step_size=0.1).prepare(output_interval=0.1) as simulation:
         for _ in range(2):
@@ -300,7 +330,7 @@ def test_a_run_that_fails_raises_with_what_was_computed(faulty_fmu: Path) -> Non
         assert simulation.run(set={"j.bad.at": 10.0}).problem is None
 
 
-def test_a_recorder_that_fails_ends_the_run_and_the_others(lift: ec.Simulation) -> None:
+def test_failing_recorder_ends_the_run(lift: ec.Simulation) -> None:
     class Full(ec.Recorder):
         def __str__(self) -> str:
             return "my archive"
@@ -314,7 +344,7 @@ def test_a_recorder_that_fails_ends_the_run_and_the_others(lift: ec.Simulation) 
     assert len(kept.rows)
 
 
-def test_a_simulation_that_is_closed_says_so(fmu_folder: Path) -> None:
+def test_closed_simulation_is_reported(fmu_folder: Path) -> None:
     simulation = ec.load("lift", stop_time=0.01).prepare(fmus=fmu_folder)
     simulation.advance(0.001)
     simulation.close()
@@ -326,7 +356,7 @@ def test_a_simulation_that_is_closed_says_so(fmu_folder: Path) -> None:
         simulation["lift.plant.x_L"]
 
 
-def test_another_thread_has_to_prepare_its_own(lift: ec.Simulation) -> None:
+def test_second_thread_is_refused(lift: ec.Simulation) -> None:
     refused: list[Exception] = []
 
     class Meddling(ec.Recorder):
@@ -352,33 +382,28 @@ def test_another_thread_has_to_prepare_its_own(lift: ec.Simulation) -> None:
         "",
         ".",
         "/",
-        "..",
         "#",
         "a#b",
         "x\0y",
         "y" * 5000,
-        "~",
         "-",
         "study/",
         " study",
         "lift\n",
         "a.toml/b",
-        "*",
         "é.ssp",
         3,
         None,
     ],
 )
-def test_what_is_no_scenario_is_one_sentence(
-    source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_source_that_is_not_a_scenario(source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ec.CommandError) as found:
         ec.load(source)
     assert str(found.value).count("\n") == str(source).count("\n")
 
 
-def test_what_is_of_another_type_is_one_sentence(lift: ec.Simulation) -> None:
+def test_values_of_wrong_types(lift: ec.Simulation) -> None:
     class Unheard:
         pass
 
@@ -398,10 +423,10 @@ def test_what_is_of_another_type_is_one_sentence(lift: ec.Simulation) -> None:
     assert lift.run().problem is None
 
 
-# ---- what users add --------------------------------------------------------------------------------
+# ---- systems -----------------------------------------------------------------------------------------
 
 
-def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path: Path) -> None:
+def test_systems_report_wrong_connections(fmu_folder: Path, tmp_path: Path) -> None:
     from tests.support.toy import Toy
 
     system = ec.System.of(
@@ -417,7 +442,7 @@ def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path:
         system.with_connections("rig.toy.x")
 
 
-def test_an_input_is_freed_to_be_set_by_hand(fmu_folder: Path) -> None:
+def test_removed_connection_frees_its_input(fmu_folder: Path) -> None:
     lift = ec.load("lift").system
     system = lift.without_connections("lift.plant.F_L")
     assert len(system.connections) == len(lift.connections) - 1
@@ -433,35 +458,20 @@ def test_an_input_is_freed_to_be_set_by_hand(fmu_folder: Path) -> None:
             lift.without_connections(name)
 
 
-def test_a_replacement_is_named_by_texts_or_paths(fmu_folder: Path) -> None:
-    plant = fmu_path("EmlaPlant", "native", fmu_folder)
-    for given in (str(plant), plant, ec.Replacement(str(plant)), {"fmu": str(plant)}):  # type: ignore[arg-type]
-        with ec.load("lift", replace={"lift.plant": given}, stop_time=0.001).prepare(fmus=fmu_folder) as it:
-            assert it.run().problem is None
-
-
-@pytest.mark.parametrize("name", ["rsba", "block", "fmu"])
-def test_a_joint_takes_any_controller(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["block", "fmu"])
+def test_controller_is_a_block_or_an_fmu(name: str, fmu_folder: Path) -> None:
     from rsba_fmu import RsbaController
 
-    controller: Any = {
-        "rsba": "rsba",
-        "block": RsbaController,
-        "fmu": str(fmu_path("RsbaController", "native", fmu_folder)),
-    }[name]
+    file = str(fmu_path("RsbaController", "native", fmu_folder))
+    controller: Any = RsbaController if name == "block" else file
     scenario = ec.load("lift", controller=controller, gains="robust", stop_time=0.01)
-    own = scenario.system.component("lift.controller").parameters
+    assert "beta[1]" not in scenario.system.component("lift.controller").parameters
     with scenario.prepare(fmus=fmu_folder) as simulation:
-        result = simulation.run()
-    assert result.problem is None
-    assert ("beta[1]" in own) == (name == "rsba")
+        assert simulation.run().problem is None
 
 
-def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
-    from emla_fmu import EmlaPlant
-
+def test_invalid_controllers(fmu_folder: Path) -> None:
     for controller, words in (
-        (EmlaPlant, "the controller EmlaPlant is no"),
         (str, "not a block of fmublock"),
         (
             "pid",
@@ -470,29 +480,22 @@ def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
         ("robust", "a set of gains, not a controller"),
         (str(fmu_path("EmlaObserver", "native", fmu_folder)), "has no output 'u_q'"),
     ):
-        if controller is EmlaPlant:
-            continue  # which has u_q and u_d, as inputs: connecting it says so
         with pytest.raises(ec.CommandError, match=words):
-            ec.load("lift", controller=controller)
+            ec.load("lift", controller=controller)  # pyright: ignore[reportArgumentType]
+
+
+def test_replacement_is_a_text_a_path_or_a_table(fmu_folder: Path) -> None:
+    plant = fmu_path("EmlaPlant", "native", fmu_folder)
+    forms: list[Any] = [str(plant), plant, ec.Replacement(plant), {"fmu": str(plant)}]
+    found = [ec.load("lift", replace={"lift.plant": form}).options.replacements() for form in forms]
+    assert [str(one["lift.plant"].fmu) for one in found] == 4 * [str(plant)]
 
 
 # ---- files -----------------------------------------------------------------------------------------
 
 
-def test_parquet_is_the_same_table_with_units(emla: Emla, tmp_path: Path) -> None:
-    for form in ("csv", "parquet"):
-        options = ("--stop-time", "0.0105", "--no-plots", "--output", form, "--output-format", form)
-        assert emla("run", "lift", *options).exit_code == 0
-    table = polars.read_csv("csv/results.csv")
-    assert polars.read_parquet("parquet/results.parquet").equals(table)
-    assert len(table) == 12  # every 1 ms, and the last
-    units = json.loads(polars.read_parquet_metadata("parquet/results.parquet")["units"])
-    assert (units["time"], units["lift.plant.tau_m"]) == ("s", "N.m")
-    assert names(Path("parquet")) == {"results.parquet", "metrics.json", "run.json"}
-
-
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_a_table_is_continued_in_its_form(form: str, emla: Emla) -> None:
+def test_resumed_run_continues_its_table(form: str, emla: Emla) -> None:
     def run(stop: str, *more: str) -> None:
         options = ("--stop-time", stop, "--no-plots", "--output-format", form)
         result = emla("run", "lift", *options, *more)
@@ -508,9 +511,10 @@ def test_a_table_is_continued_in_its_form(form: str, emla: Emla) -> None:
     assert other.equals(whole.filter(polars.col("time") > 0.0103))
 
 
-# ---- what costs nothing ----------------------------------------------------------------------------
+# ---- imports ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "absent"),
     [
@@ -520,7 +524,7 @@ def test_a_table_is_continued_in_its_form(form: str, emla: Emla) -> None:
         ("import fmublock", {"numpy"}),
     ],
 )
-def test_what_is_not_needed_is_not_imported(code: str, absent: set[str]) -> None:
+def test_imports_are_late(code: str, absent: set[str]) -> None:
     report = "import sys; print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(
         [sys.executable, "-c", f"{code}; {report}"],
@@ -541,7 +545,8 @@ except SystemExit as ended:
 """
 
 
-def test_options_that_are_texts_load_no_converter() -> None:
+@pytest.mark.slow
+def test_text_options_load_no_converter() -> None:
     done = subprocess.run([sys.executable, "-c", _TEXTS], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["2", "True", "False"], done.stderr
 
@@ -556,9 +561,10 @@ print(gc.isenabled(), os.environ.get("OPENBLAS_NUM_THREADS"), len(os.listdir("/p
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="Only Linux lists the threads of a process.")
 @pytest.mark.parametrize("threads", [None, "2"])
-def test_imports_leave_the_environment_and_start_no_threads_of_their_own(threads: str | None) -> None:
+def test_imports_start_no_threads(threads: str | None) -> None:
     environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
     given = {} if threads is None else {"OPENBLAS_NUM_THREADS": threads}
     done = subprocess.run(

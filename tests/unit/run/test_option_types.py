@@ -42,10 +42,11 @@ def use(scenario: ec.Scenario, simulation: ec.Simulation) -> None:
 """
 
 
-def test_types_are_those_of_the_table() -> None:
+def test_types_match_the_table_of_options() -> None:
     assert FILE.read_text(encoding="utf-8") == module_text(), "run `python -m tests.support.option_types`"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pyright") is None, reason="The extra 'dev' is not installed.")
 def test_pyright_reports_wrong_options(tmp_path: Path) -> None:
     right, wrong = tmp_path / "right.py", tmp_path / "wrong.py"

@@ -1,4 +1,4 @@
-"""What run.json says of where a run comes from: the scenario as named, and what was given beside it."""
+"""The source of a run in run.json: the scenario by its name, and the options that override it."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ def origin(folder: Path) -> tuple[Any, Any, Any]:
     return record["source"], record["source_sha256"], record["changed"]
 
 
-def test_a_scenario_is_told_by_its_name_and_what_was_given_by_option(emla: Emla, tmp_path: Path) -> None:
+def test_named_scenario_and_options(emla: Emla, tmp_path: Path) -> None:
     given = ("--stop-time", "0.001", "--set", "lift.plant.motor.R_s=0.2", "--no-plots", "--output", "out")
     assert emla("run", "lift", *given).exit_code == 0
     assert origin(tmp_path / "out") == (
@@ -29,9 +29,7 @@ def test_a_scenario_is_told_by_its_name_and_what_was_given_by_option(emla: Emla,
     )
 
 
-def test_a_file_is_told_by_its_place_and_content_and_says_nothing_that_was_given(
-    emla: Emla, tmp_path: Path
-) -> None:
+def test_scenario_file_with_its_hash(emla: Emla, tmp_path: Path) -> None:
     text = 'system = "lift"\nstop_time = 0.001\n[set]\n"lift.plant.motor.R_s" = 0.2\n'
     Path("mine.toml").write_text(text)
     assert emla("run", "mine.toml", "--no-plots", "--output", "out").exit_code == 0
@@ -39,7 +37,7 @@ def test_a_file_is_told_by_its_place_and_content_and_says_nothing_that_was_given
     assert origin(tmp_path / "out") == (place, hashlib.sha256(text.encode()).hexdigest(), {})
 
 
-def test_what_is_given_later_is_merged_and_replaced_as_options_are(fmu_folder: Path) -> None:
+def test_later_options_are_merged(fmu_folder: Path) -> None:
     loaded = ec.load("lift", stop_time=0.5, set={"lift.plant.motor.R_s": 0.1})
     with loaded.prepare(fmus=fmu_folder, set={"lift.plant.motor.L_q": 1e-3}) as simulation:
         first = simulation.run(stop_time=0.001, set={"lift.plant.motor.R_s": 0.2})
@@ -51,7 +49,7 @@ def test_what_is_given_later_is_merged_and_replaced_as_options_are(fmu_folder: P
     assert second.record["changed"]["set"]["lift.plant.motor.R_s"] == 0.1
 
 
-def test_objects_of_python_are_marked_and_paths_lead_there_from_anywhere(
+def test_python_objects_are_marked_and_paths_are_absolute(
     fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

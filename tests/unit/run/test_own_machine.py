@@ -1,4 +1,4 @@
-"""A machine of one's own: data sheet, measured load and measured motion, all three as files."""
+"""A user's machine from three files: data sheet, measured load and measured motion."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ def parameters(output: Path) -> dict[str, dict[str, float]]:
     return {name: component["parameters"] for name, component in components.items()}
 
 
-def test_sheet_load_and_motion_run_with_one_command(emla: Emla, machine: Path) -> None:
+def test_load_and_motion_are_those_of_the_files(emla: Emla, machine: Path) -> None:
     done = emla("run", str(machine / "machine.toml"), "--output", "out", "--no-plots")
     assert done.exit_code == 0, done.output
     table = polars.read_csv("out/results.csv")
@@ -49,7 +49,7 @@ def test_sheet_load_and_motion_run_with_one_command(emla: Emla, machine: Path) -
     assert figures["position_error_m"] < 1e-3 * np.ptp(spline(time))
 
 
-def test_a_change_of_the_sheet_is_one_of_plant_observer_and_controller(emla: Emla, machine: Path) -> None:
+def test_sheet_changes_plant_observer_and_controller(emla: Emla, machine: Path) -> None:
     short = ("run", str(machine / "machine.toml"), "--no-plots", "--stop-time", "0.01")
     assert emla(*short, "--output", "before").exit_code == 0
     sheet = machine / "actuator.toml"

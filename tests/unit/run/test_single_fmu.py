@@ -1,4 +1,4 @@
-"""One FMU as a scenario: what its component is called, when it stops, and what else may be said of it."""
+"""One FMU as a scenario: the name of its component, its times, and short names of variables."""
 
 import json
 import zipfile
@@ -15,8 +15,7 @@ from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
-from tests.support.handwritten_fmu import build_handwritten_fmu
-from tests.support.paths import ALL_TYPES
+from tests.support.hand_written_fmus import build_all_types_fmu
 
 DESCRIPTION = "modelDescription.xml"
 EXPERIMENT = '<DefaultExperiment startTime="0" stopTime="10.0" tolerance="1e-06" stepSize="0.001" />'
@@ -47,7 +46,7 @@ def experiment(**times: float | str) -> tuple[str, str]:
     return EXPERIMENT, f"<DefaultExperiment {attributes} />"
 
 
-def test_an_fmu_runs_as_a_system_of_its_own(reference: Path) -> None:
+def test_fmu_runs_like_a_system_of_one_component(reference: Path) -> None:
     scenario = load(
         reference, stop_time=2.0, set={"Reference.waypoint[1]": 0.0, "Reference.waypoint[2]": 0.3}
     )
@@ -76,7 +75,7 @@ def test_an_fmu_runs_as_a_system_of_its_own(reference: Path) -> None:
         ({"stopTime": 31536000, "stepSize": 3600}, (0.0, 31536000.0, 3600.0), 0),
     ],
 )
-def test_times_are_those_of_the_default_experiment_as_far_as_it_goes(
+def test_times_are_those_of_the_default_experiment(
     said: dict[str, float | str], times: tuple[float, ...], notes: int, reference: Path, tmp_path: Path
 ) -> None:
     scenario = load(with_description(reference, tmp_path / "x.fmu", experiment(**said)))
@@ -85,7 +84,7 @@ def test_times_are_those_of_the_default_experiment_as_far_as_it_goes(
     assert len(scenario.notes) == notes
 
 
-def test_an_fmu_without_an_experiment_takes_the_times_that_are_given(reference: Path, tmp_path: Path) -> None:
+def test_options_replace_a_missing_experiment(reference: Path, tmp_path: Path) -> None:
     fmu = with_description(reference, tmp_path / "x.fmu", (EXPERIMENT, ""))
     assert load(fmu).options.step_size == 0.01
     given = load(fmu, stop_time=2.0).options
@@ -93,7 +92,7 @@ def test_an_fmu_without_an_experiment_takes_the_times_that_are_given(reference: 
     assert not load(fmu, stop_time=2.0, step_size=0.5).notes
 
 
-def test_a_long_run_in_long_steps_has_a_row_for_each(reference: Path, tmp_path: Path) -> None:
+def test_long_steps_have_a_row_each(reference: Path, tmp_path: Path) -> None:
     fmu = with_description(reference, tmp_path / "x.fmu", experiment(stopTime=31536000, stepSize=86400))
     result = load(fmu).prepare().run()
     assert len(result["Reference.x_d"]) == 366
@@ -111,21 +110,21 @@ def test_a_long_run_in_long_steps_has_a_row_for_each(reference: Path, tmp_path: 
         ("", "model"),
     ],
 )
-def test_the_component_is_called_as_the_model(model: str, name: str) -> None:
+def test_component_has_the_name_of_the_model(model: str, name: str) -> None:
     assert make_component_name(model) == name
 
 
 @given(st.text(max_size=80))
 @example("study")
-def test_any_model_gives_a_name_that_options_can_say(model: str) -> None:
+def test_any_model_name_gives_a_valid_component_name(model: str) -> None:
     name = make_component_name(model)
     assert 0 < len(name) < 80
     assert not set(name) & set(".=,@:*?[] \t\n")
     assert System.of({name: "x.fmu"}).split(f"{name}.a.b")[1] == "a.b"
 
 
-@pytest.mark.parametrize("name", ["study.fmu", "a#b.fmu", "with space.FMU", "[bold]é.fmu", "a.ssp.fmu"])
-def test_files_may_be_called_anything(name: str, emla: Emla, reference: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["a#b.fmu", "with space.FMU", "[bold]é.ssp.fmu"])
+def test_files_may_have_any_name(name: str, emla: Emla, reference: Path, tmp_path: Path) -> None:
     file = with_description(
         reference, tmp_path / name, ('modelName="Reference"', 'modelName="[bold]&#233; é"')
     )
@@ -139,7 +138,7 @@ def test_files_may_be_called_anything(name: str, emla: Emla, reference: Path, tm
     assert header.startswith("time,bold_é_é.x_d")
 
 
-def test_a_scenario_file_may_name_an_fmu(reference: Path, tmp_path: Path) -> None:
+def test_scenario_file_of_an_fmu(reference: Path, tmp_path: Path) -> None:
     with_description(reference, tmp_path / "x.fmu")
     file = tmp_path / "mine.toml"
     file.write_text('system = "x.fmu"\nstop_time = 0.5\n[set]\nReference.period = 3.0\n')
@@ -148,7 +147,7 @@ def test_a_scenario_file_may_name_an_fmu(reference: Path, tmp_path: Path) -> Non
     assert dict(scenario.options.set) == {"Reference.period": 3.0}
 
 
-def test_an_fmu_can_be_exported(reference: Path, tmp_path: Path) -> None:
+def test_fmu_can_be_exported(reference: Path, tmp_path: Path) -> None:
     package = load(reference, set={"Reference.period": 3.0}).export(tmp_path / "x.ssp")
     again = load(package)
     assert again.options.stop_time == 10.0
@@ -169,29 +168,20 @@ def test_options_of_built_in_systems_are_refused(emla: Emla, reference: Path) ->
         ([("<ModelVariables>", "<ModelVariables")], "is not an FMU that can be read"),
     ],
 )
-def test_what_is_no_fmu_is_one_sentence(
+def test_invalid_fmu(
     edits: list[tuple[str, str]], says: str, emla: Emla, reference: Path, tmp_path: Path
 ) -> None:
     refused = emla("run", str(with_description(reference, tmp_path / "x.fmu", *edits)))
     assert says in sentence(refused, 2)
 
 
-def test_an_fmu_for_model_exchange_without_a_library_is_one_sentence(emla: Emla, tmp_path: Path) -> None:
-    text = """<fmiModelDescription fmiVersion="2.0" modelName="m" guid="1" numberOfEventIndicators="0">
-        <ModelExchange modelIdentifier="m"/><ModelVariables><ScalarVariable name="x" valueReference="0">
-        <Real/></ScalarVariable></ModelVariables><ModelStructure/></fmiModelDescription>"""
-    write_archive(tmp_path / "m.fmu", {DESCRIPTION: text.encode()})
-    refused = emla("run", "m.fmu")
-    assert sentence(refused, 2).startswith("Error: 'm.fmu' has no binary for ")
-
-
 @pytest.mark.parametrize("name", ["none.fmu", "a" * 300 + ".fmu", "x\0y.fmu", "p.ssp/x.fmu"])
-def test_a_missing_file_is_one_sentence(name: str) -> None:
+def test_missing_file(name: str) -> None:
     with pytest.raises(CommandError, match="there is no FMU file"):
         load(name)
 
 
-def test_short_names_work_beside_an_input_and_a_fault(fmu_folder: Path, tmp_path: Path) -> None:
+def test_short_names_work_with_inputs_and_faults(fmu_folder: Path, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     table.write_text("time,load\n0,0.1\n1,0.1\n", encoding="utf-8")
     scenario = load(
@@ -212,7 +202,7 @@ def test_short_names_work_beside_an_input_and_a_fault(fmu_folder: Path, tmp_path
     assert (first["EmlaPlant.i_q"] != second["EmlaPlant.i_q"]).any()
 
 
-def test_a_variable_of_the_added_component_keeps_its_own_name(fmu_folder: Path) -> None:
+def test_short_names_do_not_hide_added_components(fmu_folder: Path) -> None:
     system = System.of({"plant": fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"}).with_main()
     both = system + System.of({"input": "x.fmu"})
     assert [(c.name, n) for c, n in map(both.split, ("motor.R_s", "input.motor.R_s", "plant.motor.R_s"))] == [
@@ -226,7 +216,7 @@ def test_a_variable_of_the_added_component_keeps_its_own_name(fmu_folder: Path) 
 def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An FMU without outputs."""
     folder = tmp_path_factory.mktemp("silent")
-    built = build_handwritten_fmu(folder / "AllTypes.fmu", ALL_TYPES)
+    built = build_all_types_fmu(folder / "AllTypes.fmu")
     with zipfile.ZipFile(built) as archive:
         text = archive.read(DESCRIPTION).decode()
     structure = text[text.index("<ModelStructure>") : text.index("</fmiModelDescription>")]
@@ -234,7 +224,7 @@ def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return with_description(built, folder / "silent.fmu", local, (structure, "<ModelStructure/>"))
 
 
-def test_a_table_with_the_time_alone_is_reported(silent: Path, emla: Emla) -> None:
+def test_table_without_signals_is_reported(silent: Path, emla: Emla) -> None:
     done = emla("run", str(silent), "--no-plots", "--output", "out")
     (remark,) = json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"]
     assert remark.startswith("No signal was recorded, only `time`")
@@ -249,7 +239,7 @@ def test_a_table_with_the_time_alone_is_reported(silent: Path, emla: Emla) -> No
     assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"] == []
 
 
-def test_a_system_without_outputs_is_reported_too(silent: Path) -> None:
+def test_system_without_outputs_is_reported(silent: Path) -> None:
     system = System.of({"a": silent, "b": silent})
     result = load(system, step_size=0.1, stop_time=0.2).prepare().run()
     assert result.record["remarks"] == result.remarks and "a.x" in result.remarks[0]
