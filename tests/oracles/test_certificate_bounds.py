@@ -159,7 +159,7 @@ def test_the_estimated_position_stays_below_its_bound(alpha_1: float, near: floa
         ({}, {"total": (math.nan, 0.0, 0.0, 0.0)}, "the bounds must not be negative"),
     ],
 )
-def test_what_makes_no_sense_is_refused(gains: Any, bounds: Any, sentence: str) -> None:
+def test_wrong_gains_and_bounds_are_refused(gains: Any, bounds: Any, sentence: str) -> None:
     ones = dict.fromkeys(("beta", "zeta", "delta", "sigma"), (1.0,) * 4)
     with pytest.raises(ValueError, match=sentence):
         certificate(ControlGains(**{**ones, **gains}), OBSERVER, Bounds(**{"total": (0.0,) * 4, **bounds}))

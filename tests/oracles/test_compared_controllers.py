@@ -14,18 +14,12 @@ from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaPlant
 from fmublock import Block
 from fmublock.instance import Instance
-from rsba_fmu import (
-    AnatcController,
-    CacController,
-    FocController,
-    RsbaController,
-    drive_laws,
-    foc_gains,
-)
+from rsba_fmu import AnatcController, CacController, FocController, RsbaController, drive_laws, foc_gains
 from tests.support import reference_controllers as independent
 from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
 from tests.support.joint_data import COMPENSATED, EMLAS, LIFT, gains_of, observers
+from tests.support.tiers import mostly_slow
 
 COMPARED = (FocController, CacController, AnatcController)
 
@@ -56,8 +50,11 @@ LOOPS = {
 }
 
 
-@pytest.mark.parametrize("reserves", [{}, {"u_reserve": 0.2, "i_reserve": 0.1}])
-@pytest.mark.parametrize("block", COMPARED)
+RESERVES = {"u_reserve": 0.2, "i_reserve": 0.1}
+CASES = [(block, reserves) for block in COMPARED for reserves in ({}, RESERVES)]
+
+
+@pytest.mark.parametrize(("block", "reserves"), mostly_slow(CASES, CASES[1::2]))
 def test_the_loop_is_that_of_an_independent_implementation(
     block: type[Block], reserves: dict[str, Any]
 ) -> None:
@@ -111,7 +108,7 @@ names = st.sampled_from(["foc", "cac", "anatc"])
 
 
 @given(names, st.integers(0, 1), st.sampled_from(sorted(EMLAS)), st.lists(signals, min_size=1, max_size=4))
-def test_whatever_comes_in_current_and_voltage_stay_within_their_limits(
+def test_current_and_voltage_stay_within_their_limits(
     name: str, gain_set: int, joint: str, inputs: list[dict[str, float]]
 ) -> None:
     """And everything stays finite, as long as the inputs are."""

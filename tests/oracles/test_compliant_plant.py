@@ -176,7 +176,7 @@ def test_force_is_the_reference_and_contacts_never_pull(
         assert abs(deflection) > 0.5 * backlash or found == 0.0
 
 
-def test_a_small_play_is_none(fmu_folder: Path) -> None:
+def test_a_tiny_backlash_has_no_effect(fmu_folder: Path) -> None:
     """Under a load that keeps the contact closed."""
     values = {"F_L": 2e4, "load.m": 2e3, "transmission.damping": 1e4, "start.deflection": 1e-4}
     one, other = (

@@ -128,7 +128,7 @@ def check(at: At, data: st.DataObject) -> None:
 @pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
 @examples(2, 25)
-def test_in_initialization_they_are_the_slopes_of_what_is_computed(
+def test_derivatives_in_initialization_are_those_of_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs, parameters and start values of states."""
@@ -139,7 +139,7 @@ def test_in_initialization_they_are_the_slopes_of_what_is_computed(
 @pytest.mark.parametrize("model", WITH_STATES)
 @given(data=st.data())
 @examples(2, 25)
-def test_in_continuous_time_they_are_the_slopes_of_what_is_computed(
+def test_derivatives_in_continuous_time_are_those_of_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs and states."""
@@ -227,7 +227,7 @@ ZEROS = [
 
 @pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
 @pytest.mark.parametrize(("model", "values", "known", "expected"), ZEROS)
-def test_they_are_finite_and_right_where_everything_is_zero(
+def test_derivatives_are_right_at_zeros(
     sessions: dict[str, Session],
     model: str,
     values: dict[str, Any],

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.ssp.ssd import read_ssm
-from fmpy.validation import validate_fmu
 
 from emla_cosim.study.loading import load
 from tests.support.paths import FOREIGN_MAPPING
-from tests.support.sessions import DISCARD, Session, opened, refused
+from tests.support.sessions import Session, opened
 
 MAPPING = FOREIGN_MAPPING
 TOLERANCE = 1e-9
@@ -87,17 +86,6 @@ OUTPUTS = {
     "phase.i_c": Theirs("Motor.Iw_A"),
 }
 ALL = {**INPUTS, **PARAMETERS, **OUTPUTS}
-ONLY_OURS = {"use_commanded_current", "screw.q_LB", "screw.q_UB", "screw.v_max", "motor.i_max"}
-# what a drive has beside the paper's plant, all of it off
-ONLY_OURS |= {"motor.i_N", "motor.permitted_rise", "motor.tau_th", "motor.temperature_rise", "motor.load"}
-ONLY_OURS |= {"friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"}
-ONLY_OURS |= {"gearbox.directional", "gearbox.eta_back", "stop.stiffness", "stop.damping"}
-ONLY_OURS |= {f"inverter.{name}" for name in ("delay", "dead_time", "f_PWM", "i_0")}
-ONLY_OURS |= {f"sensor.current.{name}" for name in ("sigma", "resolution", "seed")}
-ONLY_OURS |= {"motor.alpha_R", "motor.cogging.amplitude", "motor.cogging.periods"}
-ONLY_OURS |= {"screw.lead_error", "screw.wobble", "sensor.eccentricity"}
-ONLY_THEIRS = {"Motor.Winding_K", "Screw.Retracted_mm", "Motor.IqError_A"}
-
 EVERYTHING = {
     "motor.L_d": 2.3e-3,
     "motor.L_q": 2.6e-3,
@@ -136,7 +124,7 @@ def ours(sessions: dict[str, Session]) -> Session:
 def study(joint: str) -> dict[str, Any]:
     """The start values of a joint's plant in the study, of what both plants have."""
     given = load("study").system.component(f"{joint}.plant").parameters
-    return {name: value for name, value in given.items() if name not in ONLY_OURS}
+    return {name: value for name, value in given.items() if name in ALL}
 
 
 def inputs(t: float, u_max: float) -> dict[str, float]:
@@ -241,54 +229,7 @@ def test_comparison_sees_what_is_wrong(
     assert max(without_sensor(differences(found, expected)).values()) > 10.0 * TOLERANCE
 
 
-# ---- what they declare -------------------------------------------------------------------------
-
-
-def test_description_is_valid(foreign_plant: Path) -> None:
-    assert validate_fmu(str(foreign_plant)) == []
-
-
-def followers(theirs: Session, slave: FMU2Slave, name: str, value: Any) -> set[str]:
-    """Outputs that change, in initialization, when a start value is halved or doubled."""
-    outputs = theirs.names("output")
-    before, changed = theirs.get(slave, *outputs), set()
-    for factor in (0.5, 2.0):
-        theirs.set(slave, **{name: type(value)(factor * value)})
-        after = theirs.get(slave, *outputs)
-        changed |= {o for o, x, y in zip(outputs, before, after, strict=True) if x != y}
-    theirs.set(slave, **{name: value})
-    assert theirs.get(slave, *outputs) == before
-    return changed - {name}
-
-
-def test_dependencies_are_what_the_outputs_follow(theirs: Session) -> None:
-    start: dict[str, Any] = {
-        v.name: (int if v.type == "Integer" else float)(v.start)
-        for v in theirs.description.modelVariables
-        if v.start is not None
-    }
-    # zeros would hide what they multiply, a round position what the sensor rounds, and voltages far
-    # from what the supply allows what saturates
-    start |= {name: 0.3 for name, value in start.items() if value == 0.0}
-    start |= {"Screw.Start_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0}
-    start |= {"Inverter.Limit_V": 4.0, "Supply.Sag_pct": 25.0}
-    slave = theirs.instance("test", running=False, **start)
-    follow = {name: followers(theirs, slave, name, value) for name, value in start.items()}
-    initial, stepping = (
-        {u.variable.name: {known.name for known in u.dependencies} for u in unknowns}
-        for unknowns in (theirs.description.initialUnknowns, theirs.description.outputs)
-    )
-    assert initial == {o: {n for n in start if o in follow[n]} for o in initial}
-    inputs_alone = set(theirs.names("input"))
-    assert stepping == {o: initial.get(o, set()) & inputs_alone for o in theirs.names("output")}
-
-
-def test_start_values_are_those_declared(theirs: Session) -> None:
-    slave = theirs.new()
-    for variable in theirs.description.modelVariables:
-        if variable.start is not None:
-            get = slave.getInteger if variable.type == "Integer" else slave.getReal
-            assert get([variable.valueReference]) == [float(variable.start)], variable.name
+# ---- the mapping -------------------------------------------------------------------------------
 
 
 def test_defaults_are_not_ours(theirs: Session) -> None:
@@ -300,9 +241,6 @@ def test_defaults_are_not_ours(theirs: Session) -> None:
         if float(theirs.variables[name].start) == value
     }
     assert same == {"Screw.Spring_Nm_mm"}
-
-
-# ---- the mapping -------------------------------------------------------------------------------
 
 
 def test_mapping_and_units_say_what_this_file_says(theirs: Session) -> None:
@@ -319,79 +257,8 @@ def test_mapping_and_units_say_what_this_file_says(theirs: Session) -> None:
         assert scale == pytest.approx(expected.scale, rel=1e-15)
 
 
-def test_units_measure_the_same(ours: Session, theirs: Session) -> None:
-    exponents = [
-        {
-            u.name: [getattr(u.baseUnit, base) for base in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")]
-            for u in session.description.unitDefinitions
-        }
-        for session in (ours, theirs)
-    ]
-    for our_name, variable in ALL.items():
-        our_unit, their_unit = ours.variables[our_name].unit, theirs.variables[variable.name].unit
-        assert bool(our_unit) == bool(their_unit)
-        if our_unit:
-            assert exponents[0][our_unit] == exponents[1][their_unit], our_name
-
-
-def test_mapping_has_all_but_what_one_plant_alone_has(ours: Session, theirs: Session) -> None:
-    visible = {v.name for v in ours.description.modelVariables if v.causality != "local"}
-    assert visible - set(ALL) == ONLY_OURS
-    assert set(theirs.variables) - {v.name for v in ALL.values()} == ONLY_THEIRS
-    used, system = set(study("lift")), load("study").system
-    used |= {c.input for c in system.connections if c.target == "lift.plant"}
+def test_the_mapping_has_all_that_the_study_uses() -> None:
+    system = load("study").system
+    used = {c.input for c in system.connections if c.target == "lift.plant"}
     used |= {c.output for c in system.connections if c.source == "lift.plant"}
     assert used <= set(ALL)
-
-
-# ---- FMU states, and what is refused -----------------------------------------------------------
-
-
-def test_state_brings_everything_back(theirs: Session) -> None:
-    start = {"Sensor.Noise_um": 5.0, "Motor.Uq_V": 100.0, "Sensor.Seed": 7}
-    slave, other = theirs.instance("test", **start), theirs.instance("other")
-    outputs = theirs.names("output")
-
-    def steps(plant: FMU2Slave) -> list[list[float]]:
-        rows = []
-        for k in range(5, 10):
-            plant.doStep(k * 1e-3, 1e-3)
-            rows.append(theirs.get(plant, *outputs))
-        return rows
-
-    for k in range(5):
-        slave.doStep(k * 1e-3, 1e-3)
-    state = slave.getFMUstate()
-    serialized = slave.serializeFMUstate(state)
-    expected = steps(slave)
-    slave.setFMUstate(state)
-    assert steps(slave) == expected
-    slave.freeFMUstate(state)
-    copied = other.deSerializeFMUstate(serialized)
-    other.setFMUstate(copied)
-    other.freeFMUstate(copied)
-    assert steps(other) == expected
-
-
-def test_outputs_stay_until_the_next_step(theirs: Session) -> None:
-    slave, outputs = theirs.instance("test"), theirs.names("output")
-    before = theirs.get(slave, *outputs)
-    theirs.set(slave, **dict.fromkeys(theirs.names("input"), 10.0))
-    assert theirs.get(slave, *outputs) == before
-    slave.doStep(0.0, 1e-4)
-    assert theirs.get(slave, *outputs) != before
-
-
-def test_step_that_overflows_is_discarded(theirs: Session) -> None:
-    slave = theirs.instance("test", **{"Inverter.Limit_V": 1e150, "Motor.Uq_V": 1e150})
-    before = theirs.get(slave, *theirs.names("output"))
-    with refused(DISCARD):
-        slave.doStep(0.0, 1.0)
-    assert theirs.get(slave, *theirs.names("output")) == before
-
-
-@pytest.mark.parametrize("name", ["Motor.Rs_mOhm", "Motor.PolePairs", "Screw.Position_mm", "Motor.Torque_Nm"])
-def test_inputs_alone_are_set_during_steps(name: str, theirs: Session) -> None:
-    slave = theirs.instance("test")
-    with refused():
-        theirs.set(slave, **{name: 3})

@@ -25,7 +25,7 @@ def move(session: Session, slave: FMU2Slave, **derivatives: tuple[float, ...]) -
 
 
 @pytest.mark.parametrize("model", OWN)
-def test_they_are_the_slopes_of_the_outputs_over_time(sessions: dict[str, Session], model: str) -> None:
+def test_output_derivatives_are_those_of_differences(sessions: dict[str, Session], model: str) -> None:
     """While the inputs move: central differences of sixth order over steps from one saved state."""
     session, facts, h = sessions[model], FACTS[model], 1e-4
     names = session.names("output")
@@ -51,7 +51,7 @@ def test_they_are_the_slopes_of_the_outputs_over_time(sessions: dict[str, Sessio
 # ---- against closed forms ----------------------------------------------------------------------
 
 
-def test_of_states_they_are_the_derivatives(sessions: dict[str, Session]) -> None:
+def test_output_derivatives_of_states_are_their_derivatives(sessions: dict[str, Session]) -> None:
     session = sessions["EmlaPlant"]
     slave = session.instance(**FACTS["EmlaPlant"].smooth)
     move(session, slave, u_q=(200.0, -1e3), F_L=(1e3, 1e4, 1e5), d_3=(1.0, 2.0))
@@ -61,7 +61,7 @@ def test_of_states_they_are_the_derivatives(sessions: dict[str, Session]) -> Non
     assert 0.0 not in rates
 
 
-def test_those_of_the_toy_are_what_the_product_rule_says(toy: Session) -> None:
+def test_output_derivatives_of_the_toy_follow_the_product_rule(toy: Session) -> None:
     """The noise in its power holds between steps."""
     slave = toy.instance()
     move(toy, slave, force=(4.0, -16.0, 96.0))
@@ -73,7 +73,7 @@ def test_those_of_the_toy_are_what_the_product_rule_says(toy: Session) -> None:
     )
 
 
-def test_of_the_reference_they_are_the_next_outputs(sessions: dict[str, Session]) -> None:
+def test_output_derivatives_of_the_reference_are_its_next_outputs(sessions: dict[str, Session]) -> None:
     """Position, speed, acceleration: in moves, dwells and a later period."""
     session = sessions["Reference"]
     values = {"waypoint[2]": 0.3, "waypoint[3]": -0.2, "move.start[1]": 0.2, "move.start[2]": 1.5}
@@ -90,7 +90,9 @@ def test_of_the_reference_they_are_the_next_outputs(sessions: dict[str, Session]
     assert 20 < moving < len(steps)
 
 
-def test_of_the_disturbance_they_are_those_of_its_formulas(sessions: dict[str, Session]) -> None:
+def test_output_derivatives_of_the_disturbance_are_those_of_its_formulas(
+    sessions: dict[str, Session],
+) -> None:
     """While a load ramp is on and the speed moves."""
     session = sessions["Disturbance"]
     slave = session.instance(**FACTS["Disturbance"].smooth)
@@ -112,7 +114,7 @@ def test_of_the_disturbance_they_are_those_of_its_formulas(sessions: dict[str, S
 TOY = ("x", "v[1]", "v[2]", "power", "inverse")
 
 
-def test_a_later_change_of_inputs_does_not_change_them(toy: Session) -> None:
+def test_inputs_set_later_do_not_change_output_derivatives(toy: Session) -> None:
     """Nor the der(x); outputs are those of the last communication point."""
     slave = toy.instance()
     move(toy, slave, force=(4.0, 8.0))
@@ -127,7 +129,7 @@ def test_a_later_change_of_inputs_does_not_change_them(toy: Session) -> None:
     assert toy.get(slave, "force") == [-77.0]
 
 
-def test_a_discarded_step_does_not_change_them(toy: Session) -> None:
+def test_a_discarded_step_does_not_change_output_derivatives(toy: Session) -> None:
     slave = toy.instance()
     move(toy, slave, force=(4.0,))
     slave.doStep(0.0, 0.5)
@@ -138,7 +140,7 @@ def test_a_discarded_step_does_not_change_them(toy: Session) -> None:
     assert slopes(toy, slave, *TOY) == before
 
 
-def test_asking_for_them_changes_nothing(toy: Session) -> None:
+def test_reading_output_derivatives_changes_nothing(toy: Session) -> None:
     asked, other = toy.instance("asked"), toy.instance("other")
     for k in range(3):
         for slave in (asked, other):
@@ -151,7 +153,7 @@ def test_asking_for_them_changes_nothing(toy: Session) -> None:
     assert toy.get(asked, *TOY, "random") == toy.get(other, *TOY, "random")
 
 
-def test_before_the_first_step_they_are_those_of_the_start(toy: Session) -> None:
+def test_output_derivatives_before_the_first_step(toy: Session) -> None:
     """With the derivatives that inputs have had since before."""
     slave = toy.instance(running=False, x_0=0.5)
     move(toy, slave, force=(4.0, 8.0))
@@ -160,7 +162,7 @@ def test_before_the_first_step_they_are_those_of_the_start(toy: Session) -> None
     assert slopes(toy, slave, "inverse", "power") == pytest.approx([2.0, power], rel=1e-15)
 
 
-def test_after_termination_they_are_what_they_were(toy: Session) -> None:
+def test_output_derivatives_after_termination(toy: Session) -> None:
     """Whatever was set since the last step."""
     slave = toy.instance()
     slave.doStep(0.0, 0.1)
@@ -171,7 +173,7 @@ def test_after_termination_they_are_what_they_were(toy: Session) -> None:
     assert toy.get(slave, "der(v[1])", "power") == rates
 
 
-def test_a_saved_state_carries_them(toy: Session) -> None:
+def test_a_saved_state_contains_output_derivatives(toy: Session) -> None:
     """Also of inputs that moved, to which something else was done since."""
     slave, other = toy.instance("slave"), toy.instance("other")
     move(toy, slave, force=(4.0, 8.0))
@@ -207,7 +209,7 @@ def test_other_variables_and_orders_are_refused(toy: Session, name: str, order: 
     assert toy.log.lines("toy") == [f"toy: {complaint}"]
 
 
-def test_during_initialization_they_are_refused(toy: Session) -> None:
+def test_output_derivatives_are_refused_in_initialization(toy: Session) -> None:
     slave = toy.instance(running=False)
     with refused():
         slopes(toy, slave, "x")

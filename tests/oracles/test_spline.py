@@ -94,7 +94,7 @@ def test_its_derivatives_are_those_of_its_positions() -> None:
         ({"degree": 6}, "degree = 6 is outside its range, 1 to 5"),
     ],
 )
-def test_the_block_refuses_nonsense(values: dict[str, Any], words: str) -> None:
+def test_the_block_refuses_wrong_knots(values: dict[str, Any], words: str) -> None:
     with pytest.raises(BlockError, match=words):
         instance(values)
 
@@ -146,7 +146,7 @@ BAD: list[tuple[object, str]] = [
 
 
 @pytest.mark.parametrize(("document", "words"), BAD)
-def test_what_is_no_trajectory_is_refused_in_a_sentence(document: object, words: str) -> None:
+def test_wrong_trajectories_give_one_message(document: object, words: str) -> None:
     with pytest.raises(TrajectoryError, match=words) as caught:
         spline_of(document)
     assert str(caught.value).endswith(".")

@@ -113,6 +113,7 @@ def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
     assert "old" not in placed
 
 
+@pytest.mark.slow
 def test_the_fmus_own_page_shows_its_tables_in_a_browser(fmu_folder: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(fmu_path("EmlaPlant", "native", fmu_folder)) as archive:
         (tmp_path / "index.html").write_bytes(archive.read("documentation/index.html"))

@@ -128,6 +128,7 @@ class Fmi3Unit:
         self.host, self._before = host, len(host.lines)
         self.slave = host.new(name=name)
         self._variables = {v.name: v for v in host.description.modelVariables}
+        self._start: dict[str, list[float]] = {}  # arrays are set as a whole
 
     @property
     def messages(self) -> list[str]:
@@ -146,7 +147,7 @@ class Fmi3Unit:
         array, is_element, index = name.removesuffix("]").partition("[")
         variable = self._variables[array if is_element else name]
         if is_element:
-            elements = self._array(variable)
+            elements = self._start.setdefault(array, [float(x) for x in variable.start.split()])
             elements[int(index) - 1] = value
             self.slave.setFloat64([variable.valueReference], elements)
             return

@@ -59,6 +59,16 @@ def signed(draw: Draw, low: float, high: float) -> float:
     return magnitude(draw, low, high) * draw(st.sampled_from([-1.0, 1.0]))
 
 
+def magnitudes(draw: Draw, ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Draw a value for each name, between its low and high."""
+    return {name: magnitude(draw, low, high) for name, (low, high) in ranges.items()}
+
+
+def signs(draw: Draw, ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Draw a value for each name, whose magnitude is between its low and high."""
+    return {name: signed(draw, low, high) for name, (low, high) in ranges.items()}
+
+
 def beside(draw: Draw, limit: float) -> float:
     """Draw a value that is clearly less than the limit, or clearly more."""
     return limit * draw(st.one_of(st.floats(0.2, 0.7), st.floats(1.4, 4.0)))

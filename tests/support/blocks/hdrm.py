@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hdrm_fmu.spline import Spline, trajectory_parameters
 from hdrm_fmu.spline_window import DEGREE, KNOTS
 from hdrm_fmu.trajectory import JOINTS
-from tests.support.blocks.facts import BlockFacts, Draw, Point, magnitude, signed
+from tests.support.blocks.facts import BlockFacts, Draw, Point, magnitude, magnitudes, signed, signs
 
 
 @st.composite
@@ -35,16 +35,13 @@ def machine(draw: Draw) -> dict[str, Any]:
         "lift.a": draw(st.floats(1.1, 1.2)),
         "lift.b": draw(st.floats(0.40, 0.44)),
         "lift.L_0": draw(st.floats(0.82, 0.88)),
-        "lift.delta": signed(draw, 0.3, 1.5),
-        "lift.epsilon": signed(draw, 0.1, 1.0),
+        **signs(draw, {"lift.delta": (0.3, 1.5), "lift.epsilon": (0.1, 1.0)}),
         "tilt.a": draw(st.floats(1.2, 1.3)),
         "tilt.b": draw(st.floats(0.43, 0.47)),
         "tilt.L_0": draw(st.floats(0.95, 1.05)),
-        "tilt.delta": signed(draw, 1.0, 3.0),
-        "tilt.epsilon": signed(draw, 0.1, 1.0),
-        "lift_boom.length": magnitude(draw, 1.0, 3.0),
-        "inner_boom.reach": magnitude(draw, 1.0, 3.0),
-        "payload.J": magnitude(draw, 0.01, 0.1),
+        **magnitudes(draw, {"lift_boom.length": (1.0, 3.0), "inner_boom.reach": (1.0, 3.0)}),
+        **magnitudes(draw, {"payload.J": (0.01, 0.1)}),
+        **signs(draw, {"tilt.delta": (1.0, 3.0), "tilt.epsilon": (0.1, 1.0)}),
         "tube.share": draw(st.floats(0.2, 0.8)),
         "gravity": signed(draw, 5.0, 15.0),
     }

@@ -73,11 +73,11 @@ def speed(fmu: Path) -> float:
 
 
 @pytest.mark.parametrize("flavour", ["native", "python"])
-def test_the_command_builds_from_any_folder(folder: Path, flavour: str) -> None:
-    command = [sys.executable, "-m", "fmublock", "build", "mine.py:Drive", "--flavour", flavour]
-    run = subprocess.run([*command, "--output", "out"], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert re.fullmatch(r"out/Drive.fmu  \d+ KiB\n", run.stdout)
+def test_the_command_builds_from_any_folder(
+    folder: Path, flavour: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["build", "mine.py:Drive", "--flavour", flavour, "--output", "out"]) == 0
+    assert re.fullmatch(r"out/Drive.fmu  \d+ KiB\n", capsys.readouterr().out)
     fmu = folder / "out" / "Drive.fmu"
     assert validate_fmu(str(fmu)) == []
     assert speed(fmu) == pytest.approx(2.0 * (1.0 - np.exp(-0.6)), rel=1e-10)
@@ -99,17 +99,17 @@ def test_a_class_and_an_instance_give_the_same_file(folder: Path) -> None:
     assert ticks == [None]
 
 
-def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
+def test_platforms_and_producer_are_options(folder: Path) -> None:
     fmu = build(
         load_block("mine.py:Other"),
         "o.fmu",
-        platforms=["win64", "aarch64-linux"],
+        platforms=["aarch64-linux"],
         producer=Producer("mine", "3", "BSD"),
     )
     with zipfile.ZipFile(fmu) as archive:
         binaries = {name for name in archive.namelist() if name.startswith("binaries/")}
         description = archive.read("modelDescription.xml").decode()
-    assert binaries == {"binaries/win64/Other.dll", "binaries/aarch64-linux/Other.so"}
+    assert binaries == {"binaries/aarch64-linux/Other.so"}
     assert 'version="3" license="BSD" generationTool="mine"' in description
 
 
@@ -153,7 +153,7 @@ def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
         ("", 2, "the following arguments are required: FILE.py:BLOCK"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(
+def test_wrong_arguments_give_one_message(
     folder: Path, capsys: pytest.CaptureFixture[str], arguments: str, code: int, sentence: str
 ) -> None:
     block = "class A(fmublock.Block):\n    "
@@ -186,7 +186,7 @@ def test_what_is_wrong_is_said_in_one_sentence(
     assert errors.count("\n") == 1 and errors.endswith("\n")
 
 
-def test_what_python_says_wrongly_is_refused_too(folder: Path) -> None:
+def test_wrong_arguments_in_python_are_refused(folder: Path) -> None:
     for wrong in (Block, Block(), 3, "mine.py:Drive", int):
         with pytest.raises(BuildError, match="is not a block; derive a class from"):
             build(wrong, "x.fmu")  # type: ignore[arg-type]
@@ -229,8 +229,9 @@ class Tuned(Block):
         return {"y": self.gain}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flavour", ["native", "python"])
-def test_a_script_may_hold_the_block_and_build_it(folder: Path, flavour: str) -> None:
+def test_a_script_may_contain_the_block_and_build_it(folder: Path, flavour: str) -> None:
     text = dedent(DRIVE).replace("import Block,", "import Block, Instance, build,")
     text += f"\n\nif __name__ == '__main__':\n    print(build(Drive, 'Drive.fmu', flavour='{flavour}'))\n"
     (folder / "script.py").write_text(text)
@@ -245,7 +246,7 @@ def test_a_module_of_a_package_is_loaded_as_such() -> None:
     assert block is not sys.modules["emla_fmu.plant"].EmlaPlant
 
 
-def test_loading_leaves_no_trace(folder: Path) -> None:
+def test_loading_leaves_the_interpreter_as_it_was(folder: Path) -> None:
     before, modules = list(sys.meta_path), dict(sys.modules)
     load_block("mine.py:Drive")
     with pytest.raises(LoadError):
@@ -254,14 +255,14 @@ def test_loading_leaves_no_trace(folder: Path) -> None:
     assert {n for n in sys.modules.keys() - modules.keys() if n in ("mine", "helper")} == set()
 
 
-def test_importing_fmublock_is_light() -> None:
+def test_importing_fmublock_imports_no_large_package() -> None:
     heavy = ("casadi", "matplotlib", "pythonfmu", "numpy", "fmpy", "filelock")
     code = f"import fmublock, sys; fmublock.Instance; print([m for m in {heavy} if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[]\n"
 
 
-def test_a_unit_that_the_fmi_does_not_know_is_named(folder: Path) -> None:
+def test_an_unknown_unit_is_refused(folder: Path) -> None:
     class Drive(Block):
         """A mass that is pushed."""
 
@@ -283,12 +284,7 @@ def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
     space = "{http://fmi-standard.org/fmi-ls-manifest}"
     assert root.tag == "fmiReferences" and root.get(f"{space}fmi-ls-name") == place.partition("/")[2]
     assert [one.attrib for one in root] == [
-        {
-            "type": "text/csv",
-            "source": "a&b_ref.csv",
-            "role": "result",
-            "description": 'A "result" of 1 < 2',
-        }
+        {"type": "text/csv", "source": "a&b_ref.csv", "role": "result", "description": 'A "result" of 1 < 2'}
     ]
     with zipfile.ZipFile(build(other, "without.fmu")) as archive:
         assert not [name for name in archive.namelist() if name.startswith("extra")]

@@ -18,7 +18,7 @@ from emla_fmu import EmlaPlant
 from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, exp, sin, where
 from fmublock.c_equations import _Equations, c_equations
 from fmublock.errors import BuildError
-from fmublock.graph import Graph, Rank, conditions
+from fmublock.graph import Rank
 from fmublock.instance import Instance
 from fmublock.symbolic import SymbolicBlock, evaluate_symbolically
 from tests.support.slaves import fmu_slave
@@ -179,7 +179,7 @@ def functions(text: str) -> dict[str, str]:
     return dict(re.findall(r"static void (\w+)\(.*?\) \{\n(.*?)\n\}", text, re.DOTALL))
 
 
-def test_every_value_is_computed_where_it_can_change() -> None:
+def test_values_are_computed_where_they_can_change() -> None:
     block = Mixed()
     body = functions(c_equations(block, evaluate_symbolically(block)))
     assert "sin(" in body["fixed_values"] and "exp(" not in body["fixed_values"]
@@ -188,13 +188,13 @@ def test_every_value_is_computed_where_it_can_change() -> None:
     assert not re.search(r"sin\(|exp\(", body["derivatives"])
 
 
-def test_update_and_outputs_share_what_they_compute() -> None:
+def test_update_and_outputs_share_common_terms() -> None:
     block = Mixed()
     body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
     assert len(re.findall(r"cos\(v\[", body)) == 1  # of the state, for n, y and z
 
 
-def test_what_a_choice_leaves_out_is_behind_a_branch() -> None:
+def test_terms_of_a_rejected_choice_are_behind_a_branch() -> None:
     block = Mixed()
     body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
     (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", body, re.DOTALL)
@@ -203,36 +203,7 @@ def test_what_a_choice_leaves_out_is_behind_a_branch() -> None:
     assert "sin(" not in outside and "/" not in outside
 
 
-def test_equal_operations_are_one_and_abbreviations_are_what_they_stand_for() -> None:
-    time, v = casadi.SX.sym("time"), casadi.SX.sym("v", 2)
-    graph = Graph([[Rank.MOVING], [Rank.FIXED, Rank.MOVING]])
-    square = casadi.SX.unary(casadi.OP_SQ, v[0])
-    first = graph.results(casadi.Function("f", [time, v], [casadi.vertcat(square, 1.0 / v[1])]))
-    second = graph.results(casadi.Function("g", [time, v], [casadi.vertcat(v[0] * v[0], 0.0)]))
-    assert first[0] == second[0] != first[1]
-    assert [graph.ranks[i] for i in first] == [Rank.FIXED, Rank.MOVING]
-    assert graph.operations[second[1]].value == 0.0
-    assert graph.needed(first, {first[0]: None}) == [first[1]]
-
-
-def test_zeros_of_both_signs_are_two_constants() -> None:
-    graph = Graph([])
-    assert graph._constant(0.0) == graph._constant(0.0) != graph._constant(-0.0)
-
-
-def test_what_both_sides_need_has_no_condition() -> None:
-    time, v = casadi.SX.sym("time"), casadi.SX.sym("v", 3)
-    shared, lonely = casadi.sin(v[1]), casadi.exp(v[2])
-    choice = casadi.if_else(v[0] > 0.0, shared * lonely, shared)
-    graph = Graph([[Rank.MOVING], [Rank.MOVING] * 3])
-    results = graph.results(casadi.Function("f", [time, v], [choice]))
-    numbers = graph.needed(results, {})
-    found = conditions(graph, results, numbers)
-    code = {graph.operations[n].code: found[n] for n in numbers}
-    assert code[casadi.OP_SIN] == frozenset() and len(code[casadi.OP_EXP]) == 1
-
-
-def test_an_operation_without_meaning_in_c_is_a_sentence() -> None:
+def test_unsupported_operations_of_casadi_are_refused() -> None:
     time, v = casadi.SX.sym("time"), casadi.SX.sym("v", VALUES)
     odd = casadi.Function("outputs", [time, v], [casadi.erf(v[3])])
     nothing = [
@@ -246,7 +217,7 @@ def test_an_operation_without_meaning_in_c_is_a_sentence() -> None:
 # ---- what parameters decide, in an FMU ---------------------------------------------------------
 
 
-def test_what_parameters_decide_follows_them(fmu_folder: Path) -> None:
+def test_terms_of_parameters_follow_them(fmu_folder: Path) -> None:
     """Set twice while outputs are looked at, and brought along by a state from another instance."""
     path = fmu_path("EmlaPlant", "native", fmu_folder)
     names = ["a_L", "tau_m", "x_L"]

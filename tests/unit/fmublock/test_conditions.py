@@ -58,7 +58,7 @@ class Divided(Block):
         return {"1 / y must be above x": 1.0 / v.y > v.x}
 
 
-def test_conditions_that_cannot_be_computed_are_told_in_a_sentence() -> None:
+def test_conditions_that_cannot_be_computed_give_one_message() -> None:
     instance = Instance(Divided(), "divided")
     instance.enter_initialization()
     with pytest.raises(
@@ -90,7 +90,7 @@ class Saying(Divided):
         (Saying, r"Saying\.conditions: 'x must be small' is 'yes', which is not a number"),
     ],
 )
-def test_conditions_that_make_no_sense_end_the_export(block: type[Block], said: str) -> None:
+def test_wrong_conditions_end_the_export(block: type[Block], said: str) -> None:
     with pytest.raises(BuildError, match=said):
         evaluate_symbolically(block())
 

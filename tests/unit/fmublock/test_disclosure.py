@@ -135,7 +135,7 @@ def open_instance(fmu: Path, folder: Path, logged: list[str]) -> FMU2Slave:
     return slave
 
 
-def test_the_library_refuses_what_the_description_does_not_offer(restricted: Path, tmp_path: Path) -> None:
+def test_hidden_and_fixed_variables_cannot_be_accessed(restricted: Path, tmp_path: Path) -> None:
     logged: list[str] = []
     slave = open_instance(restricted, tmp_path, logged)
     layout = Spring.layout()
@@ -207,7 +207,7 @@ def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(
         (Disclosure(values={"start.x": 6}), "no instance of this FMU could start: .*must not exceed 5 m"),
     ],
 )
-def test_what_does_not_fit_the_block_is_refused(asked: Disclosure, message: str) -> None:
+def test_wrong_disclosures_are_refused(asked: Disclosure, message: str) -> None:
     with pytest.raises(DisclosureError, match=message):
         Recipe.of(Spring, "native", disclosure=asked)
 
@@ -218,7 +218,7 @@ def test_readable_fmus_cannot_hide(tmp_path: Path) -> None:
             build(Spring, tmp_path / "Spring.fmu", flavour="python", disclosure=asked)
 
 
-def test_keys_tell_the_disclosures_apart() -> None:
+def test_disclosures_have_different_keys() -> None:
     asked = [
         None,
         Disclosure(sources=False),

@@ -13,9 +13,9 @@ from tests.support.sessions import DISCARD, ERROR, FATAL, OK, WARNING, Session, 
 NATIVE_OUTPUTS = ("x", "v[1]", "v[2]", "power", "inverse", "random", "step_count", "force")
 
 
-@pytest.fixture
-def session(toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    with opened(toy_fmu, tmp_path / "fmu") as session:
+@pytest.fixture(params=["native", "python"])
+def session(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Session]:
+    with opened(request.getfixturevalue(f"{request.param}_toy_fmu"), tmp_path / "fmu") as session:
         yield session
 
 
@@ -60,7 +60,7 @@ def test_the_last_setup_counts(session: Session, forget: str) -> None:
 
 
 @pytest.mark.parametrize("tolerance", [math.nan, math.inf, -1e-6, 0.0])
-def test_a_tolerance_that_is_no_positive_number_is_refused(native: Session, tolerance: float) -> None:
+def test_a_tolerance_that_is_not_positive_is_refused(native: Session, tolerance: float) -> None:
     slave = native.new()
     with refused():
         slave.setupExperiment(tolerance)

@@ -284,7 +284,7 @@ def test_calls_in_the_wrong_order_are_refused(host: Host) -> None:
     assert counts == [3, 0]
 
 
-def test_what_a_block_has_not_is_refused(host: Host) -> None:
+def test_missing_features_are_refused(host: Host) -> None:
     slave = host.started()
     for call, word in (
         (slave.fmi3EnterConfigurationMode, "structural parameters"),

@@ -72,7 +72,7 @@ def tick(slave: Any, force: float) -> list[float]:
     return found
 
 
-def test_what_the_model_description_says(paths: list[Path]) -> None:
+def test_model_description(paths: list[Path]) -> None:
     assert validate_fmu(str(paths[0])) == []
     root = root_of(paths[0], "modelDescription.xml")
     (clock,) = root.xpath("ModelVariables/Clock")

@@ -65,7 +65,7 @@ def states(values: list[float]) -> list[float]:
     return values[:3]
 
 
-def test_what_the_model_description_says(fmi3_toy_fmu: Path) -> None:
+def test_model_description(fmi3_toy_fmu: Path) -> None:
     root = root_of(fmi3_toy_fmu, "modelDescription.xml")
     named = root.xpath("ModelVariables/*[@intermediateUpdate='true']/@name")
     assert named == ["x", "v", "power", "inverse"]

@@ -39,7 +39,7 @@ def test_building_twice_gives_the_same_bytes(toy_fmu: Path, tmp_path: Path) -> N
     assert again.read_bytes() == toy_fmu.read_bytes()
 
 
-def test_the_model_description_says_what_the_block_says(session: Session) -> None:
+def test_model_description_of_the_toy(session: Session) -> None:
     description = session.description
     variables = {v.name: v for v in description.modelVariables}
     assert description.modelName == "Toy"

@@ -106,7 +106,7 @@ def test_limit_magnitude_keeps_direction_and_length(x: float, y: float, limit: f
 
 
 @given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), limit=st.floats(1e-3, 1e6))
-def test_what_is_within_the_limit_is_not_limited_again(x: float, y: float, limit: float) -> None:
+def test_a_limited_value_is_not_limited_again(x: float, y: float, limit: float) -> None:
     a, b, _ = fmublock.limit_magnitude(x, y, limit)
     assert fmublock.limit_magnitude(a, b, limit)[2] == 0.0
 

@@ -110,9 +110,7 @@ def test_calls_in_the_wrong_phase_are_refused() -> None:
         (1e9 + 0.5, BlockError, "needs more than 1e.09 internal steps"),
     ],
 )
-def test_a_thousand_million_internal_steps_are_the_most(
-    count: float, error: type[BlockError], sentence: str
-) -> None:
+def test_largest_number_of_internal_steps(count: float, error: type[BlockError], sentence: str) -> None:
     """The first of them fails, or else there would be a long wait."""
 
     class Failing(Block):
@@ -175,9 +173,7 @@ class Pair(Block):
         ([1.0], r"Wrong.outputs returns \[1.0\] instead of a dict"),
     ],
 )
-def test_what_a_method_returns_is_checked_alike_in_a_run_and_in_an_export(
-    results: Any, sentence: str
-) -> None:
+def test_wrong_results_of_methods_are_refused_in_runs_and_exports(results: Any, sentence: str) -> None:
     block = type("Wrong", (Pair,), {"results": results})()
     with pytest.raises(EquationError, match=sentence):
         Instance(block).get([0])
@@ -212,7 +208,7 @@ def test_values_have_names_and_arrays_are_lists() -> None:
         ("power", 1.0, "toy: power is computed by the block"),
     ],
 )
-def test_names_and_values_that_do_not_fit_are_refused(name: str, value: Any, sentence: str) -> None:
+def test_wrong_names_and_values_are_refused(name: str, value: Any, sentence: str) -> None:
     with pytest.raises(BlockError, match=sentence):
         Instance(Toy(), "toy")[name] = value
 
@@ -280,7 +276,7 @@ def test_names_must_differ_and_units_need_floats() -> None:
         ),
     ],
 )
-def test_start_values_that_do_not_fit_are_refused(start: Any, shape: Any, sentence: str) -> None:
+def test_wrong_start_values_are_refused(start: Any, shape: Any, sentence: str) -> None:
     with pytest.raises(TypeError, match=sentence):
         State(start, shape=shape)
 

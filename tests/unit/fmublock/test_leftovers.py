@@ -34,7 +34,7 @@ def dead() -> str:
     ).stdout.strip()
 
 
-def test_the_folder_of_a_dead_process_goes_and_that_of_a_living_one_stays(temporary: Path, dead: str) -> None:
+def test_folders_of_ended_processes_are_removed(temporary: Path, dead: str) -> None:
     mine = make_temporary_folder("run")
     theirs = temporary / f"emla-run-{dead}-abcdefgh"
     theirs.mkdir(mode=0o700)
@@ -44,7 +44,7 @@ def test_the_folder_of_a_dead_process_goes_and_that_of_a_living_one_stays(tempor
     assert list(temporary.iterdir()) == [mine]
 
 
-def test_the_start_tells_two_processes_with_one_id_apart(temporary: Path) -> None:
+def test_processes_with_one_id_differ_in_their_start(temporary: Path) -> None:
     process, start, place = mark_of_process().split("-")
     assert int(start) == round(
         (psutil.Process().create_time() - psutil.boot_time()) * os.sysconf("SC_CLK_TCK")
@@ -55,9 +55,7 @@ def test_the_start_tells_two_processes_with_one_id_apart(temporary: Path) -> Non
     assert not earlier.exists()
 
 
-def test_what_may_belong_to_another_stays(
-    temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_other_owners_stay(temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch) -> None:
     process, start, _ = dead.split("-")
     elsewhere = temporary / f"emla-run-{process}-{start}-{'0' * 8}-abcdefgh"  # another machine or container
     elsewhere.mkdir(mode=0o700)
@@ -82,14 +80,6 @@ def test_what_may_belong_to_another_stays(
     assert theirs.exists()
 
 
-def test_without_proc_nothing_is_removed(temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(leftovers, "_place", lambda: None)
-    left = temporary / f"emla-run-{dead}-abcdefgh"
-    left.mkdir(mode=0o700)
-    remove_leftovers()
-    assert left.exists()
-
-
 def test_links_in_a_folder_are_removed_and_not_followed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,7 +97,7 @@ def test_links_in_a_folder_are_removed_and_not_followed(
         assert (outside / "thesis").exists()
 
 
-def test_an_incomplete_file_of_a_dead_process_goes(tmp_path: Path, dead: str) -> None:
+def test_incomplete_files_of_ended_processes_are_removed(tmp_path: Path, dead: str) -> None:
     left = tmp_path / f"{UNFINISHED}{dead}-abcdefgh"
     living = tmp_path / f"{UNFINISHED}{mark_of_process()}-abcdefgh"
     foreign = tmp_path / f"{UNFINISHED}thesis"
@@ -118,6 +108,7 @@ def test_an_incomplete_file_of_a_dead_process_goes(tmp_path: Path, dead: str) ->
     assert {p.name for p in tmp_path.iterdir()} == {"new", living.name, foreign.name}
 
 
+@pytest.mark.slow
 def test_a_compiler_ends_with_the_process_that_needs_it(tmp_path: Path) -> None:
     """Also what the compiler itself has started."""
     slow = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"

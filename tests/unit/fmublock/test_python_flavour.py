@@ -95,8 +95,7 @@ def session(fragile_fmu: Path, tmp_path: Path) -> Iterator[Session]:
         yield session
 
 
-@pytest.mark.parametrize("place", [1, 2, 3])
-@pytest.mark.parametrize("mistake", CAUSES)
+@pytest.mark.parametrize(("mistake", "place"), [(1, 1), (2, 2), (3, 3), (4, 1)])
 def test_a_step_whose_equations_raise_is_discarded_and_the_log_names_the_exception(
     session: Session, mistake: int, place: int
 ) -> None:
@@ -109,8 +108,9 @@ def test_a_step_whose_equations_raise_is_discarded_and_the_log_names_the_excepti
 
 @pytest.mark.parametrize("place", [1, 2, 3])
 def test_a_step_whose_equations_raise_is_undone(session: Session, place: int) -> None:
-    """As if nobody had tried: shorter steps from there give the same bits."""
+    """Shorter steps from there give the bits of an instance that did not try, and saved states stay."""
     tried, straight = session.instance("tried", place=place), session.instance("straight", place=place)
+    saved = tried.getFMUstate()
     for slave in (tried, straight):
         slave.doStep(0.0, 0.25)
         session.set(slave, u=3.0)
@@ -124,33 +124,12 @@ def test_a_step_whose_equations_raise_is_undone(session: Session, place: int) ->
         slave.doStep(0.375, 0.125)
     assert session.get(tried, *NAMES) == session.get(straight, *NAMES)
     assert session.get(tried, "count") == [3.0]
+    tried.setFMUstate(saved)
+    tried.freeFMUstate(saved)
+    assert session.get(tried, "count", "x") == [0.0, 1.0]
 
 
-def test_other_instances_do_not_notice(session: Session) -> None:
-    sound, other = session.instance("sound", place=3), session.instance("other", place=3)
-    alone = session.instance("alone", place=3)
-    for slave in (sound, alone):
-        slave.doStep(0.0, 0.25)
-    with refused(DISCARD):
-        other.doStep(0.0, 1.0)
-    for slave in (sound, alone):
-        slave.doStep(0.25, 0.125)
-    assert session.get(sound, *NAMES) == session.get(alone, *NAMES)
-
-
-def test_a_saved_state_survives_a_step_whose_equations_raise(session: Session) -> None:
-    slave = session.instance("fragile")
-    slave.doStep(0.0, 0.25)
-    saved, before = slave.getFMUstate(), session.get(slave, *NAMES)
-    slave.doStep(0.25, 0.125)
-    with refused(DISCARD):
-        slave.doStep(0.375, 1.0)
-    slave.setFMUstate(saved)
-    slave.freeFMUstate(saved)
-    assert session.get(slave, *NAMES) == before
-
-
-def test_outputs_that_raise_in_initialization_are_an_error_with_a_text(session: Session) -> None:
+def test_outputs_that_raise_in_initialization_are_logged(session: Session) -> None:
     """PythonFMU knows fmi2Fatal only; the process lives."""
     slave = session.instance("fragile", running=False, time=0.75, place=3, mistake=2)
     with refused(FATAL):
@@ -161,6 +140,7 @@ def test_outputs_that_raise_in_initialization_are_an_error_with_a_text(session: 
     assert session.log.lines("fragile")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failure", ["slave.doStep(0.0, 1.0)", "slave.getReal([99])"])
 def test_a_thousand_failures_do_not_end_the_process(
     session: Session, fragile_fmu: Path, failure: str
@@ -194,6 +174,7 @@ def test_a_thousand_failures_do_not_end_the_process(
     assert run.stdout.split()[-1] == "1000"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", ["before", "after", "never"])
 def test_a_host_may_free_instances_as_it_ends(fragile_fmu: Path, tmp_path: Path, when: str) -> None:
     """Before the FMU's library releases Python, after it, or not at all; and make one more in between."""

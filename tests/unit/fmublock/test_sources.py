@@ -96,29 +96,6 @@ def test_every_way_to_import_is_moved(statement: str, moved: str) -> None:
     assert move_into_package(sources, "P")["P/mine.py"] == f"{moved}\nx = 1\n"
 
 
-def test_an_import_beyond_the_standard_library_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = """
-        import numpy
-        from fmublock import Block, Output
-
-        class Greedy(Block):
-            y = Output()
-
-            def outputs(self, v):
-                return {"y": numpy.pi}
-    """
-    (tmp_path / "greedy.py").write_text(dedent(text))
-    monkeypatch.syspath_prepend(tmp_path)
-    from greedy import Greedy  # pyright: ignore[reportMissingImports]
-
-    with pytest.raises(
-        BuildError, match="greedy imports numpy; a block may import the standard library only"
-    ):
-        build(Greedy, tmp_path / "Greedy.fmu", flavour="python")
-
-
 def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
     """Its resources alone, in a Python that sees no site-packages."""
     path = build_toy("python", tmp_path / "Toy.fmu")

@@ -205,8 +205,7 @@ def test_a_step_that_starts_elsewhere_is_refused(make: Make) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "shown"),
-    [(0.5, "0.5"), (0.123456789, "0.123456789"), (0.25 + 1e-13, "0.2500000000001")],
+    ("time", "shown"), [(0.5, "0.5"), (0.123456789, "0.123456789"), (0.25 + 1e-13, "0.2500000000001")]
 )
 def test_the_message_shows_where_two_times_differ(make: Make, time: float, shown: str) -> None:
     """The steps before are so short that these are no rounding."""

@@ -74,7 +74,7 @@ def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: t
     assert f"out of the tip's reach by {abs(complex(x, y) - aim):.3g} m" in message
 
 
-def test_a_motion_ends_and_passes_where_it_shall() -> None:
+def test_a_motion_passes_its_way_points() -> None:
     vias = (Via((2.6, -0.4), at=0.3), Via((3.0, 0.2)))
     problem = MotionProblem(tip_E=(3.2, 0.5), via=vias, v_S=REST, v_E=REST)
     assert problem.contradictions() == []
@@ -110,7 +110,7 @@ def test_the_optimiser_uses_the_free_stroke() -> None:
         ),
     ],
 )
-def test_what_the_tip_cannot_do_is_refused(changes: dict[str, Any], words: str) -> None:
+def test_impossible_positions_of_the_tip_are_refused(changes: dict[str, Any], words: str) -> None:
     messages = MotionProblem(v_E=REST, **changes).contradictions()
     assert len(messages) == 1 and words in messages[0]
 

@@ -63,7 +63,7 @@ def test_the_ground_bends_a_motion_that_would_come_too_close() -> None:
     assert is_kept and min(height(LOW_AND_SINKING, q) for q in seen) >= 0.2 - 2e-6
 
 
-def test_motions_that_keep_clear_anyhow_stay_as_they_are() -> None:
+def test_obstacles_far_away_change_no_motion() -> None:
     with_obstacles, without = (
         MotionProblem(v_E=REST),
         MotionProblem(v_E=REST, ground_clearance=None, body_clearance=None),
@@ -78,6 +78,7 @@ def anywhere() -> Any:
     return st.tuples(*(st.floats(0.0, high) for high in HDRM.q_UB))
 
 
+@pytest.mark.slow
 @examples(3, 60, deadline=None, phases=[Phase.generate])
 @given(seed=st.integers(0, 10**9))
 def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None:
