@@ -1,4 +1,4 @@
-"""An actuator from its data sheets: what follows from every entry, and what is said of wrong ones.
+"""An actuator from its data sheets: what follows from every entry, and what is message of wrong ones.
 
 The motor is Tolomatic's MV43, of a family that the paper does not have; the file says where it is from.
 """
@@ -300,10 +300,7 @@ WRONG = [
         "[thermal] needs motor",
     ),
     # what torque, current and voltage say of each other
-    (
-        {"motor__K_E": "108.258 V/krpm peak line to line"},
-        "a flux of 0.1996 Wb and motor.K_E one of 0.1492 Wb",
-    ),
+    ({"motor__K_E": "108.258 V/krpm peak line to line"}, "a flux of 0.1996 Wb and motor.K_E one of 0.1492"),
     ({"motor__tau_max": "60 N m"}, "motor.i_max = 15 A rms (21.21 A peak) gives 25.41 N m"),
     ({"motor__tau_N": "12 N m"}, "that torque needs 7.085 A rms (10.02 A peak)"),
     ({"motor__i_N": "16 A rms"}, "motor.i_N is more than motor.i_max"),
@@ -312,11 +309,11 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "said"), WRONG, ids=[str(changes) for changes, _ in WRONG])
-def test_invalid_sheet_gives_one_message(changes: dict[str, Any], said: str) -> None:
+@pytest.mark.parametrize(("changes", "message"), WRONG, ids=[str(changes) for changes, _ in WRONG])
+def test_invalid_sheet_gives_one_message(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ec.CommandError) as caught:
         ec.Actuator(**with_entries(**changes))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_all_problems_of_a_sheet_are_reported() -> None:
@@ -333,7 +330,7 @@ def test_speed_in_the_message_is_possible() -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "[motor] lacks"),
         (b"motor = 3", "'motor' is 3; it must be a table, [motor]"),
@@ -345,11 +342,11 @@ def test_speed_in_the_message_is_possible() -> None:
     ],
     ids=["empty", "no table", "other table", "no text", "no TOML", "no UTF-8", "deep"],
 )
-def test_invalid_actuator_files(content: bytes, said: str, tmp_path: Path) -> None:
+def test_invalid_actuator_files(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(content)
     with pytest.raises(ec.CommandError, match=r"the actuator '.*a\.toml'") as caught:
         ec.load("prototype", actuator={"prototype": tmp_path / "a.toml"})
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 places = st.sampled_from([(table, e.key) for table, entries in TABLES.items() for e in entries])
@@ -393,23 +390,23 @@ def test_impossible_motions_are_refused() -> None:
 
 def test_impossible_trajectories_are_refused() -> None:
     """That of tilt goes to 473 mm, as fast as the joint's own actuator may, 100 mm/s."""
-    for changes, said in (
+    for changes, message in (
         ({"screw__stroke": "400 mm"}, "of tilt goes from 389 to 472.8 mm, outside the stroke"),
         ({"screw__stroke": "1 m", "screw__v_max": "80 mm/s"}, "of tilt peaks at .* use a --trajectory that"),
     ):
-        with pytest.raises(ec.CommandError, match=said):
+        with pytest.raises(ec.CommandError, match=message):
             ec.load("hdrm-replay", actuator={"tilt": ec.Actuator(**with_entries(**changes))})
 
 
 def test_too_large_load_is_noted() -> None:
     level = "prototype.disturbance.load.level[*]"
-    for load, said in (
+    for load, message in (
         (30e3, "more than its continuous torque of 8.469 N m"),
         (90e3, "more than its peak torque of 25.41"),
     ):
         names = {level.replace("*", str(i)): load for i in range(1, 7)}
         (note,) = ec.load("prototype", actuator={"prototype": FILE}, set=names).notes
-        assert said in note and f"{load * 2e-3 / (2 * math.pi) / 0.8075:.4g} N m" in note
+        assert message in note and f"{load * 2e-3 / (2 * math.pi) / 0.8075:.4g} N m" in note
 
 
 def test_notes_on_fluxes_and_limits() -> None:

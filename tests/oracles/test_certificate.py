@@ -52,10 +52,10 @@ def test_bound_of_the_speed_error_equals_that_of_the_plant(lift: JointCertificat
 
 
 def test_violated_assumptions_are_reported(lift: JointCertificate) -> None:
-    said = " ".join(lift.remarks)
-    assert "Omega_3 there is no prior bound" in said
-    assert "held for 0.1 ms" in said
-    assert "zeta_i is 0" not in said
+    message = " ".join(lift.remarks)
+    assert "Omega_3 there is no prior bound" in message
+    assert "held for 0.1 ms" in message
+    assert "zeta_i is 0" not in message
 
 
 def test_no_adaptation_gives_no_bound(fmu_folder: Path) -> None:

@@ -552,13 +552,13 @@ def test_coarse_rows_are_reported(
 
 
 def test_invalid_requests_are_refused(size: Callable[..., ec.SizeResult]) -> None:
-    for request, said in (
+    for request, message in (
         ({"cycle": 9.0}, "longer than the run"),
         ({"cycle": -1.0}, "must be a positive number"),
         ({"life": 0.0}, "must be a positive number"),
         ({"lead_in": -1.0}, "must be 0 or a positive"),
     ):
-        with pytest.raises(ec.CommandError, match=said):
+        with pytest.raises(ec.CommandError, match=message):
             size("prototype", stop_time=0.5, **request)
     with pytest.raises(ec.CommandError, match="has no candidates"):
         size("study", candidates={"lift": []})
@@ -635,7 +635,7 @@ def test_pounds_without_a_quantity_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "said"),
+    ("entries", "message"),
     [
         ({"tau_R": '"20 lb-in"', "n_R": None}, "motor.tau_R needs motor.n_R"),
         ({"C_DC": None}, "inverter.U_brake needs inverter.C_DC"),
@@ -643,11 +643,11 @@ def test_pounds_without_a_quantity_are_refused() -> None:
         ({"ends": '"clamped"'}, "it must be fixed-free or"),
     ],
 )
-def test_entries_that_require_others(entries: dict[str, Any], said: str, tmp_path: Path) -> None:
+def test_entries_that_require_others(entries: dict[str, Any], message: str, tmp_path: Path) -> None:
     text = IMPERIAL.read_text(encoding="utf-8")
     removed = [key for key, value in entries.items() if value is None]
     text = "\n".join(line for line in text.splitlines() if line.split(" = ")[0] not in removed)
     kept = {key: value for key, value in entries.items() if value is not None}
     (tmp_path / "sheet.toml").write_text(with_entry(text, **kept), encoding="utf-8")
-    with pytest.raises(ec.CommandError, match=said):
+    with pytest.raises(ec.CommandError, match=message):
         ec.Actuator.read(tmp_path / "sheet.toml")

@@ -50,10 +50,7 @@ def test_selection_of_controllers_and_gains() -> None:
         (("--controllers", "rsba,foc", "--gains", "soft"), "no controller that is compared has the set"),
         (("--controllers", "rsba", "--gains", "rsba/soft"), "the controller rsba has no set of gains 'soft'"),
         (("--controllers", "rsba", "--gains", "foc/rule"), "for the controller 'foc', which is not compared"),
-        (
-            ("--table", "small"),
-            "there is no table 'small'; choose from paper, robustness, stability and margins",
-        ),
+        (("--table", "small"), "there is no table 'small'; choose from paper, robustness, stability and"),
         (("--resolution", "5"), "only the table stability has a resolution"),
         (("--table", "stability", "--resolution", "1"), "must be from 2 to 100"),
         (("--table", "margins", "--resolution", "5"), "only the table stability has a resolution"),
@@ -246,7 +243,7 @@ def test_map_has_all_points_of_its_grid() -> None:
 
 
 def test_stability_map_separates_stable_and_unstable_corners(fmu_folder: Path) -> None:
-    """Without delay lift holds with its own inductance, with 0.6 ms and 0.4 of it nobody does."""
+    """Without delay lift holds with its own inductance, with 0.6 ms and 0.4 of it no gains do."""
     result = ec.compare(
         "lift", ["rsba"], table="stability", resolution=2, stop_time=0.4, fmus=fmu_folder, workers=1
     )

@@ -124,7 +124,7 @@ def test_robustness_table_has_means_and_counts_held_runs() -> None:
     ]
     assert [cell.text for cell in cases.rows[1]][1:] == ["1.05 ± 0.071 / 100 / 1", "not held in 1 of 2 (2.4)"]
     assert [cell.best for cell in cases.rows[0]] == [False, True, False]
-    assert not any(cell.best for cell in cases.rows[1])  # nobody is there to compare with
+    assert not any(cell.best for cell in cases.rows[1])  # there is only one left
     assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
     assert describe_lost_joints(robustness()) == [
         "noise, lift with b/own (1 of 2 runs): lift tripped on its speed at t = 0.5 s."
@@ -261,13 +261,13 @@ def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder:
 
 
 def test_gains_without_limits_have_no_reserve(fmu_folder: Path) -> None:
-    def said(gains: str) -> str:
+    def message(gains: str) -> str:
         return describe_reserves(
             Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder)), {}
         )
 
-    assert said("robust") == "0 % and no limit"
-    assert said("published") == "no limit and no limit"
+    assert message("robust") == "0 % and no limit"
+    assert message("published") == "no limit and no limit"
 
 
 def test_reserve_reduces_the_peak_torque(fmu_folder: Path) -> None:
@@ -307,7 +307,7 @@ class Proportional(Block):
 
 
 def test_controllers_of_users_are_compared(fmu_folder: Path) -> None:
-    """On another scenario, whose controllers sample at 1 kHz; what cannot be set is said."""
+    """On another scenario, whose controllers sample at 1 kHz; what cannot be set is message."""
     fmu = str(build("FocController", "native", [], fmu_folder))
     controllers = ["rsba", fmu, Proportional]
     result = ec.compare(

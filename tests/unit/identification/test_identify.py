@@ -1,6 +1,8 @@
 """`identify` and `emla identify` with FMUs: against SciPy on the same equations, wrong data, files."""
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,10 +93,17 @@ def data(x: np.ndarray, force: np.ndarray = FORCE) -> dict[str, Any]:
 RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 1e-3}
 RANGES = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.c": "0:5"}
 
+Identify = Callable[..., ec.IdentificationResult]
 
-def test_estimates_and_errors_equal_those_of_scipy(fmu: Path, scheduler: Client) -> None:
+
+@pytest.fixture(scope="module")
+def identify(fmu: Path, scheduler: Client) -> Identify:
+    return partial(ec.identify, str(fmu), scheduler=scheduler, **RUN)
+
+
+def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     x = noisy()
-    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, **data(x), **RUN)
+    found = identify(RANGES, **data(x))
     expected = least_squares(
         lambda p: motion(*p) - x, [1.5, 0.8, 0.5], "3-point", diff_step=1e-3, xtol=1e-12, ftol=1e-12
     )
@@ -113,14 +122,14 @@ def test_estimates_and_errors_equal_those_of_scipy(fmu: Path, scheduler: Client)
     )
 
 
-def test_incomplete_model_is_reported_and_fails_on_other_data(fmu: Path, scheduler: Client) -> None:
+def test_incomplete_model_is_reported_and_fails_on_other_data(identify: Identify) -> None:
     other = 4.0 * np.sin(2.0 * TIME)
     held_out = data(motion(**TRUE, held=np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, other)), other)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
     without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     x = noisy()
     for vary, good in ((RANGES, True), (without, False)):
-        found = ec.identify(str(fmu), vary, experiments=[second], scheduler=scheduler, **data(x), **RUN)
+        found = identify(vary, experiments=[second], **data(x))
         first, last = found.fits
         assert last.held_out and last.samples == len(TIME)
         assert first.is_white == good and (last.fit > 0.999) == good
@@ -128,63 +137,57 @@ def test_incomplete_model_is_reported_and_fails_on_other_data(fmu: Path, schedul
         assert not any("second" in note for note in found.notes)
 
 
-def test_held_out_experiments_run_once(fmu: Path, scheduler: Client) -> None:
+def test_held_out_experiments_run_once(identify: Identify) -> None:
     first = data(noisy())
     second = ec.Experiment("second", first["measured"], {"input": first["input"]}, held_out=True)
-    given = {"sigma": {"Cart.x": 1e-3}, "scheduler": scheduler, **first, **RUN}
-    alone, both = (
-        ec.identify(str(fmu), {"Cart.m": "0.2:10"}, experiments=more, **given) for more in ([], [second])
-    )
+    given = {"sigma": {"Cart.x": 1e-3}, **first}
+    alone, both = (identify({"Cart.m": "0.2:10"}, experiments=more, **given) for more in ([], [second]))
     assert both.runs == alone.runs + 1 and both.set == alone.set
 
 
-def test_batches_do_not_change_estimates(
-    fmu: Path, scheduler: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_batches_do_not_change_estimates(identify: Identify, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run of 2001 rows and two columns has 32 kB; two batches of eight points are the smallest."""
     from emla_cosim.identification import prediction
 
     ranges = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
-    given = {"scheduler": scheduler, "set": {"Cart.c": TRUE["c"]}, **data(noisy()), **RUN}
-    at_once = ec.identify(str(fmu), ranges, **given)
+    given = {"set": {"Cart.c": TRUE["c"]}, **data(noisy())}
+    at_once = identify(ranges, **given)
     monkeypatch.setattr(prediction, "_MEMORY", 10_000)
-    in_batches = ec.identify(str(fmu), ranges, **given)
+    in_batches = identify(ranges, **given)
     for name in ranges:
         assert (in_batches[name].value, in_batches[name].error) == (at_once[name].value, at_once[name].error)
 
 
 @pytest.mark.slow
-def test_unidentifiable_parameters_have_a_problem(fmu: Path, scheduler: Client) -> None:
+def test_unidentifiable_parameters_have_a_problem(identify: Identify) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
-    found = ec.identify(str(fmu), vary, scheduler=scheduler, **data(noisy(c=0.0)), **RUN)
+    found = identify(vary, **data(noisy(c=0.0)))
     assert found["Cart.idle"].problem == "it has no influence on the measured signals"
     for name in ("Cart.m", "Cart.b", "Cart.gain"):  # the whole equation times a factor
         assert "do not tell it from a combination of" in str(found[name].problem), found[name]
     assert not found.is_identified and np.isnan(found.correlations).all()
 
 
-def test_sensors_are_estimated_with_the_model(fmu: Path, scheduler: Client) -> None:
+def test_sensors_are_estimated_with_the_model(identify: Identify) -> None:
     clean = motion(1.3, 0.7, 0.0)
     late = 0.02 + 1.05 * np.interp(TIME - 0.03, TIME, clean)
     x = late + 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "offset(Cart.x)": "-10cm:10cm", "delay(Cart.x)": "0:100ms"}
     options = data(x / 1.05 + 0.02 * (1 - 1 / 1.05))
-    found = ec.identify(str(fmu), vary, sigma={"Cart.x": "0.1 mm"}, scheduler=scheduler, **options, **RUN)
+    found = identify(vary, sigma={"Cart.x": "0.1 mm"}, **options)
     assert found["offset(Cart.x)"].value == pytest.approx(0.02, abs=2e-4)
     assert found["delay(Cart.x)"].value == pytest.approx(0.03, abs=1e-3)
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert "offset(Cart.x)" not in found.set and set(found.set) == {"Cart.m", "Cart.b"}
 
 
-def test_experiments_are_ranked_by_information(fmu: Path, scheduler: Client) -> None:
+def test_experiments_are_ranked_by_information(identify: Identify) -> None:
     def experiment(name: str, force: np.ndarray) -> ec.Experiment:
         return ec.Experiment(name, (), {"input": data(FORCE, force)["input"]})
 
     asked = [experiment("still", 1e-9 * FORCE), experiment("weak", 0.1 * FORCE), experiment("strong", FORCE)]
     vary = {"Cart.m": "0.5:4", "Cart.b": "0.1:5"}
-    found = ec.identify(
-        str(fmu), vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True, scheduler=scheduler, **RUN
-    )
+    found = identify(vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True)
     assert [one.experiment for one in found.candidates] == ["strong", "weak", "still"]
     strong, weak, _ = found.candidates
     for name in vary:  # a linear model: ten times the force, a tenth of the error
@@ -229,9 +232,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changed", "message"), BAD)
-def test_invalid_requests_are_refused(
-    changed: dict[str, Any], message: str, fmu: Path, scheduler: Client
-) -> None:
+def test_invalid_requests_are_refused(changed: dict[str, Any], message: str, identify: Identify) -> None:
     asked = dict(changed)
     times = np.asarray(asked.pop("times", TIME))
     x = np.asarray(asked.pop("x", FORCE))[: len(times)]
@@ -240,62 +241,52 @@ def test_invalid_requests_are_refused(
     one = ec.Input(data=dict(zip(names, (times, x), strict=True)), signals=signals, **settings)
     vary = asked.pop("vary", RANGES)
     with pytest.raises(CommandError, match=message):
-        ec.identify(str(fmu), vary, measured=[one], scheduler=scheduler, **asked, **RUN)
+        identify(vary, measured=[one], **asked)
 
 
-def test_failing_runs_are_avoided(fmu: Path, scheduler: Client) -> None:
+def test_failing_runs_are_avoided(identify: Identify) -> None:
     """A negative drag makes the position grow beyond all numbers."""
-    found = ec.identify(
-        str(fmu),
-        {"Cart.m": "0.01:10", "Cart.b": "-500:5"},
-        starts=4,
-        scheduler=scheduler,
-        **data(noisy(c=0.0)),
-        **RUN,
-    )
+    found = identify({"Cart.m": "0.01:10", "Cart.b": "-500:5"}, starts=4, **data(noisy(c=0.0)))
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert any("failed, most because: " in note for note in found.notes)
     with pytest.raises(RunError, match="runs of all starting points fail"):
-        ec.identify(str(fmu), {"Cart.b": "-900:-600"}, scheduler=scheduler, **data(noisy()), **RUN)
+        identify({"Cart.b": "-900:-600"}, **data(noisy()))
 
 
-def test_columns_with_names_of_signals_are_compared(fmu: Path, scheduler: Client) -> None:
-    x, told = noisy(), Interrupting()
+def test_columns_with_names_of_signals_are_compared(identify: Identify) -> None:
+    x, progress = noisy(), Interrupting()
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
     for chosen, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
-        found = ec.identify(
-            str(fmu),
+        found = identify(
             {"Cart.m": "0.2:10"},
             measured=[ec.Input(data=columns, columns=chosen)],
             input=[ec.Input(data=driven)],
-            scheduler=scheduler,
-            progress=told,
+            progress=progress,
             set={"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]},
-            **RUN,
         )
         assert {one.signal for one in found.fits} == signals
-    assert any("columns that were not compared: remark" in note for note in told.notes)
+    assert any("columns that were not compared: remark" in note for note in progress.notes)
 
 
-def test_short_names_of_a_single_fmu_become_full_names(fmu: Path, scheduler: Client) -> None:
+def test_short_names_of_a_single_fmu_become_full_names(identify: Identify) -> None:
     one = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
     vary = {"Cart.m": "0.2:10", "offset(x)": "-0.1:0.1"}
-    options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
-    found = ec.identify(str(fmu), vary, measured=[one], sigma={"x": 1e-3}, scheduler=scheduler, **options)
+    options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
+    found = identify(vary, measured=[one], sigma={"x": 1e-3}, **options)
     assert found.fits[0].signal == "Cart.x" and found.sigma == {"Cart.x": 1e-3}
     assert found["Cart.m"].value == pytest.approx(1.3, rel=0.01)
 
 
-def test_negative_delay_of_a_sensor_is_estimated(fmu: Path, scheduler: Client) -> None:
+def test_negative_delay_of_a_sensor_is_estimated(identify: Identify) -> None:
     """The run goes on after the last sample, which was taken later than its time says."""
     early = TIME <= 1.9
     x = np.interp(TIME[early] + 0.05, TIME, motion(**TRUE))
     one = ec.Input(data={"time": TIME[early], "x": x}, signals={"Cart.x": "x"})
     driven = data(x, FORCE)["input"]
     vary = {"Cart.m": "0.2:10", "delay(Cart.x)": "-0.1:0.1"}
-    options = {**RUN, "set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}}
-    found = ec.identify(str(fmu), vary, measured=[one], input=driven, scheduler=scheduler, **options)
+    options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}}
+    found = identify(vary, measured=[one], input=driven, **options)
     assert found["delay(Cart.x)"].value == pytest.approx(-0.05, abs=1e-3)
     assert found["Cart.m"].value == pytest.approx(1.3, rel=2e-3) and found.fits[0].rms < 1e-4
 
@@ -311,7 +302,7 @@ def test_corrupt_record_is_not_a_start(value: str, tmp_path: Path) -> None:
     assert read_unfinished(tmp_path, ["p"]) is None
 
 
-def test_lost_start_values_are_reported(tmp_path: Path, scheduler: Client) -> None:
+def test_lost_start_values_are_reported(tmp_path: Path) -> None:
     careless = str(build_reluctant_fmu(tmp_path / "reluctant.fmu"))
     name = ec.load(careless).system.components[0].name
     run = ec.load(careless, stop_time=1.0, step_size=0.01).prepare().run()
@@ -322,7 +313,6 @@ def test_lost_start_values_are_reported(tmp_path: Path, scheduler: Client) -> No
         careless,
         {f"{name}.gain": "0.5:20"},
         measured=[one],
-        scheduler=scheduler,
         stop_time=1.0,
         step_size=0.01,
         set={f"{name}.stubborn": True},
@@ -344,7 +334,7 @@ class Interrupting(Progress):
 
 
 def test_interrupted_search_can_be_continued(
-    fmu: Path, scheduler: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    identify: Identify, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from emla_cosim.identification import prediction
 
@@ -356,14 +346,14 @@ def test_interrupted_search_can_be_continued(
         return whole(self, *asked)
 
     monkeypatch.setattr(prediction.Predictor, "predict", limited)
-    found = ec.identify(str(fmu), RANGES, scheduler=scheduler, output=place, **data(x), **RUN)
+    found = identify(RANGES, output=place, **data(x))
     assert not found.complete and found["Cart.m"].problem == "interrupted"
     record = json.loads((place / "identify.json").read_text())
     assert record["status"] == "unfinished" and record["estimates"][0]["value"] == found["Cart.m"].value
     monkeypatch.setattr(prediction.Predictor, "predict", whole)
-    told = Interrupting()
-    again = ec.identify(str(fmu), RANGES, scheduler=scheduler, output=place, progress=told, **data(x), **RUN)
-    assert any("continued from the unfinished result" in note for note in told.notes)
+    progress = Interrupting()
+    again = identify(RANGES, output=place, progress=progress, **data(x))
+    assert any("continued from the unfinished result" in note for note in progress.notes)
     assert again.complete and again["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert json.loads((place / "identify.json").read_text())["status"] == "completed"
 
@@ -405,9 +395,9 @@ def test_command_writes_a_scenario_that_runs(
         assert simulation.run().parameters["Cart.m"] == found["Cart.m"]["value"]
     assert sentence(emla("identify", "plan.toml", "--workers", "1", "--vary", "Cart.q=1:2"), 2)
     both = ("--measured", "found/samples.csv:Cart.x=measured", "--output", "found")
-    told = sentence(emla("identify", str(fmu), "--vary", "Cart.m=1:2", *both), 2)
-    assert "samples.csv" in told and "measured data" in told
+    message = sentence(emla("identify", str(fmu), "--vary", "Cart.m=1:2", *both), 2)
+    assert "samples.csv" in message and "measured data" in message
     Path("mine").mkdir()
     Path("mine/identify.json").write_text("{}")
-    told = sentence(emla("identify", "plan.toml", "--workers", "1", "--output", "mine"), 2)
-    assert "identify.json" in told and Path("mine/identify.json").read_text() == "{}"
+    message = sentence(emla("identify", "plan.toml", "--workers", "1", "--output", "mine"), 2)
+    assert "identify.json" in message and Path("mine/identify.json").read_text() == "{}"

@@ -66,26 +66,21 @@ def test_entries_of_one_actuator_vary_together(fmu_folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "name", "values", "said"),
+    ("scenario", "name", "values", "message"),
     [
         ("prototype", "actuator.screw.leed", "5mm,6mm", "did you mean 'lead'?"),
         ("prototype", "actuator.screw.lead", "5mm,1cm", "in different units: cm and mm"),
         ("prototype", "actuator.screw.lead", "5,6", "without a unit"),
-        (
-            "prototype",
-            "actuator.scew.lead",
-            "5mm,6mm",
-            "'prototype.scew.lead' of a data sheet does not exist",
-        ),
+        ("prototype", "actuator.scew.lead", "5mm,6mm", "'prototype.scew.lead' of a data sheet does not"),
         ("prototype", "actuator.screw", "5mm,6mm", "write actuator.JOINT"),
         ("study", "actuator.screw.lead", "5mm,6mm", "write actuator.JOINT"),
         ("prototype", "actuator.screw.lead", "80%:120%", "need values with their units"),
     ],
 )
 def test_invalid_names_are_refused(
-    scenario: str, name: str, values: str, said: str, fmu_folder: Path
+    scenario: str, name: str, values: str, message: str, fmu_folder: Path
 ) -> None:
-    with pytest.raises(ec.CommandError, match=said.replace("?", r"\?")):
+    with pytest.raises(ec.CommandError, match=message.replace("?", r"\?")):
         ec.sweep(scenario, {name: values}, stop_time=0.01, fmus=fmu_folder)
 
 

@@ -68,7 +68,7 @@ def texts(figure: Any) -> list[Any]:
 
 
 def outside(axis: Any) -> list[Any]:
-    """Labels of ticks beyond the limits of an axis, which nobody sees."""
+    """Labels of ticks beyond the limits of an axis, which are invisible."""
     low, high = sorted(axis.get_view_interval())
     margin = 1e-9 * (high - low)
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]

@@ -1,9 +1,11 @@
-"""What is wrong with a plan is said in one sentence before anything runs, and leaves nothing behind."""
+"""What is wrong with a plan is message in one sentence before anything runs, and leaves nothing behind."""
 
 import json
 import math
 import shutil
 from collections import namedtuple
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from emla_cosim.sandbox.locking import exclusive_lock
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
 from emla_cosim.sweeps.plan import Plan, load_plan
+from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
@@ -29,6 +32,14 @@ from tests.support.odd_files import ODD
 R_S = "lift.plant.motor.R_s"
 ONE: dict[str, Any] = {R_S: [0.1, 0.2]}
 RUN: dict[str, Any] = {"stop_time": 0.002}
+
+
+SweepLift = Callable[..., SweepResult]
+
+
+@pytest.fixture(scope="module")
+def sweep_lift(scheduler: Client, fmu_folder: Path) -> SweepLift:
+    return partial(sweep, "lift", scheduler=scheduler, fmus=fmu_folder, **RUN)
 
 
 def of(name: str = R_S, **table: Any) -> dict[str, Any]:
@@ -85,29 +96,22 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_invalid_plans(name: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
+def test_invalid_plans(name: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
     arguments, expected = WRONG[name]
-    plan = {"vary": ONE, "scheduler": scheduler, "output": tmp_path / "a/out", **RUN, **arguments}
     with pytest.raises(CommandError, match=expected) as caught:
-        sweep("lift", fmus=fmu_folder, **plan)
+        sweep_lift(**{"vary": ONE, "output": tmp_path / "a/out", **arguments})
     text = str(caught.value)
     assert "\n" not in text and text[-1] in ".?"
     assert not list(tmp_path.iterdir())
 
 
 def test_too_large_results_are_refused(
-    scheduler: Client, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sweep_lift: SweepLift, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = namedtuple("usage", "total used free")(2**30, 2**30, 5000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    arguments: dict[str, Any] = {
-        "scheduler": scheduler,
-        "fmus": fmu_folder,
-        "output": tmp_path / "out",
-        **RUN,
-    }
     with pytest.raises(CommandError, match=r"the results of 50 variants take up to .* keep fewer signals"):
-        sweep("lift", {R_S: "0.1:0.2:50"}, signals=["*"], **arguments)
+        sweep_lift({R_S: "0.1:0.2:50"}, signals=["*"], output=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -213,15 +217,10 @@ def test_table_does_not_depend_on_its_parts(
     assert one == many
 
 
-def test_content_of_a_folder_decides_what_can_be_resumed(
-    scheduler: Client, fmu_folder: Path, tmp_path: Path
-) -> None:
+def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    plan: dict[str, Any] = {
-        "vary": {R_S: [0.9, 1.1]}, "metrics": ["lift.torque_peak_N_m"], "scheduler": scheduler,
-        "fmus": fmu_folder, "output": out, **RUN,
-    }  # fmt: skip
-    first = sweep("lift", **plan)
+    plan: dict[str, Any] = {"vary": {R_S: [0.9, 1.1]}, "metrics": ["lift.torque_peak_N_m"], "output": out}
+    first = sweep_lift(**plan)
     before = (out / "variants.parquet").read_bytes()
     others: dict[str, dict[str, Any]] = {
         "values": {"vary": {R_S: [0.9, 1.2]}},
@@ -233,65 +232,58 @@ def test_content_of_a_folder_decides_what_can_be_resumed(
     same_numbers = [{R_S: "90%,110%"}, {"k": {"of": [R_S], "distribution": "values", "values": [0.9, 1.1]}}]
     for named, changed in [*others.items(), *[("values", {"vary": vary}) for vary in same_numbers]]:
         with pytest.raises(CommandError, match=f"cannot be resumed: it has different .*{named}"):
-            sweep("lift", **{**plan, **changed}, resume=True)
-    assert sweep("lift", **plan, resume=True).variants.equals(first.variants)
+            sweep_lift(**{**plan, **changed}, resume=True)
+    assert sweep_lift(**plan, resume=True).variants.equals(first.variants)
     assert (out / "variants.parquet").read_bytes() == before
 
     record = json.loads((out / "sweep.json").read_text())
     (out / "sweep.json").write_text(json.dumps({**record, "status": "unfinished"}))
     (out / MANIFEST).unlink()  # which would say that sweep.json was changed
     with pytest.raises(CommandError, match="has an unfinished sweep; --resume continues it"):
-        sweep("lift", **plan)
+        sweep_lift(**plan)
     (out / "parts").mkdir()
     (out / "parts/000000000.parquet").write_bytes(b"PAR1 no more")
     with pytest.raises(CommandError, match=r"parts/000000000.parquet' cannot be read; remove it"):
-        sweep("lift", **plan, resume=True)
+        sweep_lift(**plan, resume=True)
     (out / "parts/000000000.parquet").unlink()
-    assert sweep("lift", **plan, resume=True).complete
+    assert sweep_lift(**plan, resume=True).complete
     assert (out / "variants.parquet").read_bytes() == before
     with exclusive_lock(out), pytest.raises(CommandError, match="another run writes to"):
-        sweep("lift", **plan)
+        sweep_lift(**plan)
     (out / "sweep.json").write_text("[]")
     with pytest.raises(CommandError, match=r"sweep.json' was changed since emla wrote it"):
-        sweep("lift", **plan)
-    assert sweep("lift", **plan, overwrite=True).complete
+        sweep_lift(**plan)
+    assert sweep_lift(**plan, overwrite=True).complete
 
 
-@pytest.mark.parametrize("what", ["series", "parts", "link", "strange", "folder", "device"])
-def test_files_of_others_are_kept(what: str, scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
-    """A folder of results may have files of the names that a sweep gives to its own."""
+@pytest.mark.parametrize("what", ["series", "parts", "strange", "link", "folder", "device"])
+def test_files_of_others_are_kept(what: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
+    """An output folder may contain files with the names that a sweep uses."""
     out, other = tmp_path / "out", tmp_path / "other"
-    for folder in (out, other):
-        folder.mkdir()
-    mine = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
-    if what in mine:
-        (out / mine[what]).parent.mkdir()
-        (out / mine[what]).write_text("years of work")
+    files = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
+    for path in (out / files.get(what, "mine.csv"), other / "000000000.parquet"):
+        path.parent.mkdir(parents=True)
+        path.write_text("years of work")
     if what == "strange":
         (out / "sweep.json").write_text('{"identity": {}, "status": "completed"}')
     elif what == "link":
-        (other / "000000000.parquet").write_text("years of work")
         (out / "series").symlink_to(other)
     elif what == "folder":
         (out / "variants.parquet").mkdir()
     elif what == "device":
         (out / "worst.txt").symlink_to("/dev/null")
-    before = sorted(out.rglob("*"))
-    with pytest.raises(
-        CommandError, match=r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
-    ):
-        sweep("lift", ONE, output=out, scheduler=scheduler, fmus=fmu_folder, **RUN)
-    assert sorted(out.rglob("*")) == before
-    assert all(f.read_text() == "years of work" for f in tmp_path.rglob("0*.parquet"))
-    assert all(f.read_text() == "years of work" for f in tmp_path.rglob("mine.csv"))
+    before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
+    refusal = r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
+    with pytest.raises(CommandError, match=refusal):
+        sweep_lift(ONE, output=out)
+    assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-def test_output_that_cannot_be_written(scheduler: Client, fmu_folder: Path, tmp_path: Path) -> None:
-    plan: dict[str, Any] = {"vary": ONE, "scheduler": scheduler, "fmus": fmu_folder, **RUN}
+def test_output_that_cannot_be_written(sweep_lift: SweepLift, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    for place in (tmp_path / "file", tmp_path / "file/below", "nul\0", "x" * 300):
+    for path in (tmp_path / "file", tmp_path / "file/below", "nul\0", "x" * 300):
         with pytest.raises(CommandError, match=r"the output folder .* cannot be written: .*"):
-            sweep("lift", **plan, output=place)
+            sweep_lift(ONE, output=path)
 
 
 @pytest.mark.slow

@@ -199,7 +199,7 @@ def test_problem_has_divergence_and_failed_metric(scheduler: Client, faulty_fmu:
 def test_provenance_depends_on_the_fmu_of_a_variant(
     growth: System, scheduler: Client, tmp_path: Path
 ) -> None:
-    """Two FMUs that differ, each with the same values: all four are told apart, whatever their order."""
+    """Two FMUs with the same values give four different hashes, in any order."""
 
     class Doubled(Growth):
         def outputs(self, v: Any) -> dict[str, Any]:

@@ -76,7 +76,7 @@ def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("vary", "said"),
+    ("vary", "message"),
     [
         ({LEAD: "10:20 mm:3"}, "10 has no unit, but 20 mm has; add a unit to all or none"),
         ({LEAD: ["10 mm", 0.02]}, "0.02 has no unit, but 10 mm has"),
@@ -91,8 +91,8 @@ def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None
     ],
     ids=str,
 )
-def test_incompatible_units_are_refused(vary: Any, said: str, fmu_folder: Path) -> None:
-    with pytest.raises(ec.CommandError, match=said) as caught:
+def test_incompatible_units_are_refused(vary: Any, message: str, fmu_folder: Path) -> None:
+    with pytest.raises(ec.CommandError, match=message) as caught:
         table(vary, fmu_folder)
     assert str(caught.value).startswith(f"'{next(iter(vary))}' of the sweep of 'lift'") or "relative" in str(
         vary

@@ -90,7 +90,7 @@ def test_file_in_the_package_has_default_settings() -> None:
 
 
 def test_several_starts_report_progress() -> None:
-    class Told(Progress):
+    class Counting(Progress):
         def __init__(self) -> None:
             self.tasks, self.count = list[str](), 0
 
@@ -100,10 +100,10 @@ def test_several_starts_report_progress() -> None:
         def advance(self, count: int) -> None:
             self.count += count
 
-    told = Told()
-    result = ec.trajectory(**FAST, starts=2, progress=told)
-    assert told.tasks == ["start 1", "start 2"]
-    assert told.count >= result.solution.iterations > 5
+    progress = Counting()
+    result = ec.trajectory(**FAST, starts=2, progress=progress)
+    assert progress.tasks == ["start 1", "start 2"]
+    assert progress.count >= result.solution.iterations > 5
     assert result.starts == 2
 
 
@@ -124,12 +124,17 @@ def test_pictures_show_the_motion(coarse: ec.TrajectoryResult) -> None:
     assert path["clearance"][0, 1] == pytest.approx(-1.381 + 0.2, abs=1e-3)
 
 
+def solve(emla: Emla, *arguments: str) -> tuple[str, dict[str, Any]]:
+    """Run the command; return what it prints, and the problem in m.json."""
+    shown = emla("trajectory", *arguments, *COARSE, "--no-plots", "--output", "m.json")
+    assert shown.exit_code == 0, shown.output
+    return shown.stdout, json.loads(Path("m.json").read_text(encoding="utf-8"))
+
+
 def test_acceleration_bounds(emla: Emla) -> None:
     limits = ("--set", "a_LB=-0.1,-0.1,-0.1", "--set", "a_UB=0.1,0.1,0.1")
-    shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", *limits, "--set", "a_UB[2]=0.2")
-    assert shown.exit_code == 0, shown.output
-    assert "of 200" in shown.stdout and "of -100" in shown.stdout and "mm/s³" in shown.stdout
-    document = json.loads(Path("m.json").read_text(encoding="utf-8"))
+    stdout, document = solve(emla, *limits, "--set", "a_UB[2]=0.2")
+    assert "of 200" in stdout and "of -100" in stdout and "mm/s³" in stdout
     assert document["problem"]["a_UB"] == [0.1, 0.2, 0.1] and document["problem"]["j_UB"] is None
     assert max(abs(peak["acceleration"]) for peak in document["figures"]["peaks"]) <= 0.2 * (1.0 + 1e-6)
     result = ec.trajectory({"a_LB": [-0.1] * 3, "a_UB": [0.1, 0.2, 0.1], "j_UB": "off"}, **FAST)
@@ -144,84 +149,41 @@ def test_acceleration_bounds(emla: Emla) -> None:
 def test_problem_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\nground = -1.7\n[machine]\nlift_a = 1.2\n")
     changes = ("--set", "q_E[3]=0.4", "--set", "v_E=0,0,0", "--set", "machine.tilt_b=0.46")
-    shown = emla("trajectory", "mine.toml", *changes, *COARSE, "--no-plots", "--output", "m.json")
-    assert shown.exit_code == 0, shown.output
-    assert "contradicts" not in shown.stdout
-    by_command = ec.read_trajectory(tmp_path / "m.json")
-    problem = {
-        "payload": 200.0,
-        "t_M": 20.0,
-        "ground": -1.7,
-        "q_E": [0.270, 0.442, 0.4],
-        "v_E": np.zeros(3),
-        "machine": {"lift_a": 1.2, "tilt_b": 0.46},
-    }
-    result = ec.trajectory(problem, **FAST)
+    stdout, _ = solve(emla, "mine.toml", *changes)
+    assert "contradicts" not in stdout
+    problem = {"payload": 200.0, "t_M": 20.0, "ground": -1.7, "q_E": [0.270, 0.442, 0.4], "v_E": np.zeros(3)}
+    result = ec.trajectory(problem | {"machine": {"lift_a": 1.2, "tilt_b": 0.46}}, **FAST)
     assert result.spline.end == 20.0
-    assert result.spline == by_command
+    assert result.spline == ec.read_trajectory(tmp_path / "m.json")
     assert result.problem.machine.lift_a == 1.2
 
 
 def test_tip_positions_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("tip_E = [3.2, 0.4]\n[[via]]\ntip = [2.7, -0.4]\n")
     changes = ("--set", "tip_E=3.2,0.5", "--set", "via[1].at=0.3", "--set", "via[2].tip=3,0.2")
-    shown = emla(
-        "trajectory",
-        "mine.toml",
-        *changes,
-        *COARSE,
-        "--no-plots",
-        "--output",
-        "m.json",
-        "--end-speed",
-        "rest",
-    )
-    assert shown.exit_code == 0, shown.output
-    document = json.loads((tmp_path / "m.json").read_text())["problem"]
-    assert document["tip_E"] == [3.2, 0.5]
-    assert [via["tip"] for via in document["via"]] == [[2.7, -0.4], [3, 0.2]]
-    assert [via["at"] for via in document["via"]] == [0.3, None]
+    _, document = solve(emla, "mine.toml", *changes, "--end-speed", "rest")
+    assert document["problem"]["tip_E"] == [3.2, 0.5]
+    assert [via["tip"] for via in document["problem"]["via"]] == [[2.7, -0.4], [3, 0.2]]
+    assert [via["at"] for via in document["problem"]["via"]] == [0.3, None]
     problem = {"tip_E": np.array([3.2, 0.5]), "via": [{"tip": [2.7, -0.4], "at": 0.3}, {"tip": (3.0, 0.2)}]}
     result = ec.trajectory(problem, end_speed="rest", **FAST)
     assert result.spline == ec.read_trajectory(tmp_path / "m.json")
 
 
 def test_changing_payload_is_written_for_scenarios(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
-    changes = (
-        "--set",
-        "via[1].tip=3,-0.6",
-        "--set",
-        "via[1].payload=50",
-        "--set",
-        "t_M=20",
-        "--end-speed",
-        "rest",
-    )
-    shown = emla("trajectory", *changes, *COARSE, "--no-plots", "--output", "m.json")
-    assert shown.exit_code == 0, shown.output
-    assert "Wrote m.json, m-payload.csv" in shown.stdout
+    changes = ("--set", "via[1].tip=3,-0.6", "--set", "via[1].payload=50", "--set", "t_M=20")
+    changes = (*changes, "--end-speed", "rest")
+    stdout, _ = solve(emla, *changes)
+    assert "replaced by rest for all joints (--end-speed rest)" in stdout.replace("\n", " ")
+    assert ec.read_trajectory("m.json").evaluated([20.0], 1)[0] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert "Wrote m.json, m-payload.csv" in stdout
     lines = (tmp_path / "m-payload.csv").read_text().splitlines()
     assert lines[1:] == ["time [s],payload [kg]", "0.0,470.0", "10.0,50.0"]
     (tmp_path / "m-payload.csv").write_text("mine\n")
     assert "was not written by emla" in emla("trajectory", *changes, *COARSE, "--output", "m.json").output
-    run = (
-        "run",
-        "hdrm-coupled",
-        "--trajectory",
-        "m.json",
-        "--start-time",
-        "9.9995",
-        "--stop-time",
-        "10.0005",
-    )
-    noted = emla(*run, "--output", "r", "--no-plots", "--fmus", str(fmu_folder))
+    times = ("--start-time", "9.9995", "--stop-time", "10.0005", "--fmus", str(fmu_folder))
+    noted = emla("run", "hdrm-coupled", "--trajectory", "m.json", *times, "--output", "r", "--no-plots")
     assert "its payload changes; use --input NAME-payload.csv:machine.manipulator.payload.m" in noted.output
-
-
-def test_end_speed_rest(emla: Emla) -> None:
-    shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", "--end-speed", "rest")
-    assert "replaced by rest for all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
-    assert ec.read_trajectory("m.json").evaluated([37.7], 1)[0] == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 # ---- what is refused ---------------------------------------------------------------------------
@@ -232,10 +194,7 @@ def test_end_speed_rest(emla: Emla) -> None:
     [
         (("--end-speed", "never"), "there is no reading of end speeds 'never'; choose from clip, exempt"),
         (("--knots", "45"), "knots is 45; with degree 5, it must be a whole number from 2 to 44"),
-        (
-            ("--knots", "3", "--degree", "3"),
-            "knots is 3; with degree 3, it must be a whole number from 4 to 46",
-        ),
+        (("--knots", "3", "--degree", "3"), "knots is 3; with degree 3, it must be a whole number from 4 to"),
         (("--degree", "6"), "degree is 6; it must be a whole number from 3 to 5"),
         (("--subdivisions", "65"), "subdivisions is 65; it must be a whole number from 1 to 64"),
         (("--points", "1"), "points is 1; it must be a whole number from 3 to 50"),
@@ -254,10 +213,7 @@ def test_end_speed_rest(emla: Emla) -> None:
         (("--set", "via[1].tipp=0.3"), "unknown name 'tipp'; did you mean 'tip'?"),
         (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x and y from O1, or off"),
         (("--set", "tip_E=5,1"), "tip_E = 5,1 m is out of the tip's reach by 0.674 m"),
-        (
-            ("--set", "a_UB=nan"),
-            "a_UB is nan; it must be three finite numbers: lift, tilt, telescope, or off",
-        ),
+        (("--set", "a_UB=nan"), "a_UB is nan; it must be three finite numbers: lift, tilt, telescope, or"),
         (("--set", "ground_clearance=-1"), "ground_clearance is -1; it must be 0 m or more, or off"),
         (("--set", "ground_clearance=inf"), "ground_clearance is inf; it must be a finite number, or off"),
         (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write three, a_UB=1,1,1"),
@@ -370,9 +326,9 @@ def test_motion_of_another_machine_is_reported(tmp_path: Path) -> None:
             for n in ("same", "other", "bare", "changing")
         }
         assert note(systems["same"]) == note(systems["bare"]) == note(ec.load(scenario).system) == ""
-        told = note(systems["other"])
-        assert f"{machine}.payload.m is 470 kg, but 200 kg there" in told
-        assert "motor.m[2] is 30 kg, but 35 kg there." in told and told.count(";") == 1
+        text = note(systems["other"])
+        assert f"{machine}.payload.m is 470 kg, but 200 kg there" in text
+        assert "motor.m[2] is 30 kg, but 35 kg there." in text and text.count(";") == 1
         assert f"-payload.csv:{machine}.payload.m=payload,interpolation=held" in note(systems["changing"])
         changed = systems["other"].with_parameters({f"{machine}.payload.m": 200.0})
         assert "payload" not in note(changed) and "motor.m[2]" in note(changed)
