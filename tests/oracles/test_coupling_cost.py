@@ -1,4 +1,4 @@
-"""What the exchange cost: against integrals, against exact solutions, and whatever way rows come."""
+"""Energy errors and residuals of the exchange, against integrals and exact solutions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -67,7 +67,7 @@ def used(
 
 @pytest.mark.parametrize("mode", list(Mode))
 @pytest.mark.parametrize("late", [(True, True), (True, False), (False, False)])
-def test_energy_and_residual_are_the_integrals_of_what_was_used(mode: Mode, late: tuple[bool, bool]) -> None:
+def test_energy_and_residual_against_integrals(mode: Mode, late: tuple[bool, bool]) -> None:
     h, count = 0.01, 400
     times = 0.5 + h * np.arange(-2, count + 1)
     coupling = Coupling(outline(mode, late))
@@ -99,7 +99,7 @@ def test_energy_and_residual_are_the_integrals_of_what_was_used(mode: Mode, late
     assert free.figures()["b.F -> a.F"]["residual"] == pytest.approx(relative, rel=0.02)
 
 
-def test_energies_are_in_joules_whatever_the_units() -> None:
+def test_energies_are_in_joules_for_all_units() -> None:
     rows = np.array([[t, effort(t), flow(t)] for t in 0.01 * np.arange(50)])
     plain = Coupling(outline(Mode.HOLD, (True, True)))
     plain.write(rows)
@@ -115,7 +115,7 @@ def growing() -> PairRun:
     return run_pair(spring_pair(1000.0, 3000.0), "jacobi", stop=4.0, bond=(2, 1))
 
 
-def test_a_run_that_the_coupling_lets_grow_gets_a_remark(growing: PairRun) -> None:
+def test_growing_run_gets_a_remark(growing: PairRun) -> None:
     assert np.abs(growing.exact[:, 1]).max() < 0.02 and np.abs(growing.rows[:, 1]).max() > 1.0
     coupling = growing.cost()
     assert coupling.figures()["pair"]["energy_error"] > 0.05
@@ -124,7 +124,7 @@ def test_a_run_that_the_coupling_lets_grow_gets_a_remark(growing: PairRun) -> No
     assert remarks[-1].endswith("see whether the results change.")
 
 
-def test_so_it_does_where_no_bond_is_named() -> None:
+def test_growing_run_without_a_bond_gets_a_remark() -> None:
     run = run_pair(spring_pair(1000.0, 1000.0), "jacobi", stop=3.0)
     remarks = run.cost().remarks()
     assert run.error > 1.0
@@ -141,23 +141,21 @@ def test_so_it_does_where_no_bond_is_named() -> None:
         ("strong", "fmu", 1e-3, False),
     ],
 )
-def test_the_same_pair_computed_well_gets_none(
-    algorithm: str, extrapolation: str, step: float, bonded: bool
-) -> None:
+def test_accurate_run_gets_no_remark(algorithm: str, extrapolation: str, step: float, bonded: bool) -> None:
     bond = (2, 1) if bonded else None
     run = run_pair(spring_pair(1000.0, 1000.0), algorithm, step, 1.0, extrapolation, bond)
     assert run.error < 0.04
     assert run.cost().remarks() == []
 
 
-def test_a_damped_pair_gets_none_where_its_error_is_small() -> None:
+def test_damped_pair_with_a_small_error_gets_no_remark() -> None:
     run = run_pair(spring_pair(10.0, 100.0, 4.2), "jacobi", stop=5.0, bond=(2, 1))
     assert run.error < 0.01
     assert run.cost().remarks() == []
 
 
-@pytest.mark.parametrize(("ratio", "bond"), [(1000.0, (3, 1)), (1000.0, None), (100.0, None)])
-def test_held_inputs_of_a_heavy_load_get_a_remark_although_strong_agreed(
+@pytest.mark.parametrize(("ratio", "bond"), [(1000.0, (3, 1)), (100.0, None)])
+def test_held_inputs_of_a_heavy_load_get_a_remark_with_strong(
     ratio: float, bond: tuple[int, int] | None
 ) -> None:
     run = run_pair(rigid_pair(ratio), "strong", bond=bond)
@@ -168,7 +166,7 @@ def test_held_inputs_of_a_heavy_load_get_a_remark_although_strong_agreed(
     assert better.cost().remarks() == []
 
 
-def test_the_energy_of_a_heavy_load_is_what_the_exact_solution_lacks() -> None:
+def test_energy_error_of_a_heavy_load_against_the_exact_power() -> None:
     """The force within a step, F = -m a with the acceleration that the held force gives, has this power."""
     ratio, h = 100.0, 1e-3
     run = run_pair(rigid_pair(ratio), "strong", bond=(3, 1), stop=2.0)
@@ -182,9 +180,10 @@ def test_the_energy_of_a_heavy_load_is_what_the_exact_solution_lacks() -> None:
     assert run.cost().figures()["pair"]["energy_error_J"] == pytest.approx(abs(created), rel=0.05)
 
 
-@pytest.mark.parametrize("blocks", [(3,), (2, 137), (1999, 1, 7), (100000,)])
-@pytest.mark.parametrize("resumed", [False, True])
-def test_figures_do_not_depend_on_how_rows_come(
+@pytest.mark.parametrize(
+    ("blocks", "resumed"), [((3,), False), ((2, 137), True), ((1999, 1, 7), True), ((100000,), False)]
+)
+def test_figures_do_not_depend_on_the_blocks_of_rows(
     growing: PairRun, blocks: tuple[int, ...], resumed: bool
 ) -> None:
     few = replace(growing, rows=growing.rows[: EVERY_STEP + 300])
@@ -193,7 +192,7 @@ def test_figures_do_not_depend_on_how_rows_come(
         assert coupling.figures()[name] == pytest.approx(figures, rel=1e-9), name
 
 
-def test_nor_on_the_start_time() -> None:
+def test_figures_do_not_depend_on_the_start_time() -> None:
     now, later = (
         run_pair(spring_pair(1000.0, 1000.0), "gauss-seidel", stop=3.0, bond=(2, 1), start=start)
         for start in (0.0, 1000.0)
@@ -202,7 +201,7 @@ def test_nor_on_the_start_time() -> None:
         assert later.cost().figures()[name] == pytest.approx(figures, rel=1e-6, abs=1e-9)
 
 
-def test_noise_is_no_residual() -> None:
+def test_noise_gets_no_remark() -> None:
     rng = np.random.default_rng(1)
     rows = np.array(np.column_stack((1e-3 * np.arange(20001), rng.standard_normal((20001, 2)))), dtype=float)
     coupling = Coupling(outline(Mode.HOLD, (True, True), bond=False))
@@ -211,7 +210,7 @@ def test_noise_is_no_residual() -> None:
 
 
 @pytest.mark.parametrize("growth", [0.7, 1.0, 1.3])
-def test_residuals_that_change_their_sign_at_every_step_count(growth: float) -> None:
+def test_residuals_that_change_their_sign_at_every_step(growth: float) -> None:
     """As an exchange makes them that is unstable, or nearly; beside a slow signal that is larger."""
     steps = np.arange(200)
     ripple = 3.0 * (-1.0) ** steps * growth ** (steps - (0 if growth <= 1.0 else 199))
@@ -224,7 +223,7 @@ def test_residuals_that_change_their_sign_at_every_step_count(growth: float) -> 
     assert smooth < 0.03 < rippled
 
 
-def test_a_signal_that_rests_or_is_no_number_gets_no_remark() -> None:
+def test_constant_or_nan_signal_gets_no_remark() -> None:
     for value in (0.0, 5.0, np.nan):
         coupling = Coupling(outline(Mode.HOLD, (True, True)))
         rows = np.full((50, 3), value)
@@ -233,7 +232,7 @@ def test_a_signal_that_rests_or_is_no_number_gets_no_remark() -> None:
         assert coupling.remarks() == []
 
 
-def test_no_rows_and_one_row_have_no_figures() -> None:
+def test_figures_of_no_rows_and_one_row() -> None:
     coupling = Coupling(outline(Mode.HOLD, (True, True)))
     assert np.isnan(coupling.figures()["b.F -> a.F"]["residual"])
     coupling.write(np.ones((1, 3)))
@@ -242,6 +241,6 @@ def test_no_rows_and_one_row_have_no_figures() -> None:
 
 
 @pytest.mark.parametrize("text", ["a.F", "a.F *", "* a.v", "a.F * a.v * a.x", ""])
-def test_a_text_that_is_no_bond_is_refused(text: str) -> None:
+def test_invalid_bonds(text: str) -> None:
     with pytest.raises(CommandError, match="write two signals"):
         Bond.read("rod", text)

@@ -1,6 +1,7 @@
-"""What the error tolerance promises: the error over a whole run, the longest step, and events."""
+"""Error control: the error over a whole run, the longest step, and events."""
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,11 @@ from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.study.schedules import scheduled_times
 from emla_cosim.system.fault import Fault
-from tests.support.faulty_fmu import Fault as FmuFault
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.hand_written_fmus import Fault as FmuFault
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import begun, recorded
+from tests.support.tiers import mostly_slow
 from tests.support.two_masses import Part, elastic_load, rigid_load
 
 
@@ -41,35 +43,38 @@ def error_of(rows: np.ndarray, part: Part) -> float:
 # ---- the error of a whole run -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1e3])
+STOPS = {1e-2: 1.0, 1e-3: 0.4, 1e-4: 0.2, 1e-5: 0.1, 1e-6: 0.05}
+"""Lengths of runs in s by tolerance."""
+
+
 @pytest.mark.parametrize(
-    ("tolerance", "stop"), [(1e-2, 2.0), (1e-3, 1.0), (1e-4, 0.4), (1e-5, 0.1), (1e-6, 0.05)]
+    ("ratio", "tolerance"),
+    mostly_slow(product([1.0, 1e3], STOPS), [(1.0, 1e-2), (1e3, 1e-3), (1e3, 1e-6)]),
 )
-def test_followed_inputs_keep_the_error_of_a_run_near_the_tolerance(
-    ratio: float, stop: float, tolerance: float
-) -> None:
+def test_followed_inputs_keep_the_error_of_a_run_near_the_tolerance(ratio: float, tolerance: float) -> None:
     """A load that answers an acceleration with a force, as heavy as what drives it and much heavier."""
     part = rigid_load(ratio)
-    stepping = controlled(part, "strong", "fmu", tolerance, stop)
+    stepping = controlled(part, "strong", "fmu", tolerance, STOPS[tolerance])
     found = error_of(recorded(stepping), part)
     assert 1e-3 * tolerance < found < 10.0 * tolerance
     assert stepping.remarks() == []
 
 
 @pytest.mark.parametrize("name", ["jacobi", "gauss-seidel", "strong"])
-def test_a_load_of_place_and_speed_keeps_the_error_with_every_algorithm(name: str) -> None:
+def test_error_of_an_elastic_load_with_every_algorithm(name: str) -> None:
     part, tolerance = elastic_load(), 1e-2
     assert error_of(recorded(controlled(part, name, "fmu", tolerance, 0.5, 0.01)), part) < 10.0 * tolerance
 
 
-def test_the_error_keeps_its_bound_as_a_run_becomes_longer() -> None:
+@pytest.mark.slow
+def test_error_keeps_its_bound_as_a_run_becomes_longer() -> None:
     """Two periods."""
     part = rigid_load(1e3)
     assert error_of(recorded(controlled(part, "strong", "fmu", 0.1, 20.0, 0.05)), part) < 1.0
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
-def test_held_inputs_are_remarked_on_with_the_ratio(tolerance: float) -> None:
+@pytest.mark.parametrize("tolerance", mostly_slow([1e-2, 1e-3], [1e-2]))
+def test_held_inputs_get_a_remark_with_the_ratio(tolerance: float) -> None:
     """The errors of all steps add up to no less than what the run makes, and not to far more."""
     part = rigid_load(1.0)
     stepping = controlled(part, "strong", "none", tolerance, 2.0)
@@ -81,7 +86,7 @@ def test_held_inputs_are_remarked_on_with_the_ratio(tolerance: float) -> None:
     assert f"{estimated / tolerance:.2g} times the error tolerance {tolerance:g}" in remark
 
 
-def test_held_inputs_that_are_good_enough_get_no_remark() -> None:
+def test_accurate_held_inputs_get_no_remark() -> None:
     """The neighbour: a load on a soft spring, and a run of few steps."""
     part = elastic_load()
     stepping = controlled(part, "strong", "none", 1e-2, 0.05)
@@ -117,9 +122,13 @@ def test_no_step_is_longer_than_the_largest_and_growth_is_bounded() -> None:
         assert (steps[1:-2] <= LARGEST_GROWTH * steps[:-3] * (1.0 + 1e-9)).all()
 
 
-@pytest.mark.parametrize("name", ["jacobi", "gauss-seidel", "strong"])
-@pytest.mark.parametrize("extrapolation", ["none", "fmu"])
-def test_steps_end_at_events_and_no_line_goes_over_them(name: str, extrapolation: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "extrapolation"),
+    mostly_slow(
+        product(ALGORITHMS, ["none", "fmu"]), [("jacobi", "fmu"), ("gauss-seidel", "fmu"), ("strong", "none")]
+    ),
+)
+def test_steps_end_at_events_and_no_line_covers_them(name: str, extrapolation: str) -> None:
     """A jump at 1.2345 s, known before, against the lag's closed form."""
     at, times = 1.2345, make_communication_points(2.0, 1e-3)
 
@@ -150,7 +159,7 @@ def test_events_are_those_of_faults_held_data_and_schedules() -> None:
     assert sorted(scheduled_times(parameters)) == pytest.approx([0.7, 1.2, 3.0, 3.0])
 
 
-def test_a_run_meets_the_events_of_its_options_and_its_load() -> None:
+def test_run_meets_the_events_of_its_options_and_its_load() -> None:
     """Also where it begins at another time than 0."""
     simulation = load("lift", stop_time=0.03).prepare()
     result = simulation.run(
@@ -169,14 +178,11 @@ def test_a_run_meets_the_events_of_its_options_and_its_load() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            {"largest_step": 1e-3},
-            "--largest-step needs --error-tolerance. Set both",
-        ),
+        ({"largest_step": 1e-3}, "--largest-step needs --error-tolerance. Set both"),
         ({"largest_step": 0.0, "error_tolerance": 0.1}, "the largest step 0 must be a positive number"),
     ],
 )
-def test_largest_steps_that_make_no_sense_are_refused(options: dict[str, float], message: str) -> None:
+def test_invalid_largest_steps(options: dict[str, float], message: str) -> None:
     with pytest.raises(CommandError, match=message):
         load("lift", stop_time=0.03, **options).prepare().run()
 
@@ -191,7 +197,7 @@ def test_largest_steps_that_make_no_sense_are_refused(options: dict[str, float],
         ({}, 0.1),
     ],
 )
-def test_the_record_says_at_which_interval_rows_are(
+def test_interval_of_rows_is_recorded(
     options: dict[str, Any], interval: float | None, faulty_fmu: Path
 ) -> None:
     """Error control meets it whatever the step size is; without one it records every step."""

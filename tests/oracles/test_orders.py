@@ -1,6 +1,7 @@
 """Order of accuracy of every algorithm with every extrapolation, against the whole as one equation."""
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,10 @@ from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave, Whole, Wire, connected
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
+from tests.support.tiers import mostly_slow
 
-STOP, SAMPLES = 2.0, 20
-STEPS = (160, 320)
+STOP, SAMPLES = 1.0, 10
+STEPS = (80, 160)
 STATES = [1, 2, 3]
 """Signals that are states of slaves with inputs."""
 SHOWN = [4]
@@ -52,11 +54,13 @@ def orders(make: Callable[[], Algorithm], load_by_force: bool) -> tuple[np.ndarr
         return np.log2(errors[0] / errors[1]), claimed
 
 
-all_extrapolations = pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+DEFAULT_PAIRS = [("jacobi", "none"), ("jacobi", "fmu"), ("gauss-seidel", "master"), ("strong", "fmu")]
+all_pairs = pytest.mark.parametrize(
+    ("name", "extrapolation"), mostly_slow(product(ALGORITHMS, EXTRAPOLATIONS), DEFAULT_PAIRS)
+)
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-@all_extrapolations
+@all_pairs
 def test_slaves_coupled_by_states(name: str, extrapolation: str) -> None:
     """Held inputs cost an order. After `master` a force that nobody takes is that of the middle."""
     found, claimed = orders(lambda: ALGORITHMS[name](extrapolation), False)
@@ -65,8 +69,7 @@ def test_slaves_coupled_by_states(name: str, extrapolation: str) -> None:
     assert found[SHOWN] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.05)
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-@all_extrapolations
+@all_pairs
 def test_slaves_coupled_with_direct_feedthrough(name: str, extrapolation: str) -> None:
     """After `master` the force of the middle is late by half a step for the mass that takes it."""
     found, claimed = orders(lambda: ALGORITHMS[name](extrapolation), True)
@@ -74,10 +77,23 @@ def test_slaves_coupled_with_direct_feedthrough(name: str, extrapolation: str) -
     assert found[STATES + SHOWN] == pytest.approx([claimed] * 4, abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
-@all_extrapolations
-@pytest.mark.parametrize("multiples", [{"b": 4}, {"a": 2}, {"a": 2, "b": 4}], ids=str)
-@pytest.mark.parametrize("load_by_force", [False, True])
+MULTIPLES = [{"b": 4}, {"a": 2}, {"a": 2, "b": 4}]
+
+
+@pytest.mark.parametrize(
+    ("name", "extrapolation", "multiples", "load_by_force"),
+    mostly_slow(
+        product(["jacobi", "gauss-seidel"], EXTRAPOLATIONS, MULTIPLES, [False, True]),
+        [
+            ("jacobi", "none", {"b": 4}, True),
+            ("jacobi", "master", {"a": 2}, False),
+            ("jacobi", "fmu", {"a": 2, "b": 4}, True),
+            ("gauss-seidel", "none", {"a": 2}, False),
+            ("gauss-seidel", "master", {"a": 2, "b": 4}, True),
+            ("gauss-seidel", "fmu", {"b": 4}, False),
+        ],
+    ),
+)
 def test_slaves_that_step_more_rarely(
     name: str, extrapolation: str, multiples: Mapping[str, int], load_by_force: bool
 ) -> None:
@@ -90,9 +106,14 @@ def test_slaves_that_step_more_rarely(
     assert found[SHOWN] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.15)
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-@pytest.mark.parametrize(("extrapolation", "order"), [("none", 1), ("master", 1), ("fmu", 2)])
-def test_the_lift_joint(name: str, extrapolation: str, order: int, fmu_folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "extrapolation", "order"),
+    mostly_slow(
+        [(name, *way) for name in ALGORITHMS for way in (("none", 1), ("master", 1), ("fmu", 2))],
+        [("jacobi", "none", 1), ("gauss-seidel", "fmu", 2)],
+    ),
+)
+def test_lift_joint(name: str, extrapolation: str, order: int, fmu_folder: Path) -> None:
     """Native FMUs against the joint as one equation; its controller and disturbance show inputs at once."""
     system, stop, steps, sample = lift(), 0.01, (2e-5, 1e-5), 5e-4
     solution = whole(np.linspace(0.0, stop, round(stop / sample) + 1))

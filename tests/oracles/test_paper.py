@@ -65,8 +65,8 @@ OBSERVER = {
 P = ((1.4078, -0.1975), (-0.1975, 4.4535))
 """(101), which follows from A and Q."""
 
-ESTIMATES: Mapping[str, Row] = {"x_hat(0)": (0.24, 0.358, 0.5), "eta_hat(0)": (1, 0.5, 0.2)}
-"""(103)."""
+X_HAT, ETA_HAT = (0.24, 0.358, 0.5), (1, 0.5, 0.2)
+"""(103): start values of the observer."""
 
 MOTION: Mapping[str, Row] = {
     "q_S": (0.244, 0.389, 0.499),
@@ -96,6 +96,10 @@ TABLE_VII = {
 """The experimental EMLA."""
 
 
+STATES = ("x_L", "v_L", "i_q", "i_d")
+PLANT_STARTS = [f"start.{state}" for state in STATES]
+
+
 @pytest.fixture(scope="module")
 def simulated() -> dict[str, Mapping[str, Any]]:
     """Start values of every component of the scenario with the paper's gains, by its name."""
@@ -107,78 +111,54 @@ def of(table: Mapping[str, Row], joint: str) -> dict[str, float]:
     return {row: values[JOINTS.index(joint)] for row, values in table.items()}
 
 
-@pytest.mark.parametrize("joint", JOINTS)
-def test_gains_of_the_controller(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    printed, found = of(GAINS, joint), simulated[f"{joint}.controller"]
-    for gain in ("beta", "zeta", "delta", "sigma"):
-        for i in range(1, 5):
-            expected = printed[f"{gain}_12" if i < 3 else f"{gain}_34"]
-            assert found[f"{gain}[{i}]"] == expected, f"{gain}_{i}"
+def joint_parameters(joint: str) -> dict[str, dict[str, float]]:
+    """The printed numbers of a joint by component, under the names of our parameters."""
+    e, g, m = of(EMLA_DETAILS, joint), of(GAINS, joint), of(MOTION, joint)
+    motor = {"R_s": e["R_s"], "L_d": e["L_N"], "L_q": e["L_N"], "Phi_PM": e["Phi_PM"], "N_p": e["N_p"]}
+    u_max = math.sqrt(2.0) * e["u_N"]
+    k = JOINTS.index(joint)
+    return {
+        "plant": {
+            **{f"start.{state}": g[f"{state}(0)"] for state in STATES},
+            **{f"motor.{name}": value for name, value in motor.items()},
+            "motor.J_m": e["J_m"],
+            "gearbox.rho": 1.0 / e["1/rho"],
+            "screw.lead": e["l"],
+            "screw.M_BS": e["M_BS"],
+            "inverter.u_max": u_max,
+            **{f"uncertainty.F_{i}": 1 / part for i, part in ((2, 100), (3, 500), (4, 1000))},  # (100)
+        },
+        "controller": {
+            **{
+                f"{gain}[{i}]": g[f"{gain}_12" if i < 3 else f"{gain}_34"]
+                for gain in ("beta", "zeta", "delta", "sigma")
+                for i in range(1, 5)
+            },
+            **{f"model.{name}": value for name, value in motor.items()},
+            "model.alpha_RL": 2.0 * math.pi * e["1/rho"] / e["l"],
+            "limit.i_max": e["tau_max"] / (1.5 * e["N_p"] * e["Phi_PM"]),
+            "limit.u_max": u_max,
+        },
+        "observer": {**OBSERVER, "start.x_hat": X_HAT[k], "start.eta_hat": ETA_HAT[k]},
+        "reference": {"waypoint[1]": m["q_S"], **{f"waypoint[{i}]": m["q_E"] for i in range(2, 10)}},
+    }
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-def test_states_begin_where_they_do(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    plant, printed = simulated[f"{joint}.plant"], of(GAINS, joint)
-    assert plant["start.x_L"] == printed["x_L(0)"]
-    for state in ("v_L", "i_q", "i_d"):
-        assert plant.get(f"start.{state}", 0.0) == printed[f"{state}(0)"]
+def test_parameters_of_a_joint_are_those_of_the_tables(
+    joint: str, simulated: dict[str, Mapping[str, Any]]
+) -> None:
+    for component, expected in joint_parameters(joint).items():
+        values = dict.fromkeys(PLANT_STARTS, 0.0) | dict(simulated[f"{joint}.{component}"])
+        assert {name: values[name] for name in expected} == pytest.approx(expected, rel=1e-14), component
 
 
-@pytest.mark.parametrize("joint", JOINTS)
-def test_gains_of_the_observer(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    found, printed = simulated[f"{joint}.observer"], of(ESTIMATES, joint)
-    assert {name: found[name] for name in OBSERVER} == OBSERVER
-    assert (found["start.x_hat"], found["start.eta_hat"]) == (printed["x_hat(0)"], printed["eta_hat(0)"])
-
-
-def test_p_follows_from_what_is_printed() -> None:
+def test_p_follows_from_the_printed_matrices() -> None:
     """A' p + p A = -Q, within the digits that are printed."""
     A = np.array([[-OBSERVER["alpha_1"], 1.0], [-OBSERVER["alpha_2"], 0.0]])
     Q = np.array([[OBSERVER["Q_11"], OBSERVER["Q_12"]], [OBSERVER["Q_12"], OBSERVER["Q_22"]]])
     p = np.array(P)
     np.testing.assert_allclose(A.T @ p + p @ A, -Q, atol=2e-3)
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_motor_gearbox_and_screw(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    printed, plant = of(EMLA_DETAILS, joint), simulated[f"{joint}.plant"]
-    expected = {
-        "motor.R_s": printed["R_s"],
-        "motor.L_d": printed["L_N"],
-        "motor.L_q": printed["L_N"],
-        "motor.Phi_PM": printed["Phi_PM"],
-        "motor.N_p": printed["N_p"],
-        "motor.J_m": printed["J_m"],
-        "gearbox.rho": 1.0 / printed["1/rho"],
-        "screw.lead": printed["l"],
-        "screw.M_BS": printed["M_BS"],
-        "inverter.u_max": math.sqrt(2.0) * printed["u_N"],
-    }
-    assert {name: plant[name] for name in expected} == expected
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_the_controller_knows_the_same_motor(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    printed, found = of(EMLA_DETAILS, joint), simulated[f"{joint}.controller"]
-    torque_per_ampere = 1.5 * printed["N_p"] * printed["Phi_PM"]
-    expected = {
-        "model.R_s": printed["R_s"],
-        "model.L_d": printed["L_N"],
-        "model.L_q": printed["L_N"],
-        "model.Phi_PM": printed["Phi_PM"],
-        "model.N_p": printed["N_p"],
-        "model.alpha_RL": 2.0 * math.pi * printed["1/rho"] / printed["l"],
-        "limit.i_max": printed["tau_max"] / torque_per_ampere,
-        "limit.u_max": math.sqrt(2.0) * printed["u_N"],
-    }
-    assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-14)
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_motion_from_where_to_where(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    printed, found = of(MOTION, joint), simulated[f"{joint}.reference"]
-    assert found["waypoint[1]"] == printed["q_S"]
-    assert {found[f"waypoint[{i}]"] for i in range(2, 10)} == {printed["q_E"]}
 
 
 @pytest.mark.parametrize("joint", JOINTS)
@@ -207,14 +187,6 @@ def test_disturbances(joint: str, simulated: dict[str, Mapping[str, Any]]) -> No
     np.testing.assert_allclose(waves("d_3", np.cos), d_3, atol=1e-12)
     d_4 = -0.15 * np.cos(12 * t + math.pi / 6)
     np.testing.assert_allclose(waves("d_4", np.cos, count=1), d_4, atol=1e-12)
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_uncertainties(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    """(100): a hundredth, a five-hundredth and a thousandth of the model."""
-    plant = simulated[f"{joint}.plant"]
-    found = [plant[f"uncertainty.F_{i}"] for i in (2, 3, 4)]
-    assert found == pytest.approx([1 / 100, 1 / 500, 1 / 1000], rel=1e-15)
 
 
 def test_gains_of_the_experiments() -> None:

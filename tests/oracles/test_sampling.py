@@ -25,19 +25,23 @@ KP, KD, KI = 8.0, 1.5, 6.0
 STEP, MULTIPLE, STEPS = 1e-3, 10, 127
 
 
+def pid(calls: list[str] | None = None) -> FakeSlave:
+    """A PID controller whose integral is a backward sum; it shows its inputs at once."""
+
+    def integrate(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        return x + step * u[:1]
+
+    return FakeSlave(
+        "controller", 2, [0.0], integrate, lambda u, x: [-KP * u[0] - KD * u[1] - KI * x[0]], calls
+    )
+
+
 def loop() -> Network:
     """A mass on a spring, and a PID controller whose integral is a backward sum."""
 
-    def integrated(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
-        return x + step * u[:1]
-
-    def force(u: np.ndarray, x: np.ndarray) -> list[float]:
-        return [-KP * u[0] - KD * u[1] - KI * x[0]]
-
     plant = LinearSlave("plant", A, B, np.eye(2), np.zeros((2, 1)), START)
-    controller = FakeSlave("controller", 2, [0.0], integrated, force)
     links = [Link(0, i, 1, i, True) for i in range(2)] + [Link(1, 0, 0, 0, False)]
-    return Network([compilable(plant), compilable(controller)], links)
+    return Network([compilable(plant), compilable(pid())], links)
 
 
 def by_hand(late: int) -> np.ndarray:
@@ -60,7 +64,7 @@ def by_hand(late: int) -> np.ndarray:
 
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1), (Strong, 0)])
-def test_a_sampled_controller_has_no_delay_of_its_own(
+def test_sampled_controller_adds_no_delay(
     kind: type[OperationTableAlgorithm], late: int, compiled: bool
 ) -> None:
     """At the stop time the controller has been waiting for seven steps."""
@@ -71,7 +75,7 @@ def test_a_sampled_controller_has_no_delay_of_its_own(
     assert np.abs(by_hand(0) - by_hand(1)).max() > 1e-3  # so that the two can be told apart
 
 
-def test_a_slow_slave_that_is_first_in_the_order_sees_what_was_a_short_step_ago() -> None:
+def test_slow_slave_that_is_first_in_the_order_is_late_by_a_short_step() -> None:
     algorithm = GaussSeidel(step_multiples={"controller": MULTIPLE}, order=["controller", "plant"])
     rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))[:, 1:]
     # the force of a sample drives the plant in the same pass already
@@ -120,7 +124,7 @@ def jumping(extrapolation: str, kind: type[Explicit], compiled: bool) -> Sequenc
 
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])
-def test_the_line_of_an_input_goes_over_all_of_a_long_step(extrapolation: str, compiled: bool) -> None:
+def test_line_of_an_input_covers_a_long_step(extrapolation: str, compiled: bool) -> None:
     """From what was taken last to what is there now, whatever the source did in between."""
     samples = np.array(SIGNAL[::3])
     expected = [0.0, *np.cumsum(1.5 * 0.5 * (samples[1:] + samples[:-1]))]
@@ -128,7 +132,7 @@ def test_the_line_of_an_input_goes_over_all_of_a_long_step(extrapolation: str, c
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-def test_a_late_line_is_prolonged_by_a_short_step(compiled: bool) -> None:
+def test_late_line_is_extrapolated_by_a_short_step(compiled: bool) -> None:
     """`jacobi`: from the sample of a short step ago, along the chord over the three steps before it."""
     newest = np.array(SIGNAL[2::3])
     before = np.array([SIGNAL[0], *newest[:-1]])
@@ -152,9 +156,8 @@ LOAD = 2.5
 
 def machine(controller: FakeSlave, *more: FakeSlave) -> Network:
     """A load that is fixed to an actuator; the controller reads position and speed and gives a force."""
-    a, b = np.array([[0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0, 0.0], [1.0, 1.0]])
-    c, d = np.array([[1.0, 0.0], [0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]])
-    actuator = LinearSlave("actuator", a, b, c, d, START)
+    b, c, d = [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 1.0], A[1]], [[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]
+    actuator = LinearSlave("actuator", A, b, c, d, START)
     load = LinearSlave("load", [], [], [], [[-LOAD]], [])
     slaves = [controller, actuator, load, *more]
     for slave in (actuator, load):
@@ -169,21 +172,10 @@ def machine(controller: FakeSlave, *more: FakeSlave) -> Network:
     return Network([compilable(slave) for slave in slaves], links)
 
 
-def pid() -> FakeSlave:
-    """A PID controller whose integral is a backward sum, and that shows its inputs at once."""
-
-    def integrated(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
-        return x + step * u[:1]
-
-    return FakeSlave(
-        "controller", 2, [0.0], integrated, lambda u, x: [-KP * u[0] - KD * u[1] - KI * x[0]], []
-    )
-
-
 def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
     """Force of the controller, position and speed: the implicit step of the mechanics, in closed form."""
     joint = np.zeros((3, 3))
-    joint[:2, :2], joint[:2, 2] = A_FREE, [0.0, 1.0]
+    joint[:2, :2], joint[:2, 2] = A, [0.0, 1.0]
     response = expm(joint * STEP)[:2]
     state, integral = START, 0.0
     force = -KP * state[0] - KD * state[1]
@@ -191,7 +183,7 @@ def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
     for k in range(1, steps + 1):
         # x+ = R (x, F + u) and F = -m a+, a+ = (-4, -0.3) x+ + F + u
         free = response @ [*state, force]
-        row, gain = A_FREE[1], response[:, 2]
+        row, gain = A[1], response[:, 2]
         load = -LOAD * (row @ free + force) / (1.0 + LOAD * (row @ gain + 1.0))
         state = free + gain * load
         if k % multiple == 0:
@@ -201,14 +193,11 @@ def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
     return np.array(rows)
 
 
-A_FREE = np.array([[0.0, 1.0], [-4.0, -0.3]])
-
-
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("multiple", [1, MULTIPLE])
-def test_a_controller_samples_what_a_loop_agreed_on(multiple: int, compiled: bool) -> None:
+def test_controller_samples_the_solution_of_a_loop(multiple: int, compiled: bool) -> None:
     """At the end of the step, once, and holds its answer; the loop has one value to agree on."""
-    controller = pid()
+    controller = pid([])
     algorithm = Strong(step_multiples={"controller": multiple}, coupling_tolerance=1e-13)
     rows = simulated(
         machine(controller), algorithm, make_communication_points(STEPS * STEP, STEP), compiled=compiled
@@ -228,7 +217,7 @@ def test_a_controller_samples_what_a_loop_agreed_on(multiple: int, compiled: boo
 
 def test_without_sampling_the_controller_is_in_the_loop() -> None:
     algorithm = Strong()
-    algorithm.setup(machine(pid()))
+    algorithm.setup(machine(pid([])))
     assert [len(loop) for loop in algorithm.loops] == [3]
     assert algorithm.late() == []
 
@@ -263,7 +252,7 @@ def test_sampled_slaves_follow_each_other_without_delay() -> None:
 
 
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])
-def test_what_a_sampled_slave_gives_is_held(extrapolation: str) -> None:
+def test_outputs_of_a_sampled_slave_are_held(extrapolation: str) -> None:
     """However inputs are treated: the integral of what was sampled is a sum of rectangles."""
     source = FakeSlave("source", 0, SIGNAL[:1], lambda u, x, t, h: [SIGNAL[round((t + h) / 0.5)]])
     integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
@@ -274,7 +263,7 @@ def test_what_a_sampled_slave_gives_is_held(extrapolation: str) -> None:
 
 
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])
-def test_the_line_of_a_sampled_input_does_not_see_the_halves_of_a_step(extrapolation: str) -> None:
+def test_line_of_a_sampled_input_covers_both_halves_of_a_step(extrapolation: str) -> None:
     """It goes from the value at the beginning of the step to that at its end."""
 
     def moving(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:

@@ -23,9 +23,7 @@ import emla_cosim.ssp.documents
 from emla_cosim import Fault
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.run.scenarios.built_in import SCENARIOS
-from emla_cosim.ssp.documents.parameter_sets import parse_mapping, parse_parameter_set
-from emla_cosim.ssp.documents.ssd_data import ComponentElement, FileReference, SystemElement
-from emla_cosim.ssp.documents.ssd_reader import parse_structure
+from emla_cosim.ssp.documents.parameter_sets import parse_parameter_set
 from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.paths import FOREIGN_MAPPING, ROOT
 from tests.support.tiers import mostly_slow
@@ -83,69 +81,6 @@ def test_schemas_are_those_of_the_standard() -> None:
 CONVERTED: dict[str, Callable[[str], Any]] = {"Real": float, "Integer": int, "Boolean": "true".__eq__}
 
 
-def theirs(system: TheirSystem) -> dict[str, Any]:
-    """A system as pyssp_standard reads it: connectors and connections, and those of its elements by name."""
-    elements = {}
-    for e in system.elements:
-        if isinstance(e, TheirSystem):
-            elements[e.name] = theirs(e)
-        else:
-            bindings = [
-                (b.source, b.parameter_mapping.source if b.parameter_mapping else None)
-                for b in e.parameter_bindings or ()
-            ]
-            elements[e.name] = (e.source, [(c.name, c.kind, c.type_.unit) for c in e.connectors], bindings)
-    return {
-        "connectors": [(c.name, c.kind, c.type_.unit) for c in system.connectors],
-        "connections": list(map(ends, system.connections)),
-        "elements": elements,
-    }
-
-
-def ours(system: SystemElement) -> dict[str, Any]:
-    """The same of our reader."""
-    elements: dict[str, Any] = {}
-    for e in system.elements:
-        if isinstance(e, SystemElement):
-            elements[e.name] = ours(e)
-        elif isinstance(e, ComponentElement):
-            bindings = [(source(b.values), source(b.mapping)) for b in e.bindings]
-            elements[e.name] = (e.source, connectors(e), bindings)
-    return {
-        "connectors": connectors(system),
-        "connections": list(map(ends, system.connections)),
-        "elements": elements,
-    }
-
-
-def ends(connection: Any) -> tuple[str, ...]:
-    x = connection
-    return x.start_element, x.start_connector, x.end_element, x.end_connector
-
-
-def connectors(element: ComponentElement | SystemElement) -> list[tuple[str, str, str | None]]:
-    return [(c.name, c.kind, c.unit.name if c.unit else None) for c in element.connectors]
-
-
-def source(content: object) -> str | None:
-    return content.source if isinstance(content, FileReference) else None
-
-
-def units(element: Any) -> set[str]:
-    inside = [units(e) for e in getattr(element, "elements", ())]
-    return {c.unit.name for c in element.connectors if c.unit is not None}.union(*inside)
-
-
-def test_structures_are_the_same(package: Path) -> None:
-    file = package / "SystemStructure.ssd"
-    with SSD(file) as document:
-        found = parse_structure(file.read_bytes(), file.name)
-        assert ours(found.system) == theirs(document.system)
-        assert set(document.units.units) == units(found.system)
-        assert (document.name, document.default_experiment.stop_time) == (found.name, found.stop_time)
-    assert len(elements(package, "Component")) == 15
-
-
 def their_values(file: Path) -> dict[str, tuple[str, str, str | None]]:
     """Type, value and unit of each parameter as pyssp_standard reads them."""
     found = {}
@@ -164,29 +99,18 @@ def test_parameters_are_the_same(package: Path) -> None:
         assert read == [(n, (t, CONVERTED[t](v), u)) for n, (t, v, u) in their_values(file).items()]
 
 
-def test_mappings_are_the_same(package: Path) -> None:
-    (file,) = package.rglob("*.ssm")
-    with SSM(file) as document:
-        expected = [(e.source, e.target, e.suppress_unit_conversion, at_two(e)) for e in document.mappings]
-    found = [
-        (e.source, e.target, str(e.suppress_unit_conversion).lower(), x and x(2.0))
-        for e in parse_mapping(file.read_bytes(), file.name)
-        for x in (e.transformation,)
-    ]
-    assert found == expected
-
-
-def at_two(entry: Any) -> float | None:
-    """What the transformation of an entry makes of 2."""
-    if entry.transformation is None:
-        return None
-    given = entry.transformation.transformation
-    return float(given["factor"]) * 2.0 + float(given.get("offset") or 0.0)
-
-
-def test_values_are_those_of_the_sets(package: Path) -> None:
+def test_connections_and_values(package: Path) -> None:
     """What the standard makes of the files that pyssp_standard reads, for components without a mapping."""
     with SSD(package / "SystemStructure.ssd") as document, read_ssp(package / "x.ssp") as found:
+        joined = {
+            f"{x.start_element}.{x.start_connector} -> {x.end_element}.{x.end_connector}"
+            for x in document.system.connections
+        }
+        expected = [
+            f"{x.source.replace('.', '_')}.{x.output} -> {x.target.replace('.', '_')}.{x.input}"
+            for x in found.system.connections
+        ]
+        assert joined == set(expected)
         leaves = dict(flat(document.system, ()))
         for component in found.system.components:
             element = leaves[component.name.replace(".", "_")]

@@ -75,17 +75,6 @@ def test_value_belongs_to_its_component(
         assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j_b.ssv"}
 
 
-def test_components_of_several_systems_are_written_the_same_again(tmp_path: Path) -> None:
-    names = {"a.b.x": "k", "a.c": "n", "a.b.z": "p"}
-    fmus = {name: fake_fmu(tmp_path / f"{v}.fmu", f"{v}:parameter") for name, v in names.items()}
-    system = System(tuple(Component(n, parameters={v: 1.0}) for n, v in names.items()), ())
-    exported(tmp_path, system, fmus)
-    with read_ssp(tmp_path / "x.ssp") as document:
-        theirs = {c.name: c.fmu for c in document.system.components if c.fmu is not None}
-        exported(tmp_path / "again", document.system, theirs)
-    assert (tmp_path / "x.ssp").read_bytes() == (tmp_path / "again" / "x.ssp").read_bytes()
-
-
 def test_files_of_components_that_would_have_the_same_name(tmp_path: Path, fmu: Path) -> None:
     values = {"a.b": 1.0, "a.c.x": 2.0, "a_c.x": 3.0, "/x.y": 4.0}
     system = System(tuple(Component(n, parameters={"k": v}) for n, v in values.items()), ())
@@ -102,12 +91,6 @@ def test_different_units_of_one_name(tmp_path: Path) -> None:
     found = exported(tmp_path, system, {"j.a": first, "j.b": second})
     assert (found.values("j.a"), found.values("j.b")) == ({"k": 3.0}, {"p": 5.0})
     assert found.wires() == {"j.a.y -> j.b.u": (pytest.approx(1.0 / 3.0), 0.0)}
-
-
-def test_output_that_leads_to_several_systems(tmp_path: Path, fmu: Path) -> None:
-    names = ["a.x", "b.x", "b.z", "a.c.x"]
-    found = exported(tmp_path, *of_all(names, fmu, *(Connection("a.x", "y", name, "u") for name in names)))
-    assert found.wires() == {f"a.x.y -> {name}.u": (1e3, 0.0) for name in names}
 
 
 def test_connections_of_all_types(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Vectors and matrices: parameters as nested lists and arrays, connections as a whole."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from emla_cosim.base.values import list_elements, parse_list
 from emla_cosim.system.model import System
 from emla_cosim.system.vectors import connect_elements
 from fmublock import Block, Input, Output, Parameter, State, dot
-from tests.support.commands import Emla
+from tests.support.commands import Emla, sentence
+from tests.support.ssp_documents import component, connection, rooted, system
 
 A, B = np.array([[0.0, 1.0], [-4.0, -0.2]]), np.array([[0.0], [2.0]])
 K = scipy.linalg.solve_continuous_are(A, B, np.diag([100.0, 1.0]), [[1.0]])
@@ -59,12 +61,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {"plant": folder / "Linear.fmu", "lqr": folder / "Lqr.fmu"}
 
 
-def run(system: System, **options: Any) -> ec.Result:
-    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+def run(made: System, **options: Any) -> ec.Result:
+    with ec.load(made, **{"step_size": STEP, "stop_time": STOP, **options}).prepare() as simulation:
         return simulation.run()
 
 
-def test_a_matrix_controller_stabilizes_what_scipy_says(fmus: dict[str, Path]) -> None:
+def test_matrix_controller_against_scipy(fmus: dict[str, Path]) -> None:
     whole = run(System.of(fmus, VECTORS, MATRICES))
     single = run(System.of(fmus, ELEMENTS), set=MATRICES)
     found = np.column_stack([whole[f"plant.x[{i}]"] for i in (1, 2)])
@@ -74,118 +76,79 @@ def test_a_matrix_controller_stabilizes_what_scipy_says(fmus: dict[str, Path]) -
     np.testing.assert_allclose(found, expected, atol=2.0 * STEP * np.abs(expected[:, 1]).max() * 10)
 
 
-def test_the_command_takes_matrices(fmus: dict[str, Path], emla: Emla, tmp_path: Path) -> None:
-    texts = [f"{n}={np.asarray(v).tolist()}" for n, v in MATRICES.items() if n.startswith("plant")]
-    values = [word for text in texts for word in ("--set", text.replace("plant.", ""))]
-    command = ["run", str(fmus["plant"]), *values, "--step-size", "1e-3", "--stop-time", "0.1", "--no-plots"]
-    done = emla(*command, "--output", "out")
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("A=[[1,2],[3]]", "the rows of"),
+        ("A=[[1,2],[3,4]", "is not a list; write [1,2], or [[1,2],[3,4]]"),
+    ],
+)
+def test_command_takes_matrices(text: str, message: str, fmus: dict[str, Path], emla: Emla) -> None:
+    command = [
+        "run",
+        str(fmus["plant"]),
+        "--step-size",
+        "1e-3",
+        "--stop-time",
+        "0.002",
+        "--no-plots",
+        "--set",
+    ]
+    done = emla(*command, f"A={A.tolist()}", "--output", "out")
     assert done.exit_code == 0, done.output
-    single = run(System.of({"plant": fmus["plant"]}), set={n: v for n, v in MATRICES.items() if "plant" in n})
-    row = np.searchsorted(single["time"], 0.1 - 1e-9)
-    last = Path("out/results.csv").read_text().splitlines()
-    names, numbers = last[0].split(","), [float(x) for x in last[-1].split(",")]
-    for i in (1, 2):
-        name = next(n for n in names if n.endswith((f"x[{i}]", f'x[{i}]"')))
-        assert numbers[names.index(name)] == single[f"plant.x[{i}]"][row]
-    wrong = emla("run", str(fmus["plant"]), "--set", "A=[[1,2],[3]]", "--no-plots", "--stop-time", "1")
-    assert wrong.exit_code == 2 and "the rows of" in wrong.output
-    wrong = emla("run", str(fmus["plant"]), "--set", "A=[[1,2],[3,4]", "--no-plots", "--stop-time", "1")
-    assert wrong.exit_code == 2 and "is not a list; write [1,2], or [[1,2],[3,4]]" in " ".join(
-        wrong.output.split()
-    )
+    (record,) = json.loads(Path("out/run.json").read_text())["components"].values()
+    found = {name: float(value) for name, value in record["parameters"].items() if name[0] == "A"}
+    assert found == {f"A[{i + 1},{j + 1}]": A[i, j] for i in (0, 1) for j in (0, 1)}
+    assert message in sentence(emla(*command, "--set", text), 2)
 
 
-def test_a_package_has_the_connections_of_the_elements(fmus: dict[str, Path], tmp_path: Path) -> None:
-    scenario = ec.load(System.of(fmus, VECTORS, MATRICES), step_size=STEP, stop_time=0.05)
-    scenario.export(tmp_path / "it.ssp")
-    with ec.load(str(tmp_path / "it.ssp")).prepare() as simulation:
-        exported = simulation.run()
-    with scenario.prepare() as simulation:
-        np.testing.assert_array_equal(exported["plant.x[1]"], simulation.run()["plant.x[1]"])
+CONTROL = system(
+    "control",
+    component("lqr", "Lqr.fmu", "x[1]:input x[2]:input u:output"),
+    connection("state -> lqr.x"),
+    connection("lqr.u -> force"),
+    ports="state:input:Real force:output:Real",
+)
 
 
-SSD = """<?xml version="1.0" encoding="UTF-8"?>
-<ssd:SystemStructureDescription version="1.0" name="loop"
-    xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
-    xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon">
-  <ssd:System name="loop">
-    <ssd:Elements>
-      <ssd:Component name="plant" source="Linear.fmu">
-        <ssd:Connectors>
-          <ssd:Connector name="x" kind="output"><ssc:Real/></ssd:Connector>
-          <ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>
-        </ssd:Connectors>
-      </ssd:Component>
-      <ssd:System name="control">
-        <ssd:Connectors>
-          <ssd:Connector name="state" kind="input"><ssc:Real/></ssd:Connector>
-          <ssd:Connector name="force" kind="output"><ssc:Real/></ssd:Connector>
-        </ssd:Connectors>
-        <ssd:Elements>
-          <ssd:Component name="lqr" source="Lqr.fmu">
-            <ssd:Connectors>
-              <ssd:Connector name="x[1]" kind="input"/><ssd:Connector name="x[2]" kind="input"/>
-              <ssd:Connector name="u" kind="output"/>
-            </ssd:Connectors>
-          </ssd:Component>
-        </ssd:Elements>
-        <ssd:Connections>
-          <ssd:Connection startConnector="state" endElement="lqr" endConnector="x"/>
-          <ssd:Connection startElement="lqr" startConnector="u" endConnector="force"/>
-        </ssd:Connections>
-      </ssd:System>
-    </ssd:Elements>
-    <ssd:Connections>
-      <ssd:Connection startElement="plant" startConnector="x" endElement="control" endConnector="state"/>
-      <ssd:Connection startElement="control" startConnector="force" endElement="plant" endConnector="u"/>
-    </ssd:Connections>
-  </ssd:System>
-</ssd:SystemStructureDescription>
-"""
-
-
-def test_an_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> None:
+def test_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> None:
     """Vectors also pass the connectors of an inner system; the export has the elements."""
-    for fmu in fmus.values():
-        (tmp_path / fmu.name).write_bytes(fmu.read_bytes())
-    (tmp_path / "loop.ssd").write_text(SSD)
+    files = {"Linear__fmu": fmus["plant"], "Lqr__fmu": fmus["lqr"]}
+    parts = component("plant", "Linear.fmu", "x:output:Real u:input:Real"), CONTROL
+    wires = connection("plant.x -> control.state"), connection("control.force -> plant.u")
     values = {name.replace("lqr.", "control.lqr."): value for name, value in MATRICES.items()}
     options: dict[str, Any] = {"set": values, "step_size": STEP, "stop_time": 0.1}
-    expected = run(System.of(fmus, ELEMENTS), set=MATRICES)
-    scenario = ec.load(tmp_path / "loop.ssd", **options)
+    expected = run(System.of(fmus, ELEMENTS), set=MATRICES, stop_time=0.1)
+    scenario = ec.load(rooted(tmp_path, *parts, *wires, files=files), **options)
     scenario.export(tmp_path / "again.ssp")
-    for one in (scenario, ec.load(tmp_path / "again.ssp")):
-        with one.prepare() as simulation:
+    for loaded in (scenario, ec.load(tmp_path / "again.ssp")):
+        with loaded.prepare() as simulation:
             found = simulation.run()
-        assert len(found.time) == 101
         for i in (1, 2):
-            np.testing.assert_array_equal(found[f"plant.x[{i}]"], expected[f"plant.x[{i}]"][:101])
-    swapped = SSD.replace('name="x" kind="output"', 'name="u" kind="input"').replace(
-        'startElement="plant" startConnector="x"', 'startElement="plant" startConnector="u"'
-    )
-    swapped = swapped.replace('<ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>', "", 1)
-    (tmp_path / "loop.ssd").write_text(swapped)
+            np.testing.assert_array_equal(found[f"plant.x[{i}]"], expected[f"plant.x[{i}]"])
+    plant = component("plant", "Linear.fmu", "u:input:Real")
+    wrong = rooted(tmp_path, plant, CONTROL, connection("plant.u -> control.state"), files=files)
     with pytest.raises(CommandError, match=r"plant\.u -> control\.state joins 1 element and 2 elements"):
-        ec.load(tmp_path / "loop.ssd", step_size=STEP, stop_time=0.1)
+        ec.load(wrong, step_size=STEP, stop_time=0.1)
 
 
 @pytest.mark.parametrize(
-    ("names", "sentence"),
+    ("names", "message"),
     [
         ({"a": ["x[1]", "x[2]"], "b": ["u[1]", "u[2]", "u[3]"]}, "a.x has 2 elements, b.u has 3 elements"),
         ({"a": ["x[1,1]", "x[1,2]"], "b": ["u[1]", "u[2]"]}, "b.u has 2 elements with other indices"),
     ],
 )
-def test_shapes_that_differ_are_refused(names: dict[str, list[str]], sentence: str) -> None:
-    system = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u"])
-    with pytest.raises(CommandError, match=f"joins different shapes: .*{sentence}"):
-        connect_elements(system, lambda name: names[name])
+def test_shapes_that_differ_are_refused(names: dict[str, list[str]], message: str) -> None:
+    made = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u"])
+    with pytest.raises(CommandError, match=f"joins different shapes: .*{message}"):
+        connect_elements(made, lambda name: names[name])
 
 
 def test_scalars_keep_their_connections() -> None:
-    system = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u", "a.y[1] -> b.v", "a.z -> b.w"])
+    made = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u", "a.y[1] -> b.v", "a.z -> b.w"])
     names = {"a": ["x", "x[1]", "y[1]", "z[1]"], "b": ["u", "u[1]", "v", "w"]}
-    assert connect_elements(system, lambda name: names[name]) == system
+    assert connect_elements(made, lambda name: names[name]) == made
 
 
 @pytest.mark.parametrize(
