@@ -11,10 +11,9 @@ from motulator.drive.utils import SynchronousMachinePars
 
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaPlant
-from fmublock import Block
-from fmublock.instance import Instance
 from rsba_fmu import FocController
 from tests.support import reference_model as paper
+from tests.support.in_process import started
 from tests.support.joint_data import LIFT
 
 SAMPLE, SAMPLES = 1e-4, 1500
@@ -28,20 +27,11 @@ J = LIFT.J_m
 GAINS = {"k_p": 150.0, "k_v": 300.0, "w_c": 1500.0, "w_i": 150.0, "omega_d": 300.0, "A_eq": LIFT.alpha_RL * J}
 
 
-def instance_of(block: type[Block], *sources: Any) -> Instance:
-    instance = Instance(block())
-    for name, value in start_values(block, *sources).items():
-        instance.set([instance.layout.reference(name)], [float(value)])
-    instance.enter_initialization()
-    instance.exit_initialization()
-    return instance
-
-
 class Drive:
     """Our controller, sampled: measurements in, voltages for the next sample out."""
 
     def __init__(self) -> None:
-        self.controller, self.k = instance_of(FocController, LIFT, GAINS), 0
+        self.controller, self.k = started(FocController, start_values(FocController, LIFT, GAINS)), 0
 
     def __call__(self, x: float, v: float, i_q: float, i_d: float) -> tuple[float, float]:
         c = self.controller
@@ -56,7 +46,7 @@ class Drive:
 
 def ours() -> np.ndarray:
     """x, v, i_q, i_d at the samples, the voltage a sample late."""
-    plant, drive = instance_of(EmlaPlant, LIFT, ROTARY), Drive()
+    plant, drive = started(EmlaPlant, start_values(EmlaPlant, LIFT, ROTARY)), Drive()
     rows, late = [], (0.0, 0.0)
     for k in range(SAMPLES):
         rows.append([plant[n] for n in ("x_L", "v_L", "i_q", "i_d")])

@@ -13,11 +13,11 @@ from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaPlant
 from fmublock import Block
-from fmublock.instance import Instance
 from rsba_fmu import AnatcController, CacController, FocController, RsbaController, drive_laws, foc_gains
 from tests.support import reference_controllers as independent
 from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
+from tests.support.in_process import started
 from tests.support.joint_data import COMPENSATED, EMLAS, LIFT, gains_of, observers
 from tests.support.tiers import mostly_slow
 
@@ -114,13 +114,9 @@ def test_current_and_voltage_stay_within_their_limits(
     """And everything stays finite, as long as the inputs are."""
     chosen, emla = CONTROLLERS[name], EMLAS[joint]
     assert isinstance(chosen.model, type)
-    instance = Instance(chosen.model())
-    reference = instance.layout.reference
     gains = gains_of(name, list(chosen.gains)[gain_set])[joint]
-    for variable, value in start_values(chosen.model, emla, gains).items():
-        instance.set([reference(variable)], [float(value)])
-    instance.enter_initialization()
-    instance.exit_initialization()
+    instance = started(chosen.model, start_values(chosen.model, emla, gains))
+    reference = instance.layout.reference
     for k, given_now in enumerate(inputs):
         for variable, value in given_now.items():
             instance.set([reference(variable)], [value])

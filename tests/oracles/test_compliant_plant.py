@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from emla_cosim.fmu.models import fmu_path
 from emla_fmu import EmlaCompliantPlant, EmlaPlant, motion_law, transmission
-from fmublock.instance import Instance
+from tests.support.in_process import started
 from tests.support.reference_drive import Transmission
 
 H = 1e-4
@@ -24,16 +24,6 @@ FREE = {"motor.B_m": 0.0, "gearbox.eta_GB": 1.0, "motor.Phi_PM": 1e-9}
 """No friction, losses or currents: the first mass moves by forces alone."""
 M_1 = (2.0 * math.pi / (0.02 / 7.0)) ** 2 * 0.016 + 156.5
 """Mass of the default plant as the load feels it, in kg: J_m behind gear and screw, and M_BS."""
-
-
-def started(block: Any = EmlaCompliantPlant, **values: Any) -> Instance:
-    plant = Instance(block(), "plant")
-    for name, value in values.items():
-        plant[name.replace("__", ".")] = value
-    plant.setup_experiment(0.0)
-    plant.enter_initialization()
-    plant.exit_initialization()
-    return plant
 
 
 def moved(
@@ -191,18 +181,21 @@ def test_a_tiny_backlash_has_no_effect(fmu_folder: Path) -> None:
 
 def test_encoder_is_at_the_motor_or_at_the_load() -> None:
     errors = {"sensor.eccentricity": 1e-3, "screw.lead_error": 1e-4, "screw.wobble": 1e-5}
+    deflected = {"start.deflection": 3e-4, **errors}
     at_motor, at_load = (
-        started(start__deflection=3e-4, sensor__at_load=there, **errors) for there in (False, True)
+        started(EmlaCompliantPlant, deflected | {"sensor.at_load": there}) for there in (False, True)
     )
-    rigid = started(EmlaPlant, **errors)
+    rigid = started(EmlaPlant, errors)
     assert at_motor["x_measured"] == rigid["x_measured"] != 0.24
     assert at_load["x_measured"] == at_load["load.x"] == 0.24 - 3e-4
-    rounded = started(start__deflection=3e-4, sensor__at_load=True, sensor__resolution=1e-3)
+    rounded = started(
+        EmlaCompliantPlant, {"start.deflection": 3e-4, "sensor.at_load": True, "sensor.resolution": 1e-3}
+    )
     assert rounded["x_measured"] == pytest.approx(0.240, abs=1e-15)
 
 
 def test_power_into_the_load_is_that_of_the_second_mass() -> None:
-    plant = started(F_L=1e3, load__v=0.02)
+    plant = started(EmlaCompliantPlant, {"F_L": 1e3, "load.v": 0.02})
     assert plant["P_L"] == 20.0
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from fmublock import Block
-from fmublock.instance import Instance
 from rsba_fmu import AnatcController, CacController, FocController, RsbaController
+from tests.support.in_process import started
 from tests.support.readme_port import Laws, Numbers, Values, clip, stepped, table
 
 STEP = 1e-4
@@ -302,12 +302,7 @@ def test_steps_are_those_of_the_readme(block: type[Block]) -> None:
     for _ in range(20):
         start, drawn = float(draw.choice([0.0, 2.0])), gains(draw)
         p = table(block.__name__) | drawn
-        instance = Instance(block())
-        for name, value in drawn.items():
-            instance[name] = value
-        instance.setup_experiment(start)
-        instance.enter_initialization()
-        instance.exit_initialization()
+        instance = started(block, drawn, start)
         x, before = dict.fromkeys(states, 0.0), {"before_q": 0.0, "before_d": 0.0}
         for i, given in enumerate(inputs(draw, 12)):
             for name, value in given.items():

@@ -11,10 +11,8 @@ from hypothesis import given
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
 from fmublock.instance import BlockError, Instance
+from tests.support.in_process import started
 from tests.support.joint_data import observers
-from tests.support.slaves import BlockSlave, interface
-
-OUTPUTS = interface(EmlaObserver)[1]
 
 
 @given(
@@ -60,17 +58,12 @@ def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float,
 def _errors(gains: observer_gains.ObserverGains, stop: float, step: float, H_0: float) -> tuple[float, float]:
     """Position and speed error at `stop` under an acceleration of 2 m/s2 that the observer does not know."""
     parameters = start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "use_model": False, "H_0": H_0})
-    slave = BlockSlave(EmlaObserver(), {n: float(v) for n, v in parameters.items()})
-    slave.enter_initialization(0.0, stop)
-    slave.exit_initialization()
+    instance = started(EmlaObserver, parameters)
     for k in range(round(stop / step)):
         # the position at the middle of the step: a held input is late by half a step otherwise
-        slave.inputs[0] = ((k + 0.5) * step) ** 2
-        slave.set_inputs()
-        slave.do_step(k * step, step)
-    slave.get_outputs()
-    x_hat, v_hat = (slave.outputs[OUTPUTS.index(n)] for n in ("x_hat", "v_hat"))
-    return stop**2 - x_hat, 2.0 * stop - v_hat
+        instance["y"] = ((k + 0.5) * step) ** 2
+        instance.do_step(k * step, step)
+    return stop**2 - instance["x_hat"], 2.0 * stop - instance["v_hat"]
 
 
 def test_repaired_gains_leave_the_error_that_theory_predicts() -> None:
@@ -150,11 +143,7 @@ def test_damped_gains_put_all_poles_at_one_place(p: float) -> None:
 
 def _ramp(gains: observer_gains.ObserverGains) -> tuple[float, float]:
     """Errors of d_hat in m/s2 and v_hat in m/s at an acceleration of 3 t, after 0.2 s."""
-    instance = Instance(EmlaObserver())
-    for name, value in start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "B_eq": 0.0}).items():
-        instance[name] = value
-    instance.enter_initialization()
-    instance.exit_initialization()
+    instance = started(EmlaObserver, start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "B_eq": 0.0}))
     for k in range(2000):
         instance["y"] = 0.5 * ((k + 1) * 1e-4) ** 3
         instance.do_step(k * 1e-4, 1e-4)
@@ -176,12 +165,7 @@ def _follows(step: float, stop: float, **values: float) -> dict[str, float]:
     gains = observer_gains.compensated(400.0)
     A_2 = 1.5 * 8 * 0.15 / 35.26
     parameters = start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "B_eq": 0.0} | values)
-    instance = Instance(EmlaObserver())
-    for name, value in parameters.items():
-        instance[name] = value
-    instance.enter_initialization()
-    instance["i_q"] = 1.5 / A_2
-    instance.exit_initialization()
+    instance = started(EmlaObserver, parameters | {"i_q": 1.5 / A_2})
     for k in range(round(stop / step)):
         instance["y"] = ((k + 1) * step) ** 2
         instance.do_step(k * step, step)
@@ -207,13 +191,8 @@ def test_a_held_position_is_ahead_by_half_a_step() -> None:
 def _estimates(start: float) -> np.ndarray:
     """Estimates after each of 20 steps of 2^-15 s, of which every time is a double."""
     step = 2.0**-15
-    instance = Instance(EmlaObserver())
     gains = start_values(EmlaObserver, observer_gains.damped(400.0, 4e-4), {"x_hat_start": 0.0})
-    for name, value in gains.items():
-        instance[name] = value
-    instance.setup_experiment(start)
-    instance.enter_initialization()
-    instance.exit_initialization()
+    instance = started(EmlaObserver, gains, start)
     rows = []
     for k in range(20):
         instance["y"], instance["i_q"] = 1e-3 * math.sin(0.3 * (k + 1)), 10.0 * math.cos(0.2 * k)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emla_fmu import EmlaObserver
-from fmublock.instance import Instance
+from tests.support.in_process import started
 from tests.support.readme_port import Numbers, stepped, table
 
 STATES = ("x_hat", "v_hat", "d_hat", "eta_hat", "r_hat")
@@ -66,13 +66,8 @@ def test_steps_are_those_of_the_readme() -> None:
         p = table("EmlaObserver") | drawn
         if case == 0:  # as in the tables, but for what has no effect at the published gains
             p = table("EmlaObserver") | (drawn := {"interpolate": 1.0})
-        instance = Instance(EmlaObserver())
-        for name, value in drawn.items():
-            instance[name] = value
         t = float(draw.choice([0.0, 2.0]))
-        instance.setup_experiment(t)
-        instance.enter_initialization()
-        instance.exit_initialization()
+        instance = started(EmlaObserver, drawn, t)
         x = {
             "x_hat": p["start.x_hat"],
             "v_hat": 0.0,

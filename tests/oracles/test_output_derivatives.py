@@ -114,30 +114,28 @@ def test_output_derivatives_of_the_disturbance_are_those_of_its_formulas(
 TOY = ("x", "v[1]", "v[2]", "power", "inverse")
 
 
-def test_inputs_set_later_do_not_change_output_derivatives(toy: Session) -> None:
-    """Nor the der(x); outputs are those of the last communication point."""
+def test_output_derivatives_stay_between_communication_points(toy: Session) -> None:
+    """And the der(x), whatever happens to inputs: set, moved, a discarded step, the end."""
     slave = toy.instance()
     move(toy, slave, force=(4.0, 8.0))
     slave.doStep(0.0, 0.5)
-    rates = toy.get(slave, "der(x)", "der(v[1])", "der(v[2])")
-    before = slopes(toy, slave, *TOY)
-    toy.set(slave, force=-77.0)
-    assert slopes(toy, slave, *TOY) == before
-    move(toy, slave, force=(55.0, 6.0))
-    assert slopes(toy, slave, *TOY) == before
-    assert toy.get(slave, "der(x)", "der(v[1])", "der(v[2])") == rates
-    assert toy.get(slave, "force") == [-77.0]
+    names = ("der(x)", "der(v[1])", "der(v[2])", "power")
+    rates, before = toy.get(slave, *names), slopes(toy, slave, *TOY)
 
+    def refuse_step() -> None:
+        toy.set(slave, force=math.inf)
+        with refused(2):
+            slave.doStep(0.5, 0.1)
 
-def test_a_discarded_step_does_not_change_output_derivatives(toy: Session) -> None:
-    slave = toy.instance()
-    move(toy, slave, force=(4.0,))
-    slave.doStep(0.0, 0.5)
-    before = slopes(toy, slave, *TOY)
-    toy.set(slave, force=math.inf)
-    with refused(2):
-        slave.doStep(0.5, 0.1)
-    assert slopes(toy, slave, *TOY) == before
+    for change in (
+        lambda: toy.set(slave, force=-77.0),
+        lambda: move(toy, slave, force=(55.0, 6.0)),
+        refuse_step,
+        slave.terminate,
+    ):
+        change()
+        assert slopes(toy, slave, *TOY) == before
+        assert toy.get(slave, *names) == rates
 
 
 def test_reading_output_derivatives_changes_nothing(toy: Session) -> None:
@@ -160,17 +158,6 @@ def test_output_derivatives_before_the_first_step(toy: Session) -> None:
     slave.exitInitializationMode()
     power = 4.0 * 0.5 + 0.5 * (0.5 - 3.0 * 0.5 - 0.1 * 0.5) / 2.0
     assert slopes(toy, slave, "inverse", "power") == pytest.approx([2.0, power], rel=1e-15)
-
-
-def test_output_derivatives_after_termination(toy: Session) -> None:
-    """Whatever was set since the last step."""
-    slave = toy.instance()
-    slave.doStep(0.0, 0.1)
-    before, rates = slopes(toy, slave, *TOY), toy.get(slave, "der(v[1])", "power")
-    toy.set(slave, force=-77.0)
-    slave.terminate()
-    assert slopes(toy, slave, *TOY) == before
-    assert toy.get(slave, "der(v[1])", "power") == rates
 
 
 def test_a_saved_state_contains_output_derivatives(toy: Session) -> None:

@@ -13,28 +13,22 @@ from emla_cosim.study.systems import STUDY
 from emla_fmu import Disturbance, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
-from fmublock import Instance
-from tests.support.slaves import BlockSlave, interface
+from tests.support.in_process import started
 
 
 def outputs_at(
     block: Any, times: np.ndarray, step: float = 1e-4, inputs: float = 0.0, **parameters: Any
 ) -> Any:
-    """Outputs of an input-free run at these times (multiples of the step), by name."""
-    values = {n: float(v) for n, v in start_values(type(block), parameters).items()}
-    slave = BlockSlave(block, values)
-    slave.inputs[:] = inputs
-    slave.enter_initialization(0.0, 1.0)
-    slave.set_inputs()
-    slave.exit_initialization()
-    rows, k = [], 0
+    """Outputs at these times (multiples of the step), by name, with every input at one value."""
+    layout = type(block).layout()
+    given_inputs = {x.name: inputs for x in layout.scalars if x.variable in layout.inputs}
+    instance = started(type(block), start_values(type(block), parameters) | given_inputs)
+    rows, k, names = [], 0, [x.name for x in layout.scalars if x.variable in layout.outputs]
     for time in times:
         while k < round(time / step):
-            slave.do_step(k * step, step)
+            instance.do_step(k * step, step)
             k += 1
-        slave.get_outputs()
-        rows.append(slave.outputs.copy())
-    names = interface(type(block))[1]
+        rows.append([instance[name] for name in names])
     return SimpleNamespace(**{n: np.array(rows)[:, i] for i, n in enumerate(names)})
 
 
@@ -139,11 +133,7 @@ def test_before_zero_the_first_random_value_holds() -> None:
     """A run from t < 0 comes to the same values from t = 0 on."""
 
     def drawn(start: float, count: int) -> list[float]:
-        instance = Instance(Disturbance())
-        instance["d_2.high"] = 2.0
-        instance.setup_experiment(start)
-        instance.enter_initialization()
-        instance.exit_initialization()
+        instance = started(Disturbance, {"d_2.high": 2.0}, start)
         values = [instance["d_2"]]
         for k in range(count):
             instance.do_step(start + k * 1e-4, 1e-4)

@@ -8,27 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from fmublock.instance import BlockError, Instance
+from fmublock import BlockError
 from hdrm_fmu import Trajectory
 from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, spline_of, trajectory_parameters
 from hdrm_fmu.spline_window import COEFFICIENTS, KNOTS
 from hdrm_fmu.trajectory import JOINTS
+from tests.support.in_process import started
 
 OUTPUTS = [f"{name}[{i}]" for name in ("x_d", "v_d", "a_d") for i in (1, 2, 3)]
 
 
-def instance(values: dict[str, Any], start: float = 0.0) -> Instance:
-    found = Instance(Trajectory())
-    found.setup_experiment(start)
-    found.enter_initialization()
-    found.set([found.layout.reference(name) for name in values], list(values.values()))
-    found.exit_initialization()
-    return found
-
-
 def shown(spline: Spline, time: float) -> np.ndarray:
     """Positions, speeds and accelerations of the block at a time: three rows."""
-    block = instance(trajectory_parameters(spline), time)
+    block = started(Trajectory, trajectory_parameters(spline), time)
     return np.array(block.get([block.layout.reference(n) for n in OUTPUTS])).reshape(3, 3)
 
 
@@ -96,7 +88,7 @@ def test_its_derivatives_are_those_of_its_positions() -> None:
 )
 def test_the_block_refuses_wrong_knots(values: dict[str, Any], words: str) -> None:
     with pytest.raises(BlockError, match=words):
-        instance(values)
+        started(Trajectory, values)
 
 
 def test_the_block_takes_as_much_as_it_has_room_for() -> None:

@@ -1,7 +1,6 @@
 """The FMUs' READMEs: their tables of variables are those of the FMUs, and symbols are those of equations."""
 
 import re
-import zipfile
 from pathlib import Path
 
 import fmpy
@@ -9,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.fmu.models import MODELS, fmu_path
+from emla_cosim.fmu.models import fmu_path
 from fmublock import Block, Output, Parameter
 from fmublock.documentation import html_page, with_variables
 from fmublock.symbols import symbol_of
 from fmus.make_tables import page, readme
-from tests.support.browser import chromium
+from tests.support.blocks import OWN
 
 _ROW = re.compile(r"^\| (?:\$(.+)\$)? *\| `([^`]+)` \| (\S*) \| ", re.MULTILINE)
 
@@ -24,13 +23,13 @@ def rows(model: str) -> list[tuple[str, str, str]]:
     return _ROW.findall(readme(model).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", OWN)
 def test_tables_are_up_to_date(model: str) -> None:
     found = readme(model).read_text(encoding="utf-8")
     assert found == page(model), "python -m fmus.make_tables writes them"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", OWN)
 def test_a_table_has_the_variables_of_the_fmu(model: str, fmu_folder: Path) -> None:
     said = fmpy.read_model_description(str(fmu_path(model, "native", fmu_folder)))
     expected = {v.name: v.unit or "" for v in said.modelVariables if not v.name.startswith("der(")}
@@ -111,21 +110,3 @@ def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
     assert placed.endswith("\n<!-- variables end -->\nb\n")
     assert with_variables(placed, Some) == placed
     assert "old" not in placed
-
-
-@pytest.mark.slow
-def test_the_fmus_own_page_shows_its_tables_in_a_browser(fmu_folder: Path, tmp_path: Path) -> None:
-    with zipfile.ZipFile(fmu_path("EmlaPlant", "native", fmu_folder)) as archive:
-        (tmp_path / "index.html").write_bytes(archive.read("documentation/index.html"))
-    with chromium() as browser:
-        browser.get((tmp_path / "index.html").as_uri())
-        assert not browser.get_log("browser")
-        tables = browser.find_elements("css selector", "table")
-        names = {x.text for x in browser.find_elements("css selector", "td:nth-child(2) code")}
-        assert len(tables) == 4
-        assert names == {name for _, name, _ in rows("EmlaPlant")}
-        symbols = browser.find_elements("css selector", "td:first-child math")
-        assert len(symbols) == sum(bool(symbol) for symbol, _, _ in rows("EmlaPlant"))
-        width = browser.execute_script("return document.body.clientWidth")
-        assert all(table.size["width"] <= width for table in tables)
-        assert not browser.execute_script("return document.body.innerText.includes('$')")

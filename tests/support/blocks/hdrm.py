@@ -31,19 +31,17 @@ def trajectory_points(draw: Draw) -> Point:
 def machine(draw: Draw) -> dict[str, Any]:
     """Parameters of the manipulator, whose triangles close from 0.05 to 0.55 m."""
     values = {
-        "payload.m": magnitude(draw, 100.0, 600.0),
         "lift.a": draw(st.floats(1.1, 1.2)),
         "lift.b": draw(st.floats(0.40, 0.44)),
         "lift.L_0": draw(st.floats(0.82, 0.88)),
-        **signs(draw, {"lift.delta": (0.3, 1.5), "lift.epsilon": (0.1, 1.0)}),
         "tilt.a": draw(st.floats(1.2, 1.3)),
         "tilt.b": draw(st.floats(0.43, 0.47)),
         "tilt.L_0": draw(st.floats(0.95, 1.05)),
-        **magnitudes(draw, {"lift_boom.length": (1.0, 3.0), "inner_boom.reach": (1.0, 3.0)}),
-        **magnitudes(draw, {"payload.J": (0.01, 0.1)}),
-        **signs(draw, {"tilt.delta": (1.0, 3.0), "tilt.epsilon": (0.1, 1.0)}),
         "tube.share": draw(st.floats(0.2, 0.8)),
-        "gravity": signed(draw, 5.0, 15.0),
+        **magnitudes(draw, {"payload.J": (0.01, 0.1), "payload.m": (100.0, 600.0)}),
+        **magnitudes(draw, {"lift_boom.length": (1.0, 3.0), "inner_boom.reach": (1.0, 3.0)}),
+        **signs(draw, {"gravity": (5.0, 15.0), "lift.delta": (0.3, 1.5), "tilt.delta": (1.0, 3.0)}),
+        **signs(draw, {"lift.epsilon": (0.1, 1.0), "tilt.epsilon": (0.1, 1.0)}),
     }
     for boom in ("lift_boom", "outer_boom", "inner_boom"):
         values |= {

@@ -20,21 +20,18 @@ def controller_points(draw: Draw) -> Point:
     switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration", "compensate")
     values: dict[str, Any] = {
         "x_hat": x_d + P_1,
-        **signs(draw, {"v_hat": (1e-3, 0.3), "i_q": (0.1, 100.0), "i_d": (0.1, 100.0)}),
         "x_d": x_d,
-        "omega_u": magnitude(draw, 10.0, 1000.0),
-        **signs(draw, {"v_d": (1e-3, 0.3), "a_d": (1e-2, 1.0), "d_hat": (1e-2, 1.0), "z_q": (0.1, 100.0)}),
-        **signs(draw, {"z_d": (0.1, 100.0)}),
         "limit.i_reserve": draw(st.floats(0.05, 0.3)),
         "limit.u_reserve": draw(st.floats(0.05, 0.3)),
-        "limit.v_max": magnitude(draw, 1e-2, 1.0),
         **{name: draw(st.booleans()) for name in switches},
-        **magnitudes(draw, {"model.R_s": (0.05, 0.5), "model.L_d": (1e-3, 5e-3), "model.L_q": (1e-3, 5e-3)}),
-        **magnitudes(draw, {"model.Phi_PM": (0.05, 0.3)}),
         "model.N_p": draw(st.integers(2, 10)),
-        **magnitudes(draw, {"model.alpha_RL": (500.0, 5000.0), "model.A_eq": (10.0, 100.0)}),
-        **magnitudes(draw, {"model.B_eq": (1.0, 10.0), "model.C_eq": (0.1, 10.0)}),
-        **magnitudes(draw, {"solver.internal_step": (1e-5, 1e-4)}),
+        **magnitudes(draw, {"model.R_s": (0.05, 0.5), "omega_u": (10.0, 1000.0), "model.L_d": (1e-3, 5e-3)}),
+        **magnitudes(draw, {"model.L_q": (1e-3, 5e-3), "model.B_eq": (1.0, 10.0), "model.C_eq": (0.1, 10.0)}),
+        **magnitudes(draw, {"limit.v_max": (1e-2, 1.0), "model.Phi_PM": (0.05, 0.3)}),
+        **magnitudes(draw, {"model.A_eq": (10.0, 100.0), "model.alpha_RL": (500.0, 5000.0)}),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+        **signs(draw, {"v_d": (1e-3, 0.3), "a_d": (1e-2, 1.0), "i_q": (0.1, 100.0), "i_d": (0.1, 100.0)}),
+        **signs(draw, {"z_q": (0.1, 100.0), "z_d": (0.1, 100.0), "v_hat": (1e-3, 0.3), "d_hat": (1e-2, 1.0)}),
     }
     for i in range(1, 5):
         values |= {
@@ -93,10 +90,8 @@ def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
     u_max, u_available = draw(st.sampled_from([(u, 3.0 * u), (3.0 * u, u)]))
     values = {
         "x_hat": x_d + P_1,
-        **signs(draw, {"v_hat": (1e-2, 0.3), "d_hat": (0.1, 5.0), "i_q": (0.1, 100.0), "i_d": (0.1, 100.0)}),
         "u_available": u_available,
         "x_d": x_d,
-        **signs(draw, {"v_d": (1e-3, 0.3), "a_d": (1e-2, 1.0)}),
         "compensate": draw(st.booleans()),
         "limit.a_max": draw(st.sampled_from([1e-4, 100.0])),
         "limit.v_max": 1e-5 if limited == "speed" else 1.0,
@@ -104,12 +99,13 @@ def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
         "limit.u_max": u_max,
         "limit.u_reserve": draw(st.floats(0.05, 0.3)),
         "limit.i_reserve": draw(st.floats(0.05, 0.3)),
-        **magnitudes(draw, {"model.R_s": (0.05, 0.5), "model.L_d": (1e-3, 5e-3), "model.L_q": (1e-3, 5e-3)}),
-        **magnitudes(draw, {"model.Phi_PM": (0.05, 0.3)}),
         "model.N_p": draw(st.integers(2, 10)),
-        **magnitudes(draw, {"model.alpha_RL": (500.0, 5000.0), "model.A_eq": (10.0, 100.0)}),
+        **magnitudes(draw, {"model.R_s": (0.05, 0.5), "model.L_d": (1e-3, 5e-3), "model.L_q": (1e-3, 5e-3)}),
         **magnitudes(draw, {"model.B_eq": (1.0, 10.0), "model.C_eq": (0.1, 10.0)}),
-        **magnitudes(draw, {"solver.internal_step": (1e-5, 1e-4)}),
+        **magnitudes(draw, {"model.Phi_PM": (0.05, 0.3), "model.A_eq": (10.0, 100.0)}),
+        **magnitudes(draw, {"model.alpha_RL": (500.0, 5000.0), "solver.internal_step": (1e-5, 1e-4)}),
+        **signs(draw, {"v_d": (1e-3, 0.3), "a_d": (1e-2, 1.0), "d_hat": (0.1, 5.0), "i_q": (0.1, 100.0)}),
+        **signs(draw, {"i_d": (0.1, 100.0), "v_hat": (1e-2, 0.3)}),
     }
     return values, {"x_hat": abs(P_1), "x_d": abs(P_1)}
 
@@ -118,8 +114,8 @@ def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
 def foc_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
     own = {
-        **magnitudes(draw, {"k_p": (1.0, 10.0), "k_v": (10.0, 1000.0), "w_c": (100.0, 3000.0)}),
-        **magnitudes(draw, {"w_i": (10.0, 300.0), "omega_d": (10.0, 1000.0)}),
+        **magnitudes(draw, {"k_p": (1.0, 10.0), "w_i": (10.0, 300.0), "k_v": (10.0, 1000.0)}),
+        **magnitudes(draw, {"w_c": (100.0, 3000.0), "omega_d": (10.0, 1000.0)}),
         **signs(draw, {"xi_q": (10.0, 1e4), "xi_d": (10.0, 1e4), "load.z": (1e-2, 0.3)}),
     }
     return Point(values | own, kinks={"omega_d"}, reach=reach)
@@ -129,18 +125,17 @@ def foc_points(draw: Draw) -> Point:
 def cac_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
     own = {
-        "k[1]": magnitude(draw, 1.0, 10.0),
         **{f"k[{i}]": magnitude(draw, 0.01, 1e3) for i in range(2, 6)},
-        "varpi[1]": magnitude(draw, 1e-3, 0.1),
         **{f"varpi[{i}]": magnitude(draw, 0.1, 10.0) for i in range(2, 6)},
         **{f"m[{i}]": magnitude(draw, 0.1, 1e3) for i in range(1, 4)},
-        **magnitudes(draw, {"leak": (1e-3, 1.0), "epsilon[1]": (0.03, 1.0), "epsilon[2]": (0.3, 3.0)}),
-        **magnitudes(draw, {"epsilon[3]": (30.0, 300.0), "epsilon[4]": (30.0, 300.0)}),
-        **magnitudes(draw, {"omega_n[1]": (100.0, 1e4), "omega_n[2]": (100.0, 1e4), "damping": (0.5, 2.0)}),
-        **signs(draw, {"filter.w": (1e-3, 0.1), "filter.w_rate": (0.1, 10.0), "filter.i_q": (0.1, 100.0)}),
-        **signs(draw, {"filter.i_q_rate": (10.0, 1e4), "xi[1]": (1e-4, 1e-2), "xi[2]": (1e-3, 0.1)}),
-        **signs(draw, {"xi[3]": (0.1, 10.0), "xi[4]": (0.1, 10.0)}),
         **{f"D[{i}]": signed(draw, 0.1, 10.0) for i in range(2, 5)},
+        **magnitudes(draw, {"k[1]": (1.0, 10.0), "leak": (1e-3, 1.0), "damping": (0.5, 2.0)}),
+        **magnitudes(draw, {"varpi[1]": (1e-3, 0.1), "epsilon[2]": (0.3, 3.0), "epsilon[1]": (0.03, 1.0)}),
+        **magnitudes(draw, {"omega_n[1]": (100.0, 1e4), "omega_n[2]": (100.0, 1e4)}),
+        **magnitudes(draw, {"epsilon[3]": (30.0, 300.0), "epsilon[4]": (30.0, 300.0)}),
+        **signs(draw, {"xi[2]": (1e-3, 0.1), "xi[3]": (0.1, 10.0), "xi[4]": (0.1, 10.0)}),
+        **signs(draw, {"xi[1]": (1e-4, 1e-2), "filter.w": (1e-3, 0.1), "filter.i_q": (0.1, 100.0)}),
+        **signs(draw, {"filter.w_rate": (0.1, 10.0), "filter.i_q_rate": (10.0, 1e4)}),
     }
     return Point(values | own, reach=reach)
 
@@ -149,13 +144,11 @@ def cac_points(draw: Draw) -> Point:
 def anatc_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
     own = {
-        **magnitudes(draw, {"k_1": (1.0, 10.0), "k_2": (0.1, 10.0), "lambda_1": (0.1, 100.0)}),
-        **magnitudes(draw, {"lambda_2": (0.1, 100.0), "ell[1]": (1e-3, 1.0), "ell[2]": (1e-3, 1.0)}),
-        **magnitudes(draw, {"g": (10.0, 300.0), "b": (0.1, 3.0)}),
         "sigma_min": draw(st.sampled_from([1e-3, 1e3])),
-        "w_c": magnitude(draw, 100.0, 3000.0),
         **{f"W[{i}]": signed(draw, 0.1, 10.0) for i in range(1, 6)},
-        "delta": magnitude(draw, 0.1, 10.0),
+        **magnitudes(draw, {"b": (0.1, 3.0), "k_1": (1.0, 10.0), "k_2": (0.1, 10.0), "g": (10.0, 300.0)}),
+        **magnitudes(draw, {"delta": (0.1, 10.0), "ell[1]": (1e-3, 1.0), "ell[2]": (1e-3, 1.0)}),
+        **magnitudes(draw, {"w_c": (100.0, 3000.0), "lambda_1": (0.1, 100.0), "lambda_2": (0.1, 100.0)}),
     }
     return Point(values | own, draw(st.floats(0.0, 1.0)), reach=reach)
 

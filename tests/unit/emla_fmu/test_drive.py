@@ -19,6 +19,7 @@ from emla_cosim.study.joint import start_values
 from emla_cosim.study.systems import STUDY, current_seed
 from emla_fmu import EmlaPlant, end_stops, friction, inverter
 from fmublock.instance import Instance, StepDiscardedError
+from tests.support import in_process
 from tests.support.joint_data import DRIVES, EMLAS
 from tests.support.tiers import mostly_slow
 
@@ -27,13 +28,7 @@ H = 1e-4
 
 
 def started(values: Mapping[str, Any], time: float = 0.0) -> Instance:
-    plant = Instance(EmlaPlant(), "plant")
-    for name, value in values.items():
-        plant[name] = value
-    plant.setup_experiment(time)
-    plant.enter_initialization()
-    plant.exit_initialization()
-    return plant
+    return in_process.started(EmlaPlant, values, time, "plant")
 
 
 def moved(plant: Instance, demands: Iterable[tuple[float, float]], h: float = H) -> list[list[float]]:
@@ -240,16 +235,6 @@ def test_rated_current_ends_at_the_permitted_rise_and_more_of_it_is_reported() -
 
 
 # ---- numbers ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", DRIVES)
-def test_drives_have_parameters_of_the_plant(name: str) -> None:
-    values = start_values(EmlaPlant, EMLAS[name], asdict(DRIVES[name]))
-    plant = started(values)
-    assert plant["inverter.delay"] == 1e-4
-    # rated torque of Tables IV and VII
-    torque = 1.5 * EMLAS[name].N_p * EMLAS[name].Phi_PM * plant["motor.i_N"]
-    assert torque == pytest.approx({"lift": 53, "tilt": 29, "telescope": 8, "prototype": 37}[name], rel=0.03)
 
 
 @pytest.mark.parametrize("name", mostly_slow(["lift", "tilt", "telescope"], ["lift"]))

@@ -5,10 +5,8 @@ import re
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from scipy.integrate import solve_ivp
 
 from fmublock import (
     Block,
@@ -26,20 +24,11 @@ from fmublock.instance import Phase
 from fmublock.results import EquationError
 from fmublock.symbolic import evaluate_symbolically
 from tests.support.arm import Arm
+from tests.support.in_process import started
 from tests.support.sessions import opened
 from tests.support.toy import Toy
 
 REFERENCE = Toy.layout().reference
-
-
-def running(**values: float) -> Instance:
-    """A toy past initialization, with values set by FMI name."""
-    instance = Instance(Toy(), "toy")
-    for name, value in values.items():
-        instance.set([REFERENCE(name)], [value])
-    instance.enter_initialization()
-    instance.exit_initialization()
-    return instance
 
 
 def test_arrays_and_names_follow_fmi() -> None:
@@ -53,28 +42,8 @@ def test_arrays_and_names_follow_fmi() -> None:
 
 
 def test_a_state_can_start_from_a_parameter() -> None:
-    instance = running(x_0=0.25, seed=11)
-    assert instance.get([REFERENCE("x"), REFERENCE("random")]) == [0.25, 11.0]
-
-
-def test_integration_agrees_with_scipy_and_is_of_fourth_order() -> None:
-    """Against DOP853 at 1e-13; halving the internal step divides the error by 16."""
-
-    def rhs(t: float, y: np.ndarray) -> list[float]:
-        return [y[1], (0.5 - 3.0 * y[0] - 0.1 * y[1]) / 2.0, math.cos(t) - y[2] / 3.0]
-
-    exact = solve_ivp(rhs, (0, 4), [0.125, 0.5, -0.5], method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
-    errors = []
-    for internal_step in (0.2, 0.1, 0.05):
-        instance = Instance(Toy())
-        instance.set([REFERENCE("solver.internal_step")], [internal_step])
-        instance.enter_initialization()
-        instance.exit_initialization()
-        instance.do_step(0.0, 4.0)
-        found = instance.get([REFERENCE("x"), REFERENCE("v[1]"), REFERENCE("v[2]")])
-        errors.append(np.abs(np.array(found) - exact).max())
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert orders == pytest.approx([4.0, 4.0], abs=0.2)
+    instance = started(Toy, {"x_0": 0.25, "seed": 11})
+    assert (instance["x"], instance["random"]) == (0.25, 11.0)
 
 
 def test_a_step_is_divided_evenly_and_not_once_too_often() -> None:
@@ -88,11 +57,7 @@ def test_a_step_is_divided_evenly_and_not_once_too_often() -> None:
             calls.append(v.time)
             return {"x": 1.0}
 
-    instance = Instance(Counting())
-    instance.set([Counting.layout().reference("solver.internal_step")], [0.1])
-    instance.enter_initialization()
-    instance.exit_initialization()
-    instance.do_step(0.0, 0.3)
+    started(Counting, {"solver.internal_step": 0.1}).do_step(0.0, 0.3)
     assert len(calls) == 4 * 3
 
 
@@ -100,7 +65,7 @@ def test_calls_in_the_wrong_phase_are_refused() -> None:
     with pytest.raises(BlockError, match="cannot do a step in phase instantiated"):
         Instance(Toy()).do_step(0.0, 0.1)
     with pytest.raises(BlockError, match="cannot enter initialization mode in phase step"):
-        running().enter_initialization()
+        started(Toy).enter_initialization()
 
 
 @pytest.mark.parametrize(
@@ -119,10 +84,7 @@ def test_largest_number_of_internal_steps(count: float, error: type[BlockError],
         def derivatives(self, v: Any) -> dict[str, Any]:
             return {"x": 1.0 / v.x}
 
-    instance = Instance(Failing())
-    instance["solver.internal_step"] = 2.0**-20
-    instance.enter_initialization()
-    instance.exit_initialization()
+    instance = started(Failing, {"solver.internal_step": 2.0**-20})
     with pytest.raises(error, match=sentence):
         instance.do_step(0.0, count * 2.0**-20)
 

@@ -57,27 +57,26 @@ def test_processes_with_one_id_differ_in_their_start(temporary: Path) -> None:
 
 def test_files_of_other_owners_stay(temporary: Path, dead: str, monkeypatch: pytest.MonkeyPatch) -> None:
     process, start, _ = dead.split("-")
-    elsewhere = temporary / f"emla-run-{process}-{start}-{'0' * 8}-abcdefgh"  # another machine or container
-    elsewhere.mkdir(mode=0o700)
+    outside = temporary / "outside"
+    for path in (
+        temporary / f"emla-run-{process}-{start}-{'0' * 8}-abcdefgh",  # of another machine or container
+        temporary / f"emla-thesis-of-mine-{dead}-abcdefgl",
+        outside,
+    ):
+        path.mkdir(mode=0o700)
     shared = temporary / f"emla-run-{dead}-abcdefgi"
     shared.mkdir()
     shared.chmod(0o777)
-    file = temporary / f"emla-run-{dead}-abcdefgj"
-    file.write_text("a file")
-    outside = temporary / "outside"
-    outside.mkdir()
-    link = temporary / f"emla-run-{dead}-abcdefgk"
-    link.symlink_to(outside)
-    other = temporary / f"emla-thesis-of-mine-{dead}-abcdefgl"
-    other.mkdir(mode=0o700)
+    (temporary / f"emla-run-{dead}-abcdefgj").write_text("a file")
+    (temporary / f"emla-run-{dead}-abcdefgk").symlink_to(outside)
     before = set(temporary.iterdir())
     remove_leftovers()
     assert set(temporary.iterdir()) == before
-    theirs = temporary / f"emla-run-{dead}-abcdefgm"
-    theirs.mkdir(mode=0o700)
+    left = temporary / f"emla-run-{dead}-abcdefgm"
+    left.mkdir(mode=0o700)
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)  # as if another user looked at it
     remove_leftovers()
-    assert theirs.exists()
+    assert left.exists()
 
 
 def test_links_in_a_folder_are_removed_and_not_followed(

@@ -86,7 +86,7 @@ def test_the_model_description_lists_the_categories(session: Session) -> None:
     assert [c.name for c in session.description.logCategories] == list(LOG_CATEGORIES)
 
 
-@pytest.mark.parametrize("name", ["logNothing", "", "logall", "logEvents "])
+@pytest.mark.parametrize("name", ["", "logEvents ", "c" * 10_000])
 def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session, name: str) -> None:
     slave = session.new()
     slave.setDebugLogging(True, [WARN, WRONG])
@@ -94,7 +94,7 @@ def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session,
         session.log.all.clear()
         with refused():
             slave.setDebugLogging(on, [DISCARDED, name])
-        assert session.log.all == [Line("toy", ERROR, WRONG, f"toy: there is no log category {name}.")]
+        assert session.log.all == [Line("toy", ERROR, WRONG, f"toy: there is no log category {name[:100]}.")]
     assert heard(session, slave) == [WARN, WRONG]
 
 
@@ -144,22 +144,8 @@ def test_no_message_contains_a_percent_sign(session: Session) -> None:
     ]
 
 
-def test_a_long_category_is_cut(session: Session) -> None:
-    slave = session.new()
-    with refused():
-        slave.setDebugLogging(True, ["c" * 10_000])
-    assert session.log.lines("toy") == [f"toy: there is no log category {'c' * 100}."]
-
-
 @pytest.mark.parametrize(("name", "shown"), [("ä" * 200, "ä" * 200), ("a" + "ä" * 10_000, "Toy")])
 def test_names_are_not_cut_within_a_character(session: Session, name: str, shown: str) -> None:
     """No character of several bytes is cut."""
     session.instance(name)
     assert session.log.all == [Line(name, OK, EVENT, f"{shown}: initialized at t = 0 s.")]
-
-
-def test_every_message_begins_with_the_instances_name(session: Session) -> None:
-    for name in ("a", "b"):
-        heard(session, session.new(name))
-        assert {line.instance for line in session.log.all} == {name}
-        assert all(line.text.startswith(f"{name}: ") for line in session.log.all)

@@ -12,6 +12,7 @@ from emla_fmu import EmlaPlant
 from fmublock import Instance, StepDiscardedError
 from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
 from hdrm_fmu.parameters import RANGES
+from tests.support.in_process import started
 from tests.support.joint_data import LIFT, TELESCOPE, TILT
 from tests.support.machines import MOMENTS, Moment, three
 from tests.support.sessions import Session
@@ -21,12 +22,7 @@ TORQUES = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3)
 
 
 def running(block: Any, **values: Any) -> Instance:
-    instance = Instance(block())
-    for name, value in values.items():
-        instance[name] = value
-    instance.enter_initialization()
-    instance.exit_initialization()
-    return instance
+    return started(block, values)
 
 
 def parameters(block: Any) -> dict[str, Any]:

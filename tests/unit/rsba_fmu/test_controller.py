@@ -12,19 +12,15 @@ from hypothesis import given
 from emla_cosim.study.joint import start_values
 from fmublock.instance import Instance
 from rsba_fmu import RsbaController, gains
+from tests.support.in_process import started
 from tests.support.joint_data import LIFT, PUBLISHED, ROBUST
 
 REFERENCE = RsbaController.layout().reference
 
 
 def controller(g: gains.RsbaGains, **values: float) -> Instance:
-    """A controller of the lift past initialization, with inputs and states set by FMI name."""
-    instance = Instance(RsbaController())
-    for name, value in {**start_values(RsbaController, LIFT, g), **values}.items():
-        instance.set([REFERENCE(name)], [float(value)])
-    instance.enter_initialization()
-    instance.exit_initialization()
-    return instance
+    """A controller of the lift past initialization."""
+    return started(RsbaController, {**start_values(RsbaController, LIFT, g), **values})
 
 
 def outputs(g: gains.RsbaGains, **values: float) -> Any:
