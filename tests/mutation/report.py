@@ -1,55 +1,40 @@
 """What became of the mutants."""
 
 import tomllib
-from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-
-from cosmic_ray.work_db import WorkDB
-from cosmic_ray.work_item import TestOutcome, WorkResult
+from typing import Any
 
 KNOWN = Path(__file__).parent / "equivalent.toml"
 """Mutants that no test can notice, each with the reason."""
 
-Change = tuple[str, str, str]
-"""The module, the line as it was, and the line as it became."""
 
-
-def report(target: str, work: WorkDB) -> str:
-    """Counts, the score, and the survivors that are not known to be equivalent, as text."""
-    results = [result for _, result in work.results]
-    survivors = [r for r in results if r.test_outcome == TestOutcome.SURVIVED]
+def report(results: Sequence[dict[str, Any]]) -> str:
+    """Return counts, and the survivors that are not known to be equivalent, as text."""
+    survivors = [r for r in results if r["outcome"] == "survived"]
     missed = [r for r in survivors if not is_equivalent(r)]
-    count = Counter(r.test_outcome for r in results)
-    killed = len(results) - len(survivors)
+    by_default = sum(r["tier"] == "default" for r in results)
     lines = [
-        f"{target}: {len(results)} of {work.num_work_items} mutants tried, {killed} killed, "
-        f"{len(survivors)} survived, of which {len(survivors) - len(missed)} are equivalent",
-        f"score: {100.0 * killed / max(killed + len(missed), 1):.1f} % of what is not equivalent",
+        f"{len(results)} mutants: {by_default} noticed by default tests, "
+        f"{len(results) - len(survivors) - by_default} by slow ones only, {len(survivors)} survived, "
+        f"of which {len(survivors) - len(missed)} are equivalent"
     ]
-    if count[TestOutcome.INCOMPETENT]:
-        lines.append(f"{count[TestOutcome.INCOMPETENT]} could not be tried and count as killed")
-    for module, line, mutant in sorted(map(_change, missed)):
-        lines += [f"{module}", f"  - {line}", f"  + {mutant}"]
+    for result in sorted(missed, key=lambda r: r["key"]):
+        counts = f"{result['default'][0]} and {result['slow'][0]} tests execute it"
+        lines += [f"{result['module']}:{result['line']} ({counts})", result["difference"]]
     return "\n".join(lines)
 
 
-def is_equivalent(result: WorkResult) -> bool:
-    """Whether a mutant is known to change nothing."""
-    return _change(result) in _equivalent()
+def is_equivalent(result: dict[str, Any]) -> bool:
+    """Return whether a mutant is known to change nothing."""
+    before, after = (
+        " ".join(x[1:].strip() for x in result["difference"].splitlines() if x[0] == sign) for sign in "-+"
+    )
+    return (result["module"], before, after) in _equivalent()
 
 
 @cache
-def _equivalent() -> set[Change]:
+def _equivalent() -> set[tuple[str, str, str]]:
     known = tomllib.loads(KNOWN.read_text(encoding="utf-8"))["mutants"]
     return {(mutant["module"], mutant["line"], mutant["becomes"]) for mutant in known}
-
-
-def _change(result: WorkResult) -> Change:
-    """What a mutant changed; of several lines those that differ, joined."""
-    lines = (result.diff or "").splitlines()
-    module = next(line.removeprefix("--- a/") for line in lines if line.startswith("--- a/"))
-    was, became = (
-        [x[1:].strip() for x in lines if x.startswith(sign) and not x.startswith(sign * 3)] for sign in "-+"
-    )
-    return module, " ".join(was), " ".join(became)
