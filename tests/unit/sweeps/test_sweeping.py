@@ -67,7 +67,6 @@ def test_variants_equal_single_runs(scheduler: Client, fmu_folder: Path) -> None
                 assert np.array_equal(signals["time"].to_numpy(), run["time"])
 
 
-@pytest.mark.slow
 def test_processes_of_a_cluster_give_the_same_files(
     cluster: Client, scheduler: Client, fmu_folder: Path, tmp_path: Path
 ) -> None:
@@ -153,7 +152,6 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
             assert has_figures(row, run)
 
 
-@pytest.mark.slow
 def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
     cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
