@@ -14,10 +14,11 @@ from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import MODELS, fmu_path
 from tests.support.c_programs import Build, build
 from tests.support.joint_run import STEP, Case, moving_joint, study_joint
+from tests.support.tiers import mostly_slow
 
 VARIANTS = {
-    "study-native": (study_joint, "native", 2000),
-    "study-python": (study_joint, "python", 300),
+    "study-native": (study_joint, "native", 500),
+    "study-python": (study_joint, "python", 100),
     "moving-native": (moving_joint, "native", 300),
 }
 """Joint, flavour and number of steps; the python FMUs run in the test's own process."""
@@ -26,14 +27,24 @@ if sys.platform == "linux":
     # Ecos needs this library and does not find it in the package tbb by itself
     ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
 else:  # for which libcosim and Ecos have no packages
-    collect_ignore = ["test_libcosim.py", "test_ecos.py", "test_ssp_tools.py"]
+    collect_ignore = ["test_packages.py"]
 
 
-@pytest.fixture(params=VARIANTS)
-def case(request: pytest.FixtureRequest, python_fmu_folder: Path) -> Case:
-    """Each variant of the joint in turn."""
-    joint, flavour, steps = VARIANTS[request.param]
-    return Case(joint(), python_fmu_folder, flavour, steps, STEP)
+def make_case(request: pytest.FixtureRequest, variant: str) -> Case:
+    joint, flavour, steps = VARIANTS[variant]
+    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
+    return Case(joint(), folder, flavour, steps, STEP)
+
+
+@pytest.fixture(params=mostly_slow(VARIANTS, ["moving-native"]))
+def case(request: pytest.FixtureRequest) -> Case:
+    """Return each variant of the joint in turn."""
+    return make_case(request, request.param)
+
+
+@pytest.fixture
+def moving_case(request: pytest.FixtureRequest) -> Case:
+    return make_case(request, "moving-native")
 
 
 @pytest.fixture(autouse=True)

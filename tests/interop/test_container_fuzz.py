@@ -2,9 +2,10 @@
 
 Every call depends on a fixed seed. With other seeds and numbers of calls:
 
-    EMLA_FUZZ_CALLS=200000 EMLA_FUZZ_SEED=2 pytest -m slow tests/interop/test_container_fuzz.py
+    EMLA_FUZZ_CALLS=200000 EMLA_FUZZ_SEED=2 pytest -m "slow or nightly" tests/interop/test_container_fuzz.py
 """
 
+import itertools
 import os
 import subprocess
 import sys
@@ -25,11 +26,13 @@ from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
 from tests.support.container_calls import STEP, TYPES_3
 from tests.support.hand_written_fmus import build_all_types_3_fmu
 from tests.support.sessions import ERROR
+from tests.support.tiers import mostly_nightly
 
 pytestmark = [needs_cc, pytest.mark.slow]
 
-CALLS = os.environ.get("EMLA_FUZZ_CALLS", "20000")
+CALLS = os.environ.get("EMLA_FUZZ_CALLS", "3000")
 SEED = os.environ.get("EMLA_FUZZ_SEED", "1")
+COMBINATIONS = list(itertools.product(("hdrm-coupled", "parts of FMI 3.0", "lift"), (2, 3)))
 LETTERS = {
     "Real": "R",
     "Integer": "I",
@@ -39,8 +42,7 @@ LETTERS = {
 _FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-function"]
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("system", ["lift", "hdrm-coupled", "parts of FMI 3.0"])
+@pytest.mark.parametrize(("system", "fmi"), mostly_nightly(COMBINATIONS, [COMBINATIONS[0], COMBINATIONS[3]]))
 def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_path: Path) -> None:
     """The joint has a plant without sources, so that a library is loaded; the machine has loops.
 

@@ -1,4 +1,4 @@
-"""FMPy runs every FMU alone, and the joint in the loop that anyone would write with it."""
+"""FMPy accepts and runs every FMU alone."""
 
 import subprocess
 import sys
@@ -7,78 +7,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description, simulate_fmu
-from fmpy.fmi2 import FMU2Slave, fmi2Error
+from fmpy import read_model_description, simulate_fmu
+from fmpy.fmi2 import fmi2Error
 from fmpy.validation import validate_fmu
 
-from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
-from tests.support.joint_run import Array, Case, differences, our_run
+from tests.support.tiers import mostly_slow
+
+COMBINATIONS = [(model, flavour) for model in MODELS for flavour in FLAVOURS]
 
 
-def naive_run(case: Case, folder: Path, log: FmuLog) -> Array:
-    """Jacobi by hand, one variable at a time."""
-    slaves: dict[str, FMU2Slave] = {}
-    references = {}
-    for c in case.system.components:
-        path = str(case.fmus[c.name])
-        description = read_model_description(path)
-        slaves[c.name] = slave = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=extract(path, folder / c.name),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=c.name,
-        )
-        slave.instantiate(callbacks=log.callbacks, loggingOn=True)
-        references[c.name] = {v.name: [v.valueReference] for v in description.modelVariables}
-        setters = {"Real": slave.setReal, "Integer": slave.setInteger, "Boolean": slave.setBoolean}
-        types = {v.name: v.type for v in description.modelVariables}
-        for name, value in c.parameters.items():
-            setters[types[name]](references[c.name][name], [value])
-        slave.setupExperiment(startTime=0.0)
-        slave.enterInitializationMode()
-
-    def exchange() -> None:
-        for x in case.system.connections:
-            value = slaves[x.source].getReal(references[x.source][x.output])
-            slaves[x.target].setReal(references[x.target][x.input], value)
-
-    def row() -> list[float]:
-        return [slaves[c].getReal(references[c][output])[0] for c, output in case.signals]
-
-    for _ in slaves:
-        exchange()
-    for slave in slaves.values():
-        slave.exitInitializationMode()
-    rows = [row()]
-    for k in range(case.steps):
-        exchange()
-        for slave in slaves.values():
-            slave.doStep(k * case.step, case.step)
-        rows.append(row())
-    for slave in slaves.values():
-        slave.terminate()
-        slave.freeInstance()
-    return np.array(rows)
-
-
-def test_naive_loop_is_bit_for_bit_our_master(case: Case, tmp_path: Path) -> None:
-    log = FmuLog()
-    found = naive_run(case, tmp_path, log)
-    assert differences(case, found, our_run(case, "jacobi")) == {}
-    assert {name: log.last(name) for name in case.fmus if log.last(name)} == {}
-
-
-@pytest.mark.parametrize("flavour", FLAVOURS)
-@pytest.mark.parametrize("model", MODELS)
-def test_every_model_runs_with_its_own_defaults(model: str, flavour: str, python_fmu_folder: Path) -> None:
+@pytest.mark.parametrize(("model", "flavour"), mostly_slow(COMBINATIONS, [("Reference", "native")]))
+def test_every_model_is_valid_and_runs_with_its_defaults(
+    model: str, flavour: str, request: pytest.FixtureRequest
+) -> None:
+    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
+    path = fmu_path(model, flavour, folder)
+    assert validate_fmu(str(path)) == []
     errors = []
 
     def logger(environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
         if status >= fmi2Error:
             errors.append(message)
 
-    path = fmu_path(model, flavour, python_fmu_folder)
     found = simulate_fmu(str(path), logger=logger, debug_logging=True)
     description = read_model_description(str(path))
     assert found["time"][-1] == pytest.approx(float(description.defaultExperiment.stopTime))
@@ -88,14 +39,9 @@ def test_every_model_runs_with_its_own_defaults(model: str, flavour: str, python
     assert errors == []
 
 
-@pytest.mark.parametrize("flavour", FLAVOURS)
-@pytest.mark.parametrize("model", MODELS)
-def test_validation_reports_nothing(model: str, flavour: str, python_fmu_folder: Path) -> None:
-    assert validate_fmu(str(fmu_path(model, flavour, python_fmu_folder))) == []
-
-
-def test_fmpys_own_logging_survives_our_master(fmu_folder: Path) -> None:
-    """FMPy's proxy keeps the last logger it was given: ours must outlive the run, in a process of its own."""
+@pytest.mark.slow
+def test_logging_of_fmpy_works_after_our_master(fmu_folder: Path) -> None:
+    """FMPy's proxy keeps the last logger it was given: ours must outlive the run."""
     path = fmu_path("EmlaPlant", "native", fmu_folder)
     code = (
         "from fmpy import extract, read_model_description\n"

@@ -3,7 +3,7 @@
 What is called and checked stands in fuzz.c. Every call depends on a fixed seed; a failure says how to
 repeat its burst of calls alone. To fuzz every model for 60 s, with other seeds than those of CI:
 
-    EMLA_FUZZ_SECONDS=60 EMLA_FUZZ_SEED=2 pytest -s tests/interop/test_fuzz.py
+    EMLA_FUZZ_SECONDS=60 EMLA_FUZZ_SEED=2 pytest -s -m "slow or nightly" tests/interop/test_fuzz.py
 """
 
 import os
@@ -14,16 +14,19 @@ import pytest
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.fmu.models import MODELS
 from tests.support.c_programs import Build, fuzz_plan, needs_cc, run_program
+from tests.support.tiers import mostly_nightly
 
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.slow]
 
-SECONDS = float(os.environ.get("EMLA_FUZZ_SECONDS", "0.5"))
+SECONDS = float(os.environ.get("EMLA_FUZZ_SECONDS", "0.2"))
 SEED = int(os.environ.get("EMLA_FUZZ_SEED", "1"))
 FOREIGN = {model: list(MODELS)[i - 1] for i, model in enumerate(MODELS)}
 """The model whose states are given to each."""
+OFTEN = ["EmlaPlant", "EmlaObserver", "RsbaController", "Reference", "Disturbance", "HdrmPlant"]
+"""Models of the slow tier: with states of all kinds, tables and a solver."""
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", mostly_nightly(MODELS, OFTEN))
 def test_random_calls_do_no_harm(
     model: str, address_build: Build, unpacked_fmus: dict[str, FmuFile], tmp_path: Path
 ) -> None:

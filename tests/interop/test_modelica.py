@@ -19,6 +19,8 @@ from tests.support.modelica_package import (
     name_in,
 )
 
+pytestmark = pytest.mark.slow
+
 CONSTANTS = ["NEVER", "pi"]
 """What package.mo declares itself."""
 

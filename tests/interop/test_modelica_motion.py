@@ -30,6 +30,7 @@ from tests.support.simulated import simulated
 
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp}
 
+pytestmark = pytest.mark.slow
 
 CURRENT_DRAWS = ("random", "noise_q", "noise_d")
 
@@ -46,7 +47,7 @@ class Motion:
     values: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     step: float = 1e-5
-    count: int = 10000
+    count: int = 4000
     every: int = 100
     rests: frozenset[str] = frozenset()
     tolerance: float = 1e-7
@@ -189,14 +190,6 @@ MOTION = {
     "v_d": "0.072 * sin(12.0 * time)",
     "a_d": "0.864 * cos(12.0 * time)",
 }
-CONTROLLER_INPUTS = {
-    **MOTION,
-    # the printed law wants v_hat = -beta_1 / 2 P_1; what differs from it is P_2
-    "x_hat": f"{MOTION['x_d']} - 0.072 * sin(12.0 * time) / 1500.0 + 8e-7 * cos(17.0 * time)",
-    "v_hat": f"{MOTION['v_d']} + 2e-4 * sin(30.0 * time)",
-    "i_q": "30.0 * cos(23.0 * time)",
-    "i_d": "0.5 * sin(11.0 * time)",
-}
 REPAIRED_INPUTS = {
     **MOTION,
     "x_hat": f"{MOTION['x_d']} + 4e-4 * cos(60.0 * time)",
@@ -327,9 +320,6 @@ MOTIONS = {
     "merged plant": Motion("HdrmPlant", MERGED, TORQUES, step=1e-3, count=500, every=10),
     "trajectory": Motion("Trajectory", CURVE, step=1e-3, count=1000, every=10),
     "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
-    "plant driven by the command": Motion(
-        "EmlaPlant", {**PLANT, "use_commanded_current": True}, PLANT_INPUTS, rests=WINDING
-    ),
     "plant of a drive": Motion("EmlaPlant", {**PLANT, **DRIVE}, PLANT_INPUTS, tolerance=1e-6),
     "plant with sensors": Motion(
         "EmlaPlant",
@@ -348,33 +338,18 @@ MOTIONS = {
         rests=WINDING | {"inverter.u_d", "inverter.u_available", "inverter.saturated", "P_L"},
     ),
     "motor of a drive": Motion("EmlaMotor", MOTOR, MOTOR_INPUTS),
-    "observer": Motion(
-        "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat", "r_hat"})
-    ),
-    "repaired observer": Motion(
-        "EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat", "r_hat"})
-    ),
-    "compensated observer": Motion(
-        "EmlaObserver",
-        {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0},
-        OBSERVER_INPUTS,
-        rests=frozenset({"r_hat"}),
-    ),
     "damped observer": Motion(
         "EmlaObserver",
         {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0, "omega_r": W / 8.0, "ahead": 4e-4},
         OBSERVER_INPUTS,
-    ),
-    "controller": Motion(
-        "RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated", "z_q", "z_d"})
     ),
     "repaired controller": Motion(
         "RsbaController",
         REPAIRED,
         REPAIRED_INPUTS,
         step=5e-6,
-        count=20000,
-        every=200,
+        count=8000,
+        every=80,
         rests=frozenset({"z_q", "z_d"}),
     ),
     "compensated controller": Motion(
@@ -382,21 +357,9 @@ MOTIONS = {
         {**REPAIRED, **COMPENSATED},
         {**REPAIRED_INPUTS, **COMPENSATED_INPUTS},
         step=5e-6,
-        count=20000,
-        every=200,
+        count=8000,
+        every=80,
         tolerance=1.5e-3,  # the FMU knows the voltage of the step before, 5 us late
-    ),
-    "controller at theta_max": Motion(
-        "RsbaController",
-        {
-            **REPAIRED,
-            "freeze_adaptation": True,
-            "limit.i_max": 1e6,
-            "limit.u_max": 1e6,
-            "limit.theta_max": 3.05,
-        },
-        REPAIRED_INPUTS,
-        rests=frozenset({"saturated", "z_q", "z_d"}),
     ),
     "controller that stops adapting": Motion(
         "RsbaController",
@@ -405,24 +368,8 @@ MOTIONS = {
         rests=frozenset({"z_q", "z_d"}),
         tolerance=2e-3,  # limit.band is 1e-3
     ),
-    "controller that stops half of its adapting": Motion(
-        "RsbaController",
-        {**REPAIRED, "freeze_adaptation": True, "limit.i_max": 450.0, "limit.u_max": 1e6},
-        REPAIRED_INPUTS,
-        rests=frozenset({"z_q", "z_d"}),
-        tolerance=2e-3,
-    ),
     "reference": Motion("Reference", REFERENCE, step=1e-3, count=1200, every=7),
     "disturbance": Motion("Disturbance", DISTURBANCE, SPEED, step=1e-3, count=1000, every=1),
-    "disturbance as a force": Motion(
-        "Disturbance",
-        {**DISTURBANCE, "d_2.is_force": True},
-        SPEED,
-        step=1e-3,
-        count=1000,
-        every=1,
-        rests=frozenset({"d_2"}),
-    ),
 }
 
 

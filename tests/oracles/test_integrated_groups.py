@@ -29,13 +29,8 @@ Build = Callable[..., Path]
 
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    made: dict[tuple[str, ...], Path] = {}
-
-    def get(rollback: str = "true", input: str = "continuous") -> Path:
-        if (rollback, input) not in made:
-            path = tmp_path_factory.mktemp("group") / "Integrated.fmu"
-            made[rollback, input] = build_integrated_fmu(path, rollback=rollback == "true", input=input)
-        return made[rollback, input]
+    def get(**options: Any) -> Path:
+        return build_integrated_fmu(tmp_path_factory.mktemp("group") / "Integrated.fmu", **options)
 
     return get
 
@@ -64,8 +59,7 @@ def rotating(fmu: Path) -> ec.System:
     return dataclasses.replace(system, connections=(first, second))
 
 
-@pytest.mark.parametrize("start", [0.0, 5.0])
-@pytest.mark.parametrize("step", [0.1, 0.01])
+@pytest.mark.parametrize(("start", "step"), [(0.0, 0.1), (5.0, 0.01)])
 def test_the_error_shrinks_with_the_tolerance_at_any_step(fmu: Path, start: float, step: float) -> None:
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
@@ -154,7 +148,8 @@ def test_runs_again_resumes_and_starts_afresh_alike(fmu: Path, tmp_path: Path) -
     assert whole["a.x"] == pytest.approx(first["a.x"], abs=1e-5)
 
 
-def test_a_step_is_repeated_with_the_same_result(fmu: Path) -> None:
+@pytest.mark.slow
+def test_strong_coupling_repeats_steps_of_a_group(fmu: Path) -> None:
     """a and b are a group, and strong coupling repeats its steps, because c is isolated."""
     ring = ec.System.of({"a": fmu, "b": fmu, "c": fmu}, ["a.x -> b.u", "b.x -> c.u", "c.x -> a.u"])
     given = {"isolate": ["c"], "algorithm": "strong", "extrapolation": "master", "fmi_tolerance": 1e-8}
@@ -184,7 +179,7 @@ def test_a_free_input_that_changes_restarts_the_integrator(fmu: Path) -> None:
 
 
 def test_an_instance_without_states_is_refused_by_name(build: Build) -> None:
-    system = ec.System.of({"a": build(), "b": build(rollback="false")}, SWAPPED)
+    system = ec.System.of({"a": build(), "b": build(rollback=False)}, SWAPPED)
     assert run(system)["b.x"][-1] > 0.0
     for options in ({"error_tolerance": 1e-4}, {"checkpoint": Path("never.npz")}):
         with pytest.raises(CommandError, match=r"a\+b cannot do it"):
@@ -262,7 +257,7 @@ def test_omsimulator_integrates_a_package_of_model_exchange_alone(
     assert ec.load(package).options.step_size == 0.125
 
 
-def test_a_sweep_has_the_results_of_single_runs(fmu: Path, tmp_path: Path) -> None:
+def test_sweep_has_the_results_of_single_runs(fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
     starts = [0.5, 1.0, 2.0]
     given = {"step_size": 0.1, "stop_time": 1.0}
     swept = ec.sweep(

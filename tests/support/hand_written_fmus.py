@@ -1,6 +1,6 @@
 """Builds FMUs that are written by hand: those of `toyfmu/`, and C files of other folders.
 
-An FMU of `toyfmu/` is a C file on `toyfmu.h` that has only what is special, and a model description beside it.
+An FMU of `toyfmu/` is a C file with only what is special, on `toyfmu.h`, and a model description beside it.
 """
 
 import ctypes
@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import zipfile
 from collections.abc import Mapping
 from enum import IntEnum
 from importlib.resources import files
@@ -63,7 +64,7 @@ def build_handwritten_fmu(
 
 
 def compile_library(source: Path, macros: Mapping[str, int | str]) -> bytes:
-    """Return the shared library of one C file for this machine; it is compiled once, and kept for later runs."""
+    """Return the shared library of a C file for this machine; it is kept for later runs."""
     defined = [f"-D{name}={value}" for name, value in macros.items()]
     target, _ = TARGETS[host_platform()]
     options = ["-target", target, "-shared", *_FLAGS, *_WARNINGS, *defined]
@@ -99,6 +100,17 @@ def _build_toy(
     """Build an FMU of `toyfmu/` by name."""
     file = TOYS / f"{source or name}.c"
     return build_handwritten_fmu(path, file, placeholders, macros, platform, TOYS / f"{name}.xml")
+
+
+def edit_description(fmu: Path, target: Path, *edits: str) -> Path:
+    """Write a copy of an FMU with an old text, a new text, and so on replaced in its description."""
+    with zipfile.ZipFile(fmu) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    for old, new in zip(edits[::2], edits[1::2], strict=True):
+        assert old.encode() in content["modelDescription.xml"], old
+        content["modelDescription.xml"] = content["modelDescription.xml"].replace(old.encode(), new.encode())
+    write_archive(target, content)
+    return target
 
 
 def _text(flag: bool) -> str:

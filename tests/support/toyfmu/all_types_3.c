@@ -51,6 +51,8 @@ static void start(Model *m) {
     }
 }
 
+static int enter_configuration(Model *m) { return ERROR; } /* n cannot be changed */
+
 static void compute(Model *m) {
     for (int k = 0; k < 4; k++) m->y[k] = m->gain[k] * m->u[k];
 }
@@ -93,5 +95,6 @@ EXPORT fmi3Status fmi3SetBinary(fmi3Instance i, const fmi3ValueReference r[], si
 }
 
 static const Toy toy = {
-    MODEL(variables), .null_strings = 42, .accepts = accepts, .start = start, .compute = compute, .step = step,
+    MODEL(variables), .null_strings = 42, .accepts = accepts, .start = start,
+    .enter_configuration = enter_configuration, .compute = compute, .step = step,
 };

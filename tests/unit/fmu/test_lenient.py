@@ -75,7 +75,7 @@ def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Pat
     assert any("taken as equal" in p for found in scenario.accepted.values() for p in found)
 
 
-def test_a_display_unit_of_an_undefined_unit_is_harmless(tmp_path: Path) -> None:
+def test_display_unit_of_an_undefined_unit_is_harmless(tmp_path: Path) -> None:
     text = description("a", "y:output:m", units={"K": 'K="1"'}).replace(
         'unit="m"', 'unit="m" displayUnit="mm"'
     )
@@ -104,7 +104,7 @@ def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Eml
     assert (again["Reference.x_d"] == expected["Reference.x_d"]).all()
 
 
-def test_what_cannot_be_read_is_refused_with_the_option_too(tmp_path: Path) -> None:
+def test_unreadable_descriptions_are_always_refused(tmp_path: Path) -> None:
     text = description("a", "y:output:m").replace('valueReference="0"', 'valueReference="many"')
     write_archive(tmp_path / "a.fmu", {"modelDescription.xml": text.encode()})
     with pytest.raises(CommandError, match="not a valid FMU"), accept_faults(lenient=True):
@@ -121,7 +121,7 @@ def test_what_cannot_be_read_is_refused_with_the_option_too(tmp_path: Path) -> N
         ({}, "or any other platform"),
     ],
 )
-def test_the_true_cause_of_a_missing_library(files: dict[str, bytes], word: str, tmp_path: Path) -> None:
+def test_cause_of_a_missing_library_is_reported(files: dict[str, bytes], word: str, tmp_path: Path) -> None:
     fmu = tmp_path / "a.fmu"
     content = {"modelDescription.xml": description("a", "y:output").encode(), **files}
     with zipfile.ZipFile(fmu, "w") as archive:
@@ -148,7 +148,7 @@ def values(path: Path, lenient: bool) -> tuple[dict[str, object], list[str]]:
     return found, [p for problems in faults.by_file.values() for p in problems]
 
 
-def test_undefined_units_of_parameters(fmu: Path, tmp_path: Path) -> None:
+def test_undefined_units_of_parameters_need_the_option(fmu: Path, tmp_path: Path) -> None:
     root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
     path = folder(tmp_path / "s", root=root, a__fmu=fmu, k__ssv=ssv(k=(9.5, "[m]")))
     with pytest.raises(CommandError, match=r"have the units \[m\] and m, one of which is not defined"):
@@ -158,7 +158,7 @@ def test_undefined_units_of_parameters(fmu: Path, tmp_path: Path) -> None:
     assert any("taken as equal" in fault for fault in faults)
 
 
-def test_a_parameter_with_a_second_value(fmu: Path, tmp_path: Path) -> None:
+def test_second_different_value_needs_the_option(fmu: Path, tmp_path: Path) -> None:
     root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
     more = "<ssv:Parameter name='k'><ssv:Real value='{}'/></ssv:Parameter></ssv:Parameters>"
     for second, lenient, expected in (("1", False, 1.0), ("2", True, 2.0)):
@@ -171,7 +171,7 @@ def test_a_parameter_with_a_second_value(fmu: Path, tmp_path: Path) -> None:
         values(path, lenient=False)
 
 
-def test_elements_that_the_schema_does_not_have(fmu: Path, tmp_path: Path) -> None:
+def test_unknown_elements_need_the_option(fmu: Path, tmp_path: Path) -> None:
     root = system("r", component("a", "a.fmu", "u:input")).replace(
         'kind="input"', 'kind="input" colour="red"'
     )
@@ -184,7 +184,7 @@ def test_elements_that_the_schema_does_not_have(fmu: Path, tmp_path: Path) -> No
         values(folder(tmp_path / "t", root=broken, a__fmu=fmu), lenient=True)
 
 
-def test_files_outside_of_a_folder(fmu: Path, tmp_path: Path) -> None:
+def test_files_outside_of_a_folder_need_the_option(fmu: Path, tmp_path: Path) -> None:
     root = ssd(system("r", component("a", "../a.fmu")))
     path = folder(tmp_path / "s", root=root)
     with pytest.raises(CommandError, match=r"outside the package\. `--lenient`"):
@@ -198,7 +198,7 @@ def test_files_outside_of_a_folder(fmu: Path, tmp_path: Path) -> None:
 # ---- one FMU -----------------------------------------------------------------------------------
 
 
-def test_one_fmu_takes_names_of_variables_alone(reference: Path, tmp_path: Path) -> None:
+def test_single_fmu_takes_names_of_variables_alone(reference: Path, tmp_path: Path) -> None:
     plain = load(reference, set={"waypoint[2]": "300 mm"}, **SHORT).prepare().run()
     full = load(reference, set={"Reference.waypoint[2]": 0.3}, **SHORT).prepare().run()
     assert plain.record["components"]["Reference"]["parameters"] == {"waypoint[2]": 0.3}

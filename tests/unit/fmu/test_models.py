@@ -15,6 +15,7 @@ from fmublock import Block, Disclosure, Documents, Input, Output, Producer, load
 from fmublock import cache as cache_module
 from fmublock.archive import read_built
 from fmublock.recipe import Recipe
+from tests.support.tiers import mostly_slow
 
 TEXT = """
     import parts
@@ -50,9 +51,7 @@ def recipe_of(block: type[Block], flavour: str = "native") -> Recipe:
 # ---- the key -----------------------------------------------------------------------------------
 
 
-def test_the_key_changes_with_everything_that_an_fmu_is_made_of(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     places = [tmp_path / name for name in "abcd"]
     for place in places:
         place.mkdir()
@@ -91,7 +90,7 @@ def made(gain: float) -> type[Block]:
     return Made
 
 
-def test_what_its_text_does_not_tell_has_no_key(tmp_path: Path) -> None:
+def test_block_with_unknown_sources_has_no_key(tmp_path: Path) -> None:
     assert recipe_of(made(1.0)).key() is None
     assert recipe_of(type("Derived", (own(tmp_path),), {})).key() is None
     foreign = own(tmp_path, text=TEXT.replace("import parts", "import numpy, parts"))
@@ -101,7 +100,7 @@ def test_what_its_text_does_not_tell_has_no_key(tmp_path: Path) -> None:
     assert recipe_of(block).key() is None
 
 
-def test_blocks_without_a_key_are_told_apart_by_their_content(cache: Path) -> None:
+def test_blocks_without_a_key_are_cached_by_content(cache: Path) -> None:
     one, two = (build(made(gain), "native", []) for gain in (1.0, 2.0))
     assert one.parent != two.parent and one.read_bytes() != two.read_bytes()
     written = one.stat().st_mtime_ns
@@ -112,10 +111,8 @@ def test_blocks_without_a_key_are_told_apart_by_their_content(cache: Path) -> No
 # ---- where an FMU lies -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("flavour", ["native", "python"])
-def test_without_a_folder_an_fmu_lies_in_the_cache_by_what_it_is_made_of(
-    cache: Path, tmp_path: Path, flavour: str
-) -> None:
+@pytest.mark.parametrize("flavour", mostly_slow(["native", "python"], ["native"]))
+def test_fmu_without_a_folder_is_in_the_cache(cache: Path, tmp_path: Path, flavour: str) -> None:
     first = build(own(tmp_path), flavour, [])
     assert first.is_relative_to(cache) and first.name == "Own.fmu"
     assert list(Path().iterdir()) == []
@@ -127,9 +124,7 @@ def test_without_a_folder_an_fmu_lies_in_the_cache_by_what_it_is_made_of(
     assert first.stat().st_mtime_ns == written
 
 
-def test_the_fmus_of_the_current_folder_come_first_and_are_kept_up_to_date(
-    cache: Path, tmp_path: Path
-) -> None:
+def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_path: Path) -> None:
     here = fmu_path("Own", "native", Path("fmus"))
     assert build(own(tmp_path), "native", ["win64"], Path("fmus")) == here
     before = here.read_bytes()
@@ -143,9 +138,7 @@ def test_the_fmus_of_the_current_folder_come_first_and_are_kept_up_to_date(
     assert build(own(tmp_path), "python", []).is_relative_to(cache)
 
 
-def test_a_repacked_or_foreign_file_is_only_replaced_where_that_is_wanted(
-    cache: Path, tmp_path: Path
-) -> None:
+def test_foreign_file_is_replaced_only_with_overwrite(cache: Path, tmp_path: Path) -> None:
     path = build(own(tmp_path), "native", [], Path("x"))
     good = path.read_bytes()
     for bad in (b"PK", good[:-80], good[: len(good) // 2]):
@@ -153,14 +146,11 @@ def test_a_repacked_or_foreign_file_is_only_replaced_where_that_is_wanted(
         with pytest.raises(CommandError, match=r"'x/Own/Own.fmu' was not written by emla"):
             build(own(tmp_path), "native", [], Path("x"))
         assert path.read_bytes() == bad
-        build(own(tmp_path), "native", [], Path("x"), overwrite=True)
-        assert path.read_bytes() == good
-    path.write_bytes(b"")
-    build(own(tmp_path), "native", [], Path("x"))
+    build(own(tmp_path), "native", [], Path("x"), overwrite=True)
     assert path.read_bytes() == good
 
 
-def test_a_damaged_file_of_the_cache_is_built_again(cache: Path, tmp_path: Path) -> None:
+def test_corrupt_file_of_the_cache_is_built_again(cache: Path, tmp_path: Path) -> None:
     path = build(own(tmp_path), "native", [])
     good = path.read_bytes()
     path.write_bytes(good[: len(good) // 2])
@@ -168,7 +158,7 @@ def test_a_damaged_file_of_the_cache_is_built_again(cache: Path, tmp_path: Path)
     assert path.read_bytes() == good
 
 
-def test_errors_are_sentences(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_builds(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(CommandError, match="there is no model 'Nothing'; choose from"):
         build("Nothing", "native", [])
     wrong = own(tmp_path, text=TEXT.replace("v.time", "float(v.time)"))
@@ -198,8 +188,9 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "tmp"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="The cache is in HOME on Linux only.")
-def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: Path) -> None:
+def test_without_a_home_the_cache_is_in_a_temporary_folder(homeless: Path) -> None:
     code = """
         import os
         from emla_cosim.fmu.models import build
@@ -219,7 +210,7 @@ def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: 
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="The cache is in HOME on Linux only.")
-def test_a_temporary_folder_that_others_can_write_to_is_not_ours(homeless: Path) -> None:
+def test_temporary_folder_that_others_can_write_to_is_not_used(homeless: Path) -> None:
     """Binaries are loaded from there."""
     theirs = homeless / f"emla-cosim-{os.getuid()}"
     code = "from fmublock.cache import cache_folder; print(cache_folder())"
@@ -249,7 +240,8 @@ def imported(code: str) -> list[str]:
     return [name.strip("'[], ") for name in run.stdout.split()]
 
 
-def test_a_current_fmu_costs_no_heavy_import(fmu_folder: Path, cache: Path) -> None:
+@pytest.mark.slow
+def test_existing_fmu_needs_no_heavy_import(fmu_folder: Path, cache: Path) -> None:
     names = "from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, build"
     assert imported(names) == [""]
     loop = f"for m in MODELS: build(m, 'native', [], Path({str(fmu_folder)!r}))"
@@ -259,7 +251,8 @@ def test_a_current_fmu_costs_no_heavy_import(fmu_folder: Path, cache: Path) -> N
     assert imported(f"{names}\nbuild('Reference', 'native', [])") == [""]
 
 
-def test_processes_that_want_the_same_fmu_build_it_once(cache: Path) -> None:
+@pytest.mark.slow
+def test_parallel_processes_build_an_fmu_once(cache: Path) -> None:
     call = "build('Reference', 'native', [], advance=lambda: print('built'))"
     code = f"from emla_cosim.fmu.models import build; {call}"
     runs = [
@@ -270,9 +263,7 @@ def test_processes_that_want_the_same_fmu_build_it_once(cache: Path) -> None:
     assert sorted(said) == ["", "", "built\n"]
 
 
-def test_fmus_for_other_companies_stay_out_of_the_folder_of_complete_ones(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_incomplete_fmus_need_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`emla run` takes FMUs from there, and would build them again with everything."""
     monkeypatch.chdir(tmp_path)
     for folder in (Path("fmus"), tmp_path / "fmus", None):

@@ -12,8 +12,8 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.recorders.stored import open_stored_run
-from emla_cosim.views.panels import make_steps
 from tests.support.hand_written_fmus import build_all_types_fmu
+from tests.support.tiers import mostly_slow
 
 NOTE = 'a "quote", a comma,\na line, é'
 EVERYTHING = ("a.*", "a.half", "a.twice", "a.odd", "a.text", "a.note", "a.reads", "a.first")
@@ -74,8 +74,8 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_all_types_are_recorded_however_steps_are_made(fmu: Path, way: str) -> None:
+@pytest.mark.parametrize("way", mostly_slow(WAYS, ["compiled", "in Python", "strong"]))
+def test_all_types_are_recorded_by_every_stepper(fmu: Path, way: str) -> None:
     with prepare(fmu, **WAYS[way]) as simulation:
         for first in (3, 4):  # the second run resets the FMUs
             result = simulation.run(set={"a.first": first})
@@ -86,7 +86,7 @@ def test_all_types_are_recorded_however_steps_are_made(fmu: Path, way: str) -> N
         assert result["a.reads"][-1] == 2 * 25
 
 
-def test_error_controlled_steps_record_them_too(fmu: Path) -> None:
+def test_error_control_records_all_types(fmu: Path) -> None:
     with prepare(fmu, error_tolerance=1e-3, output_interval=0.1) as simulation:
         result = simulation.run()
     assert result.time[-1] == 0.5
@@ -94,7 +94,7 @@ def test_error_controlled_steps_record_them_too(fmu: Path) -> None:
     assert [t.partition(",")[0] for t in result["a.text"]] == [f"count is {n}" for n in range(3, 9)]
 
 
-def test_a_run_that_starts_later_and_is_resumed(fmu: Path, tmp_path: Path) -> None:
+def test_resumed_run_has_the_same_table(fmu: Path, tmp_path: Path) -> None:
     place, file = tmp_path / "half.checkpoint", tmp_path / "rows.csv"
     signals = tuple(n for n in EVERYTHING if n != "a.reads")
     with prepare(fmu, start_time=0.1, signals=signals) as simulation:
@@ -115,7 +115,7 @@ def test_outputs_but_no_texts_and_no_locals_are_recorded_by_default(fmu: Path) -
     assert result.signals["a.high"]["maximum"] == 1.0
 
 
-def test_fmpy_records_the_same(fmu: Path) -> None:
+def test_fmpy_has_the_same_values(fmu: Path) -> None:
     names = ["x", "count", "mode", "high", "half", "odd"]
     theirs = fmpy.simulate_fmu(
         str(fmu), stop_time=0.5, step_size=0.01, output_interval=0.01, output=names, fmi_type="CoSimulation"
@@ -186,29 +186,22 @@ def test_a_saved_result_has_types_and_can_be_plotted(fmu: Path, tmp_path: Path) 
         result.plot("a.text")
 
 
-def test_steps_keep_a_value_until_the_next() -> None:
-    time, values = make_steps(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0, 0, 1, 1]))
-    assert time.tolist() == [0.0, 1.0, 2.0, 2.0, 3.0]
-    assert values.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
-
-
-def test_an_unknown_name_suggests_a_local(fmu: Path) -> None:
+def test_unknown_name_suggests_a_local_variable(fmu: Path) -> None:
     with prepare(fmu, signals=["a.hlf"]) as simulation, pytest.raises(CommandError, match=r"a\.half"):
         simulation.run()
 
 
-def test_requirements_see_them(fmu: Path) -> None:
+def test_requirements_read_all_types(fmu: Path) -> None:
     with prepare(fmu) as simulation:
         assert simulation.run(require=["a.count.final == 8", "a.odd.maximum == 1"]).problem is None
         with pytest.raises(RunError, match=r"a\.twice\.final"):
             simulation.run(require=["a.twice.final < 16"])
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize("isolated", [(), ("a",)])
-def test_a_variable_that_cannot_be_read_ends_the_run(
-    fmu: Path, compiled: bool, isolated: tuple[str, ...]
-) -> None:
+@pytest.mark.parametrize(
+    ("compiled", "isolated"), [(True, ()), (False, ()), pytest.param(True, ("a",), marks=pytest.mark.slow)]
+)
+def test_failed_reading_ends_the_run(fmu: Path, compiled: bool, isolated: tuple[str, ...]) -> None:
     options = {"compiled": compiled, "isolate": list(isolated), "signals": ["a.count", "a.text"]}
     with prepare(fmu, output_interval=0.01, **options) as simulation:
         with pytest.raises(RunError, match="a answered getting recorded variables with fmi2Error") as caught:
@@ -220,7 +213,7 @@ def test_a_variable_that_cannot_be_read_ends_the_run(
         assert check_again["a.count"][-1] == 6
 
 
-def test_the_only_fmu_needs_no_name(fmu: Path) -> None:
+def test_single_fmu_needs_no_name(fmu: Path) -> None:
     times = {"step_size": 0.01, "stop_time": 0.1, "output_interval": 0.02}
     with ec.load(str(fmu), signals=["half", "x", "co*"], **times).prepare() as simulation:
         assert set(simulation.run().names) == {"AllTypes.x", "AllTypes.count", "AllTypes.half"}
@@ -232,7 +225,7 @@ def test_the_only_fmu_needs_no_name(fmu: Path) -> None:
             simulation.run(signals=["AllTypes.hal"])
 
 
-def test_metrics_and_signals_of_a_sweep_name_locals(fmu: Path, tmp_path: Path) -> None:
+def test_metrics_and_signals_of_a_sweep_name_locals(fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
     result = ec.sweep(
         str(fmu),
         step_size=0.01,

@@ -11,6 +11,7 @@ from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
 from tests.support.commands import Emla, sentence
 from tests.support.hand_written_fmus import build_state_space_fmu
+from tests.support.tiers import mostly_slow
 
 STEP, STOP = 0.125, 1.0
 A = np.array([[0.0, 1.0, 0.0], [-2.0, -0.5, 1.0], [0.0, 0.25, -1.0]])
@@ -44,7 +45,9 @@ def euler(a: Any, b: Any, c: Any, u: Any, steps: int = round(STOP / STEP)) -> An
     return np.array([c @ row[:n] for row in rows])
 
 
-@pytest.mark.parametrize("options", [{}, {"isolate": ["s"]}, {"compiled": False}])
+@pytest.mark.parametrize(
+    "options", mostly_slow([{}, {"compiled": False}, {"isolate": ["s"]}], [{}, {"compiled": False}])
+)
 def test_larger_arrays_give_the_closed_form(path: Path, options: dict[str, Any]) -> None:
     expected = euler(A, B, C, U)
     system = System.of({"s": path}, [], VALUES)
@@ -102,12 +105,12 @@ def test_values_that_do_not_fit_are_refused(path: Path, values: dict[str, Any], 
         run(System.of({"s": path}, [], values))
 
 
-def test_a_value_that_the_fmu_does_not_take_ends_the_run(path: Path) -> None:
+def test_ignored_structural_parameter_ends_the_run(path: Path) -> None:
     with pytest.raises(RunError, match=r"s\.deaf is False: the FMU did not take the value True"):
         run(System.of({"s": path}, [], {"s.deaf": True}))
 
 
-def test_a_prepared_system_keeps_its_sizes(path: Path, tmp_path: Path) -> None:
+def test_prepared_system_keeps_its_sizes(path: Path, tmp_path: Path, on_one_cluster: None) -> None:
     system = System.of({"s": path}, [], FEW)
     with ec.load(system, step_size=STEP, stop_time=STOP).prepare() as simulation:
         with pytest.raises(CommandError, match=r"s.n cannot change between runs or variants"):
@@ -125,8 +128,8 @@ def test_a_prepared_system_keeps_its_sizes(path: Path, tmp_path: Path) -> None:
     assert swept["end"][1] == 2.0 * swept["end"][0] != 0.0
 
 
-@pytest.mark.parametrize("isolate", [[], ["s"]])
-def test_a_run_continues_from_its_checkpoint(path: Path, isolate: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("isolate", mostly_slow([[], ["s"]], [[]]))
+def test_resumed_run_has_the_same_values(path: Path, isolate: list[str], tmp_path: Path) -> None:
     def part(stop: float, values: dict[str, Any] = VALUES, **options: Any) -> ec.Result:
         options = {"step_size": STEP, "stop_time": stop, "isolate": isolate, **options}
         with ec.load(System.of({"s": path}, [], values), **options).prepare() as simulation:

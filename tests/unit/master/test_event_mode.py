@@ -19,7 +19,7 @@ from tests.support.hand_written_fmus import build_event_fmu
 from tests.support.tiers import mostly_slow
 
 PERIOD, THRESHOLD, STOP = 0.3, 0.35, 2.0
-ENDLESS_UPDATES, ENDLESS_RETURNS, UNASKED_EVENT, UNASKED_RETURN, NO_TIME, DISCARD = range(1, 7)
+ENDLESS_UPDATES, ENDLESS_RETURNS, UNEXPECTED_EVENT, UNEXPECTED_RETURN, NO_TIME, DISCARD = range(1, 7)
 FLAGS = [{}, {"early": False}, {"events": False}, {"varies": False, "early": False}]
 OPTIONS: list[dict[str, Any]] = [{}, {"isolate": ["a"]}, {"algorithm": "strong"}]
 BY_DEFAULT = [*((flags, {}) for flags in FLAGS), ({}, OPTIONS[1]), ({}, OPTIONS[2])]
@@ -63,14 +63,14 @@ def test_events_happen_at_their_times(build: Any, flags: dict[str, bool], option
     assert np.allclose(found["a.x"], times - bounces * THRESHOLD, rtol=0.0, atol=1e-12)
 
 
-def test_several_events_in_one_step(build: Any) -> None:
+def test_one_step_can_have_several_events(build: Any) -> None:
     found = run(System.of({"a": build()}, [], VALUES), step=2.0)
     assert [found[f"a.{name}"][-1] for name in ("count", "bounces")] == [6, 5]
     assert found["a.x"][-1] == pytest.approx(2.0 - 5 * THRESHOLD, abs=1e-12)
     assert found["a.updates"][-1] == 2 * (1 + 6 + 5)  # at the start, and for each event
 
 
-def test_fmpy_finds_the_same(build: Any) -> None:
+def test_fmpy_has_the_same_results(build: Any) -> None:
     path, outputs = build(), ["x", "bounces"]
     found = run(System.of({"a": path}, [], {"a.threshold": THRESHOLD}))
     other = fmpy.simulate_fmu(
@@ -88,7 +88,7 @@ def test_fmpy_finds_the_same(build: Any) -> None:
         assert np.array_equal(found[f"a.{name}"], expected), name
 
 
-def test_a_start_time_shifts_the_events(build: Any) -> None:
+def test_start_time_shifts_the_events(build: Any) -> None:
     with ec.load(
         System.of({"a": build()}, [], VALUES), step_size=0.125, start_time=1.0, stop_time=3.0
     ).prepare() as s:
@@ -108,7 +108,7 @@ def test_discrete_inputs_change_in_event_mode(build: Any, isolate: list[str]) ->
     assert np.array_equal(found["b.updates"][2:], 2 * (1 + changes[:-1]))
 
 
-def test_an_input_that_is_set_by_hand(build: Any) -> None:
+def test_input_that_is_set_by_hand_is_latched(build: Any) -> None:
     with ec.load(
         System.of({"a": build()}, [], VALUES), step_size=0.125, stop_time=STOP
     ).prepare() as simulation:
@@ -118,7 +118,7 @@ def test_an_input_that_is_set_by_hand(build: Any) -> None:
         assert simulation["a.latched"] == 7
 
 
-def test_the_end_of_the_simulation(build: Any) -> None:
+def test_fmu_can_end_the_simulation(build: Any) -> None:
     system = System.of({"a": build()}, [], {**VALUES, "a.end": 0.6})
     with pytest.raises(
         RunError, match=r"asked to end the simulation during updateDiscreteStates at t = 0\.6 s"
@@ -133,11 +133,15 @@ def test_the_end_of_the_simulation(build: Any) -> None:
         (ENDLESS_UPDATES, {}, "answered updateDiscreteStates at t = 0 s with a request for more, 1000 times"),
         (ENDLESS_RETURNS, {}, "answered doStep at t = 0 s with a request for more, 1001 times"),
         (
-            UNASKED_EVENT,
+            UNEXPECTED_EVENT,
             {"events": False},
             "doStep at t = 0 s with it asked for event mode, which is not allowed",
         ),
-        (UNASKED_RETURN, {"early": False}, "doStep at t = 0 s with it returned early, which is not allowed"),
+        (
+            UNEXPECTED_RETURN,
+            {"early": False},
+            "doStep at t = 0 s with it returned early, which is not allowed",
+        ),
         (NO_TIME, {}, "nextEventTime = NaN"),
         (DISCARD, {}, "answered doStep at t = 0.625 s with fmi3Discard"),
     ],
@@ -149,7 +153,7 @@ def test_faults_end_the_run(build: Any, fault: int, flags: dict[str, bool], word
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([[], ["a"]], [[]]))
-def test_a_resumed_run_is_the_same(build: Any, isolate: list[str], tmp_path: Path) -> None:
+def test_resumed_run_is_the_same(build: Any, isolate: list[str], tmp_path: Path) -> None:
     """The time of the next event and the discrete inputs are in the checkpoint."""
     system = System.of({"a": build(), "b": build()}, ["a.count -> b.n"], VALUES)
     whole_run = run(system, isolate=isolate)
@@ -161,7 +165,7 @@ def test_a_resumed_run_is_the_same(build: Any, isolate: list[str], tmp_path: Pat
         assert np.array_equal(resumed[name], whole_run[name][-len(resumed[name]) :]), name
 
 
-def test_a_restored_state_has_its_events_again(build: Any, tmp_path: Path) -> None:
+def test_restored_state_has_its_events_again(build: Any, tmp_path: Path) -> None:
     file = open_fmu(build(), tmp_path / "a")
     instance = make_instance("a", file, ["n", "u"], ["count", "latched", "x"], FmuLog())
     assert isinstance(instance, EventModeInstance)

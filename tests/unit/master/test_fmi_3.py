@@ -11,15 +11,13 @@ import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.fmu.file import open_fmu
-from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
 from fmublock import Block, Input, Output
-from tests.support.broken.editing import DESCRIPTION, read_files, written
-from tests.support.commands import Emla
-from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, edit_description
+from tests.support.tiers import mostly_slow
 
 DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
 STEP, STOP = 0.125, 1.0
@@ -36,6 +34,12 @@ VALUES: dict[str, Any] = {
     "Boolean": True,
     "Enumeration": "two",
 }
+OPTIONS: list[dict[str, Any]] = [
+    {},
+    {"isolate": ["a", "b", "c"]},
+    {"algorithm": "strong", "isolate": ["b"]},
+    {"algorithm": "jacobi"},
+]
 NUMBERS = {**VALUES, "Float32": float(np.float32(0.1)), "Boolean": 1, "Enumeration": 2}
 
 
@@ -55,19 +59,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_all_types_3_fmu(file)
 
 
-def with_description(path: Path, changed: Path, old: str, new: str) -> Path:
-    """The FMU with one text in its model description in place of another."""
-    files = read_files(path.read_bytes())
-    files[DESCRIPTION] = files[DESCRIPTION].replace(old.encode(), new.encode())
-    return written(changed, files.items())
-
-
 def run(system: System, **options: Any) -> ec.Result:
     with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
         return simulation.run()
 
 
-@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
+@pytest.mark.parametrize("isolate", mostly_slow([[], ["a", "b"]], [[]]))
 def test_all_types_and_arrays_pass_through_connections(path: Path, isolate: list[str]) -> None:
     connections = ["a.y -> b.u", *(f"a.{t}_out -> b.{t}_in" for t in VALUES)]
     values = {f"a.{t}_in": value for t, value in VALUES.items()}
@@ -97,11 +94,7 @@ def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
     assert found["last.y[2,2]"][-1] == 4.0
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
-    ids=str,
-)
+@pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::2]), ids=str)
 def test_strings_pass_through_connections(path: Path, options: dict[str, Any], tmp_path: Path) -> None:
     build_all_types_fmu(tmp_path / "all_types.fmu")  # FMI 2.0; its text changes
     fmus = {"b": path, "a": tmp_path / "all_types.fmu", "c": path}
@@ -116,13 +109,13 @@ def test_strings_pass_through_connections(path: Path, options: dict[str, Any], t
     assert [list(found[1][name]) for name in signals[:3]] == [texts, passed, last]
 
 
-def test_a_resumed_run_has_its_strings(path: Path, tmp_path: Path) -> None:
+def test_resumed_run_has_its_strings_and_binary_values(path: Path, tmp_path: Path) -> None:
     build_all_types_fmu(tmp_path / "all_types.fmu")
-    fmus = {"a": tmp_path / "all_types.fmu", "b": path}
-    names = ["a.text", "b.String_out"]
+    fmus = {"a": tmp_path / "all_types.fmu", "b": path, "c": path}
+    names = ["a.text", "b.String_out", "c.checksum"]
 
     def part(stop: float, **options: Any) -> list[list[str]]:
-        system = System.of(fmus, ["a.text -> b.String_in"])
+        system = System.of(fmus, ["a.text -> b.String_in", "b.Binary_source -> c.Binary_in"])
         options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, "signals": names, **options}
         with ec.load(system, **options).prepare() as simulation:
             found = simulation.run()
@@ -144,28 +137,19 @@ def test_a_resumed_run_has_its_strings(path: Path, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_strings_become_no_numbers(path: Path, connection: str, words: str) -> None:
+def test_strings_and_numbers_cannot_be_connected(path: Path, connection: str, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         run(System.of({"a": path, "b": path}, [connection]))
 
 
-def test_loops_of_strings_settle(path: Path) -> None:
-    system = System.of({"a": path, "b": path}, ["a.String_out -> b.String_in", "b.String_out -> a.String_in"])
-    assert set(run(system, signals=["a.String_out"])["a.String_out"]) == {""}
-
-
 def checksum(time: float) -> int:
-    """The checksum of the bytes that `Binary_source` has at a time in s; see tests/support/fmi3."""
+    """The checksum of the bytes that `Binary_source` has at a time in s; see all_types_3.c."""
     count = round(8.0 * time)
     data = bytes(0 if i == 1 else 250 + count for i in range(count % 4))
     return 1000 * len(data) + sum((i + 1) * byte for i, byte in enumerate(data))
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{}, {"isolate": ["a", "b", "c"]}, {"algorithm": "jacobi"}, {"algorithm": "strong", "isolate": ["b"]}],
-    ids=str,
-)
+@pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::2]), ids=str)
 def test_binary_values_pass_through_connections(path: Path, options: dict[str, Any]) -> None:
     connections = ["a.Binary_source -> b.Binary_in", "b.Binary_out -> c.Binary_in", "a.x -> b.u[1,1]"]
     system, names = System.of(dict.fromkeys("abc", path), connections), ["b.checksum", "c.checksum"]
@@ -176,19 +160,6 @@ def test_binary_values_pass_through_connections(path: Path, options: dict[str, A
     for result in found:
         assert list(result["b.checksum"]) == [sent[0], *sent[:-1]], "a value is held during a step"
         assert list(result["c.checksum"]) == [sent[0], sent[0], *sent[:-2]]
-
-
-def test_a_resumed_run_has_its_binary_values(path: Path, tmp_path: Path) -> None:
-    def part(stop: float, **options: Any) -> list[int]:
-        system = System.of({"a": path, "b": path}, ["a.Binary_source -> b.Binary_in"])
-        options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, **options}
-        with ec.load(system, signals=["b.checksum"], **options).prepare() as simulation:
-            return list(simulation.run()["b.checksum"])
-
-    whole = part(0.75)
-    part(0.375, checkpoint=tmp_path / "c")
-    rest = part(0.75, resume=tmp_path / "c")
-    assert len(rest) > 1 and rest == whole[-len(rest) :]
 
 
 @pytest.mark.parametrize(
@@ -210,7 +181,7 @@ def test_a_resumed_run_has_its_binary_values(path: Path, tmp_path: Path) -> None
         ),
     ],
 )
-def test_what_binary_values_cannot_do(
+def test_wrong_uses_of_binary_values_are_refused(
     path: Path, connection: str, options: dict[str, Any], words: str
 ) -> None:
     with pytest.raises((CommandError, RunError), match=words):
@@ -218,8 +189,8 @@ def test_what_binary_values_cannot_do(
         raise RunError(result.problem or "nothing")
 
 
-def test_the_meaning_of_binary_values_must_be_the_same(path: Path, tmp_path: Path) -> None:
-    other = with_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
+def test_mime_types_must_match(path: Path, tmp_path: Path) -> None:
+    other = edit_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
     system = System.of({"a": path, "b": other}, ["a.Binary_source -> b.Binary_in"])
     with pytest.raises(CommandError, match="the mimeType application/test and application/other, which must"):
         run(system)
@@ -229,8 +200,8 @@ def test_the_meaning_of_binary_values_must_be_the_same(path: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("value", "source", "fits"), [(127, "Int16", True), (128, "Int16", False), (-129, "Int32", False)]
 )
-@pytest.mark.parametrize("isolate", [[], ["a", "b"]])
-def test_a_signal_that_does_not_fit_into_an_integer_ends_the_run(
+@pytest.mark.parametrize("isolate", mostly_slow([[], ["a", "b"]], [[]]))
+def test_signal_out_of_range_ends_the_run(
     value: int, source: str, fits: bool, isolate: list[str], path: Path
 ) -> None:
     system = System.of({"a": path, "b": path}, [f"a.{source}_out -> b.Int8_in"], {f"a.{source}_in": value})
@@ -265,13 +236,13 @@ def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp
         (EVENT, "asked for event mode"),
     ],
 )
-@pytest.mark.parametrize("isolate", [[], ["a"]])
-def test_what_a_step_says_is_not_ignored(path: Path, fault: int, words: str, isolate: list[str]) -> None:
+@pytest.mark.parametrize("isolate", mostly_slow([[], ["a"]], [[]]))
+def test_answers_of_steps_are_reported(path: Path, fault: int, words: str, isolate: list[str]) -> None:
     with pytest.raises(RunError, match=words):
         run(System.of({"a": path}, [], {"a.fault": fault, "a.end": 0.5}), isolate=isolate)
 
 
-def test_states_come_back(path: Path, tmp_path: Path) -> None:
+def test_state_is_restored(path: Path, tmp_path: Path) -> None:
     instance = make_instance("a", open_fmu(path, tmp_path / "a"), ["u[1,1]"], ["x"], FmuLog())
     try:
         instance.enter_initialization(0.0)
@@ -305,19 +276,6 @@ def test_states_come_back(path: Path, tmp_path: Path) -> None:
 def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         run(System.of({"a": path}, [], {name: value}))
-
-
-def test_info_reads_elements(path: Path, emla: Emla) -> None:
-    shown = emla("info", str(path)).stdout
-    assert "3.0" in shown
-    assert "Third.gain[2,2]" in shown
-
-
-def test_clocks_without_event_mode_are_refused(path: Path, tmp_path: Path) -> None:
-    clock = '<Clock name="tick" valueReference="50" causality="input" intervalVariability="triggered"/>'
-    changed = with_description(path, tmp_path / "Third.fmu", "</ModelVariables>", f"{clock}</ModelVariables>")
-    with pytest.raises(CommandError, match="has the clock 'tick' but no event mode"):
-        read_interface(changed)
 
 
 @pytest.mark.parametrize("scenario", ["lift", pytest.param("study", marks=pytest.mark.slow)])

@@ -1,10 +1,8 @@
 """Initial values come through whatever the order, and loops of them are solved."""
 
-import contextlib
-import itertools
 import math
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -48,23 +46,8 @@ def initial(network: Network) -> np.ndarray:
 # ---- without loops -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", list(itertools.permutations(range(4))), ids=str)
-def test_values_come_through_a_chain_in_any_order_of_declaration(order: Sequence[int]) -> None:
-    """3 -> 2 u -> u + 1 -> u^2"""
-    gates = [
-        gate("a", 0, lambda u: 3.0),
-        gate("b", 1, lambda u: 2.0 * u[0]),
-        gate("c", 1, lambda u: u[0] + 1.0),
-        gate("d", 1, lambda u: u[0] ** 2),
-    ]
-    place = [order.index(i) for i in range(4)]
-    network = Network([gates[i] for i in order], [link(place[i], place[i + 1]) for i in range(3)])
-    assert initial(network)[place].tolist() == [3.0, 6.0, 7.0, 49.0]
-    assert [gates[i].held[0] for i in (1, 2, 3)] == [3.0, 6.0, 7.0]
-
-
 @given(data=st.data())
-def test_values_come_through_any_graph_without_loops(data: st.DataObject) -> None:
+def test_values_pass_through_any_graph_without_loops(data: st.DataObject) -> None:
     count = data.draw(st.integers(2, 8), label="count")
     reads = [data.draw(st.sets(st.integers(0, i - 1))) if i else set() for i in range(count)]
     order = data.draw(st.permutations(range(count)), label="order")
@@ -87,18 +70,6 @@ def test_a_graph_without_loops_needs_no_second_round() -> None:
         assert [calls.count(f"{name}.{call}") for call in ("enter", "set", "get", "exit")] == [1, 3, 2, 1]
     in_the_round = calls[: min(calls.index(f"{name}.exit") for name in names)]
     assert [c for c in in_the_round if c.endswith(".get")] == ["a.get", "b.get", "c.get"]
-
-
-def test_start_values_stand_in_for_what_is_not_known_yet() -> None:
-    """Nothing but its own start value is set before the source has given a value."""
-    seen: list[float] = []
-    a = gate("a", 1, lambda u: [seen.append(u[0]), 5.0][1], [])
-    a.inputs[:] = 7.0
-    b = gate("b", 1, lambda u: 2.0 * u[0], [])
-    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
-    initial(Network([a, b], links))
-    del seen[: seen.index(7.0)]
-    assert set(seen) == {7.0, 10.0}
 
 
 def test_a_loop_that_initial_values_do_not_go_round_is_not_repeated() -> None:
@@ -182,17 +153,10 @@ def ring(output: Callable[[float], float]) -> Network:
     )
 
 
-@pytest.mark.parametrize("gain", [0.0, 0.1, -0.9, 2.0, -3.0, 50.0])
-def test_a_loop_is_solved_whatever_its_gain(gain: float) -> None:
-    """Repetition would run away from gains above 1."""
-    assert initial(ring(lambda u: gain * u + 1.0)) == pytest.approx([1.0 / (1.0 - gain)] * 2, rel=1e-10)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("start", [0.0, -3e5])
-@pytest.mark.parametrize("offset", [1e-3, 1.0, 2e6])
-@pytest.mark.parametrize("gain", [1e-6, 1e-3, 1.0 - 1e-6, 1.0 + 1e-6, 2e4, 1e8, 1e12])
-def test_a_linear_loop_of_any_gain_is_solved(sign: float, gain: float, offset: float, start: float) -> None:
+@pytest.mark.parametrize(("start", "offset"), [(0.0, 1e-3), (-3e5, 1.0), (0.0, 2e6)])
+@pytest.mark.parametrize("gain", [0.0, 1e-6, 0.5, 1.0 - 1e-6, 1.0 + 1e-6, 2e4, 1e12])
+def test_linear_loop_of_any_gain_is_solved(sign: float, gain: float, offset: float, start: float) -> None:
     """A load of 20,000 times the driving mass is such a loop; the error is that of one rounded evaluation."""
     a = sign * gain
     network = ring(lambda u: a * u + offset)
@@ -203,7 +167,7 @@ def test_a_linear_loop_of_any_gain_is_solved(sign: float, gain: float, offset: f
 
 
 @pytest.mark.parametrize("size", [2, 3, 5])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -> None:
     """Newtons beside micrometres: gains between 1e-6 and 1e6."""
     random = np.random.default_rng(seed)
@@ -216,7 +180,7 @@ def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -
     assert found / scale == pytest.approx(np.linalg.solve(np.eye(size) - A, b) / scale, rel=1e-8)
 
 
-def test_a_gain_of_one_with_nothing_added_keeps_the_start_value() -> None:
+def test_gain_of_one_keeps_the_start_value() -> None:
     network = ring(lambda u: u)
     network.instances[0].inputs[:] = 7.0
     assert initial(network).tolist() == [7.0, 7.0]
@@ -241,15 +205,9 @@ def test_a_neutral_direction_does_not_hide_the_solution_of_the_others() -> None:
         lambda u: 1.0 / (1.0 + u * u) - 4.0 * u,
     ],
 )
-def test_a_loop_need_not_be_linear(output: Callable[[float], float]) -> None:
+def test_nonlinear_loops_are_solved(output: Callable[[float], float]) -> None:
     y, _ = initial(ring(output))
     assert y == pytest.approx(output(y), rel=1e-11)
-
-
-def test_a_wild_try_is_not_taken_for_agreement() -> None:
-    """The search for the solution 1 comes past 1e17, beside which every difference looks small."""
-    with contextlib.suppress(RunError):
-        assert initial(ring(lambda u: 2.0 - u**3)) == pytest.approx([1.0, 1.0])
 
 
 def test_loops_that_share_a_slave_are_solved_together() -> None:
@@ -262,21 +220,12 @@ def test_loops_that_share_a_slave_are_solved_together() -> None:
     assert initial(network) == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_loop_after_a_loop_sees_its_solution() -> None:
-    """a = b - 1 and b = 2 a give a = 1, b = 2; then c = d + b and d = 3 c give c = -1."""
-    a, b = gate("a", 1, lambda u: u[0] - 1.0), gate("b", 1, lambda u: 2.0 * u[0])
-    c, d = gate("c", 2, lambda u: u[0] + u[1]), gate("d", 1, lambda u: 3.0 * u[0])
-    links = [link(0, 2, 1), link(1, 0), link(3, 2), link(2, 3), link(0, 1)]
-    found = initial(Network([a, b, c, d], links))
-    assert found == pytest.approx([1.0, 2.0, -0.5, -1.5], rel=1e-10)
-
-
-def test_a_slave_that_reads_itself_is_a_loop() -> None:
+def test_instance_that_reads_itself_is_a_loop() -> None:
     assert initial(Network([gate("a", 1, lambda u: 3.0 * u[0] - 4.0)], [link(0, 0)])) == pytest.approx([2.0])
 
 
 @pytest.mark.parametrize("change", [1.0, -1.0])
-def test_a_loop_without_solution_is_named(change: float) -> None:
+def test_loop_without_a_solution_is_named(change: float) -> None:
     a, b = gate("a", 1, lambda u: u[0] + change), gate("b", 1, lambda u: u[0])
     bystander = gate("bystander", 0, lambda u: 1.0)
     with pytest.raises(
@@ -290,18 +239,18 @@ def test_a_loop_without_solution_is_named(change: float) -> None:
 # ---- values that are no numbers ----------------------------------------------------------------
 
 
-def test_an_initial_value_that_is_no_number_is_named() -> None:
+def test_nan_of_an_instance_is_named() -> None:
     network = Network([gate("b", 1, lambda u: 1.0), gate("a", 0, lambda u: math.nan)], [link(1, 0)])
     with pytest.raises(RunError, match=r"^a\[0\] became nan at t = 0 s\.$"):
         initial(network)
 
 
-def test_a_loop_that_gives_no_number_is_named() -> None:
+def test_nan_of_a_loop_is_named() -> None:
     with pytest.raises(RunError, match=r"loop a -> b -> a .*: b\[0\] became infinite or NaN\."):
         initial(ring(lambda u: math.nan))
 
 
-def test_an_initial_value_that_is_no_number_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_initial_nan_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:
     result = run_system(line_with_a_fault(faulty_fmu, Fault.NAN_Y, -1.0), tmp_path)
     assert result.problem == "the run ended at t = 0 s: j.bad.y became nan at t = 0 s."
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1

@@ -14,7 +14,7 @@ from tests.support.hand_written_fmus import Fault
 
 
 class Clock:
-    """A clock that moves only when somebody works or sleeps."""
+    """A clock that moves only by work and sleep."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -42,7 +42,7 @@ def begun(factor: float, simulated: float = 0.0) -> Pacing:
 
 
 @pytest.mark.parametrize(("factor", "due"), [(1.0, 1002.0), (4.0, 1000.5), (0.5, 1004.0)])
-def test_it_waits_until_the_clock_has_come_as_far(factor: float, due: float, clock: Clock) -> None:
+def test_wait_ends_at_the_due_time(factor: float, due: float, clock: Clock) -> None:
     paced = begun(factor)
     clock.now += 0.125
     paced.wait(2.0, lambda: False)
@@ -50,13 +50,13 @@ def test_it_waits_until_the_clock_has_come_as_far(factor: float, due: float, clo
     assert (paced.points, paced.overruns, paced.worst) == (1, 0, 0.0)
 
 
-def test_the_clock_begins_where_the_run_does(clock: Clock) -> None:
+def test_resumed_run_is_paced_from_its_start(clock: Clock) -> None:
     """A run that was continued at 5 s waits 1 s for its sixth."""
     begun(1.0, 5.0).wait(6.0, lambda: False)
     assert clock.now == pytest.approx(1001.0)
 
 
-def test_delays_are_counted_and_caught_up_with(clock: Clock) -> None:
+def test_delays_are_counted_and_made_up(clock: Clock) -> None:
     paced = begun(1.0)
     for worked, arrival in ((0.5, 1001.0), (1.5, 1002.5), (0.0, 1003.0), (1.25, 1004.25), (0.0, 1005.0)):
         clock.now += worked
@@ -71,39 +71,23 @@ def test_an_interruption_is_noticed_while_waiting(clock: Clock) -> None:
     assert max(clock.naps) <= 0.1
 
 
-@pytest.mark.parametrize(
-    ("factor", "step", "steps"), [(1.0, 1e-4, 10), (100.0, 1e-4, 1000), (1.0, 0.1, 1), (0.01, 1e-4, 1)]
-)
-def test_the_clock_is_looked_at_every_millisecond(factor: float, step: float, steps: int) -> None:
-    assert Pacing(factor).steps(step) == steps
-
-
 @pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_pace_that_makes_no_sense_is_refused(factor: float) -> None:
+def test_invalid_real_time_factors_are_refused(factor: float) -> None:
     with pytest.raises(CommandError, match=f"real-time factor {factor:g} must be a positive number"):
         Pacing(factor)
 
 
-@pytest.mark.parametrize("options", [{}, {"algorithm": "strong"}, {"error_tolerance": 0.5}])
-def test_a_run_takes_its_time(options: dict, faulty_fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [{}, {"error_tolerance": 0.5}])
+def test_run_keeps_the_pace_and_reports_it(options: dict, faulty_fmu: Path, tmp_path: Path) -> None:
     began = time.perf_counter()
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
-    result = run_system(system, tmp_path, stop_time=0.5, step_size=0.01, real_time=2.0, **options)
+    result = run_system(system, tmp_path, stop_time=0.4, step_size=0.01, real_time=2.0, **options)
     assert result.problem is None
-    assert time.perf_counter() - began >= result.wall_s >= 0.25
+    assert time.perf_counter() - began >= result.wall_s >= 0.2
     metrics = json.loads((tmp_path / "metrics.json").read_text())["run"]
-    assert metrics["wall_s"] >= 0.25
+    assert metrics["wall_s"] >= 0.2
     report = metrics["real_time"]
     assert set(report) == {"factor", "points", "overruns", "worst_delay_s"}
     assert report["factor"] == 2.0 and 0 <= report["overruns"] <= report["points"]
-    assert 1 <= report["points"] <= 51
+    assert 1 <= report["points"] <= 41
     assert json.loads((tmp_path / "run.json").read_text())["settings"]["real_time_factor"] == 2.0
-
-
-def test_a_run_without_a_pace_has_no_report(faulty_fmu: Path, tmp_path: Path) -> None:
-    run_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path)
-    assert "real_time" not in json.loads((tmp_path / "metrics.json").read_text())["run"]
-
-
-def test_a_pace_without_bounds_has_a_number_of_steps() -> None:
-    assert Pacing(1e308).steps(1e-6) == Pacing(1e300).steps(1e-4) > 10**6

@@ -16,6 +16,7 @@ from emla_cosim.cli.app import app
 from emla_cosim.sweeps.summary import status_line
 from emla_cosim.system.model import Alias, Component, Connection, System
 from tests.support.hand_written_fmus import build_reluctant_fmu
+from tests.support.tiers import mostly_slow
 
 VALUES = {
     "u": 3.0,
@@ -44,7 +45,7 @@ def _not_taken(result: ec.Result) -> dict[str, Any]:
     return result.record["components"]["Reluctant"]["not_taken"]
 
 
-@pytest.mark.parametrize("isolate", [False, True])
+@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
 def test_start_values_survive_the_setup_of_the_experiment(reluctant: Path, isolate: bool) -> None:
     theirs = fmpy.simulate_fmu(
         str(reluctant),
@@ -65,8 +66,8 @@ def test_start_values_survive_the_setup_of_the_experiment(reluctant: Path, isola
         assert other["Reluctant.x"][-1] == 0.0  # values that are 0 are set, too
 
 
-@pytest.mark.parametrize("isolate", [False, True])
-def test_values_that_the_fmu_does_not_take_are_reported(reluctant: Path, isolate: bool) -> None:
+@pytest.mark.parametrize("isolate", mostly_slow([False, True], [True]))
+def test_ignored_start_values_are_reported(reluctant: Path, isolate: bool) -> None:
     chosen = _options({**VALUES, "stubborn": True}, isolate=isolate)
     with ec.load(str(reluctant), **chosen).prepare() as simulation:
         result = simulation.run()
@@ -88,7 +89,7 @@ def test_values_that_the_fmu_does_not_take_are_reported(reluctant: Path, isolate
         assert len(_not_taken(simulation.run(fresh=True))) == 8
 
 
-def test_a_limited_value_is_reported_in_the_terms_of_the_system(reluctant: Path) -> None:
+def test_limited_value_is_reported_in_units_of_the_system(reluctant: Path) -> None:
     percent = Alias("share", transformation=LinearTransformation(0.01, 0.0))
     parts = (
         Component("a", fmu=reluctant, parameters={"level": 150.0}, aliases={"level": percent}),
@@ -100,7 +101,7 @@ def test_a_limited_value_is_reported_in_the_terms_of_the_system(reluctant: Path)
     assert lost == {"a": {"level": {"set": 150.0, "read": 100.0, "unit": None}}, "b": {}}
 
 
-def test_a_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) -> None:
+def test_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) -> None:
     chosen = _options({**VALUES, "share": 3.0})
     with ec.load(str(reluctant), **chosen).prepare() as simulation:
         whole = simulation.run()
@@ -113,7 +114,7 @@ def test_a_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) ->
             simulation.run(resume=tmp_path / "kept", fmi_tolerance=1e-3)
 
 
-def test_the_terminal_and_the_record_tell_it(reluctant: Path, tmp_path: Path) -> None:
+def test_terminal_and_record_show_lost_values(reluctant: Path, tmp_path: Path) -> None:
     arguments = [
         "run",
         str(reluctant),
@@ -131,7 +132,7 @@ def test_the_terminal_and_the_record_tell_it(reluctant: Path, tmp_path: Path) ->
     assert record["components"]["Reluctant"]["not_taken"]["share"]["read"] == 0.0
 
 
-@pytest.mark.parametrize("isolate", [False, True])
+@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
 def test_the_tolerance_of_the_experiment_is_passed(reluctant: Path, isolate: bool) -> None:
     with ec.load(str(reluctant), **_options({}, isolate=isolate)).prepare() as simulation:
         for chosen, right in ((None, 1e-5), (1e-8, 1e-8), (None, 1e-5)):
@@ -145,30 +146,30 @@ def test_the_tolerance_of_the_experiment_is_passed(reluctant: Path, isolate: boo
 
 
 @pytest.mark.parametrize("declared", ["0", "-1", "INF"])
-def test_a_tolerance_that_is_none_is_left_out(declared: str, tmp_path: Path) -> None:
+def test_invalid_tolerance_of_the_description_is_left_out(declared: str, tmp_path: Path) -> None:
     fmu = build_reluctant_fmu(tmp_path / "Reluctant.fmu", declared)
     result = ec.load(str(fmu), **_options({})).prepare().run()
     assert result.record["components"]["Reluctant"]["tolerance"] is None
     assert set(result["Reluctant.tolerance"].tolist()) == {0.0}
 
 
-@pytest.mark.parametrize("isolate", [False, True])
-def test_a_rejected_value_is_named_although_all_later_ones_are_rejected_too(
-    reluctant: Path, isolate: bool
-) -> None:
+@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
+def test_first_rejected_value_is_named(reluctant: Path, isolate: bool) -> None:
     with ec.load(str(reluctant), **_options({**VALUES, "share": 1e250}, isolate=isolate)).prepare() as run:
         with pytest.raises(RunError, match=r"setting share = 1e\+250 with fmi2Error"):
             run.run()
         assert _not_taken(run.run(set={"Reluctant.share": 0.25})) == {}
 
 
-def test_an_fmu_is_not_called_after_a_fatal_answer(reluctant: Path) -> None:
+def test_fmu_is_not_called_after_fatal(reluctant: Path) -> None:
     chosen = _options({**VALUES, "guess": 1e250}, isolate=True)  # an abort would end the test, too
     with ec.load(str(reluctant), **chosen).prepare() as run, pytest.raises(RunError, match="with fmi2Fatal"):
         run.run()
 
 
-def test_a_sweep_says_which_variants_lost_a_value(reluctant: Path, tmp_path: Path) -> None:
+def test_sweep_reports_variants_that_lost_a_value(
+    reluctant: Path, tmp_path: Path, on_one_cluster: None
+) -> None:
     times = {"start_time": 0.5, "stop_time": 1.5, "step_size": 0.125}
     result = ec.sweep(
         str(reluctant),
@@ -183,16 +184,13 @@ def test_a_sweep_says_which_variants_lost_a_value(reluctant: Path, tmp_path: Pat
         None,
     ]
     assert "In 1 of them, FMUs did not take start values" in status_line(result).plain
-
-
-def test_a_sweep_says_it_of_variants_that_failed(reluctant: Path, tmp_path: Path) -> None:
     result = ec.sweep(
         str(reluctant),
         stop_time=1.0,
         step_size=0.125,
         require=["run.steps < 8"],
         vary={"Reluctant.share": [2.0]},
-        output=tmp_path / "out",
+        output=tmp_path / "failed",
     )
     (problem,), (status,) = result.variants["problem"].to_list(), result.variants["status"].to_list()
     assert status == "failed" and "run.steps" in problem

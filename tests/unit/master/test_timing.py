@@ -75,18 +75,6 @@ def test_points_are_those_of_a_clock_that_counts_nanoseconds(k: int) -> None:
     assert times.span(k, 1) == ((k + 1) * 100_000) / 1e9 - (k * 100_000) / 1e9
 
 
-def test_a_longer_run_has_the_same_points() -> None:
-    for step in (1e-4, 1.0 / 3.0):
-        assert (
-            make_communication_points(10 * step, step).clock
-            == make_communication_points(10**6 * step, step).clock
-        )
-
-
-def test_times_may_come_as_other_numbers() -> None:
-    assert make_clock(np.float64(0.0), np.float64(1e-4)) == make_clock(0, 1e-4) == (0.0, 1.0, 1e4)
-
-
 # ---- steps -------------------------------------------------------------------------------------
 
 
@@ -153,21 +141,19 @@ def watches(**longest: float) -> tuple[list[Watch], Network]:
     return slaves, Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
 
 
-@pytest.mark.parametrize("start", [0.0, 0.1, 1.0 / 3.0])
-@pytest.mark.parametrize("step", [1e-4, 3e-5, 1e-4 / 3.0, 2.0**-13])
-@pytest.mark.parametrize("multiples", [{}, {"b": 2, "c": 6}], ids=str)
-@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+@pytest.mark.parametrize(("start", "step"), [(0.1, 1e-4), (1.0 / 3.0, 3e-5), (0.0, 1e-4 / 3.0)])
+@pytest.mark.parametrize(("kind", "multiples"), [(Jacobi, {}), (GaussSeidel, {"b": 2, "c": 6})], ids=str)
 def test_the_steps_that_slaves_are_told_join(
     kind: type[Explicit], multiples: Mapping[str, int], step: float, start: float
 ) -> None:
     """Also where slaves step more rarely: each step begins at the end of the one before, to the last bit."""
-    times = make_communication_points(start + 600 * step, step, start)
+    times = make_communication_points(start + 120 * step, step, start)
     for compiled in (False, True):
         slaves, network = watches()
         stepping = FixedSteps(begun(network, kind("none", multiples), times), times, compiled)
         assert stepping.is_compiled == compiled
         rows = recorded(stepping)
-        assert rows[:, 0].tolist() == [times.point(k) for k in range(601)]
+        assert rows[:, 0].tolist() == [times.point(k) for k in range(121)]
         for slave in slaves:
             multiple = multiples.get(slave.name, 1)
             expected = rows[::multiple, 0].tolist()
@@ -175,11 +161,12 @@ def test_the_steps_that_slaves_are_told_join(
             assert slave.added_up(start) == expected
 
 
-@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
-@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+@pytest.mark.parametrize(
+    ("kind", "extrapolation"), [(Jacobi, e) for e in EXTRAPOLATIONS] + [(GaussSeidel, "master")]
+)
 def test_compiled_code_tells_slaves_the_same(kind: type[Explicit], extrapolation: str) -> None:
     """Across zero time, where a step may not join."""
-    times = make_communication_points(0.02 - 6e-5, 3e-5, -0.01)
+    times = make_communication_points(0.003, 3e-5, -0.003)
     found = []
     for compiled in (False, True):
         slaves, network = watches()
@@ -190,23 +177,23 @@ def test_compiled_code_tells_slaves_the_same(kind: type[Explicit], extrapolation
 
 
 def test_halves_of_discarded_steps_join() -> None:
-    times = make_communication_points(0.1, 1e-4)
+    times = make_communication_points(0.02, 1e-4)
     slaves, network = watches(a=3e-5)
     rows = recorded(FixedSteps(begun(network, Strong(), times), times))
     for slave in slaves:
-        assert len(slave.told) == 4 * 1000
+        assert len(slave.told) == 4 * 200
         assert [time for time, _ in slave.told] == slave.added_up(0.0)[:-1]
         assert slave.added_up(0.0)[::4] == rows[:, 0].tolist()
 
 
 @pytest.mark.parametrize("interval", [None, 1e-3, 3e-3])
 def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
-    times = make_communication_points(0.3, 1e-4)
+    times = make_communication_points(0.06, 1e-4)
     slaves, network = watches()
     rows = recorded(ErrorControl(begun(network, Jacobi("fmu"), times), times, 1e-5, interval))
     if interval is not None:
         assert rows[:, 0].tolist() == [float(exact(0.0, interval, k)) for k in range(len(rows))]
-    assert rows[-1, 0] == 0.3
+    assert rows[-1, 0] == 0.06
     for slave in slaves:
         times_added = slave.added_up(0.0)
         assert [time for time, _ in slave.told] == times_added[:-1]

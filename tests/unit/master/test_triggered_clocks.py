@@ -1,6 +1,6 @@
 """Output clocks and triggered input clocks, with an FMU that refuses ticks and reads at wrong times."""
 
-import zipfile
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,15 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
-from tests.support.hand_written_fmus import build_trigger_fmu
+from tests.support.hand_written_fmus import build_trigger_fmu, edit_description
+from tests.support.tiers import mostly_slow
 
 STEP, STOP = 0.125, 2.0
 PERIOD = 0.3
 WIRES = ["a.alarm -> b.go", "a.level -> b.w"]
 CLEAR_IN_GET, NEVER_CLEAR = 1, 2
+ALGORITHMS = ["gauss-seidel", "strong", "jacobi"]
+BY_DEFAULT: list[Any] = [*((algorithm, []) for algorithm in ALGORITHMS), ("gauss-seidel", ["b"])]
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +56,13 @@ def delayed(values: Any) -> Any:
     return np.concatenate([[0.0], values[:-1]])
 
 
-@pytest.mark.parametrize("isolate", [[], ["b"], ["a", "b"]])
 @pytest.mark.parametrize(
-    ("algorithm", "is_late"), [("gauss-seidel", False), ("strong", False), ("jacobi", True)]
+    ("algorithm", "isolate"), mostly_slow(itertools.product(ALGORITHMS, [[], ["b"], ["a", "b"]]), BY_DEFAULT)
 )
-def test_a_triggered_clock_ticks_in_the_step_that_reads_the_clock_that_drives_it(
-    fmu: Path, algorithm: str, is_late: bool, isolate: list[str]
+def test_triggered_clock_ticks_in_the_step_that_reads_its_source(
+    fmu: Path, algorithm: str, isolate: list[str]
 ) -> None:
+    is_late = algorithm == "jacobi"
     found = run(pair(fmu), algorithm=algorithm, isolate=isolate)
     levels = alarms(found["time"])
     seen = delayed(levels) if is_late else levels
@@ -72,8 +75,8 @@ def test_a_triggered_clock_ticks_in_the_step_that_reads_the_clock_that_drives_it
     assert found.stepping["late_connections"] == (WIRES if is_late else [])
 
 
-@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
-@pytest.mark.parametrize(("period", "burst"), [(0.04, 1), (0.3, 3), (0.04, 2)])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize(("period", "burst"), [(0.3, 3), (0.04, 2)])
 def test_no_tick_within_a_step_is_lost(fmu: Path, algorithm: str, period: float, burst: int) -> None:
     found = run(pair(fmu, period=period, burst=burst), algorithm=algorithm)
     levels = alarms(found["time"], period, burst)
@@ -82,8 +85,8 @@ def test_no_tick_within_a_step_is_lost(fmu: Path, algorithm: str, period: float,
     assert np.array_equal(found["b.ticks"], seen) and np.array_equal(found["b.sum"], sums(seen))
 
 
-@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
-def test_a_tick_at_the_start_comes_at_the_end_of_the_first_step(fmu: Path, algorithm: str) -> None:
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_tick_at_the_start_comes_at_the_end_of_the_first_step(fmu: Path, algorithm: str) -> None:
     found = run(pair(fmu, rings=1), algorithm=algorithm)
     levels = 1 + alarms(found["time"])
     assert np.array_equal(found["a.alarm"], levels)
@@ -91,27 +94,26 @@ def test_a_tick_at_the_start_comes_at_the_end_of_the_first_step(fmu: Path, algor
     assert np.array_equal(found["b.ticks"], seen) and found["b.last"][1] == STEP
 
 
-def test_a_large_step_ticks_as_often_as_the_small_ones(fmu: Path) -> None:
+def test_large_step_ticks_as_often_as_the_small_ones(fmu: Path) -> None:
     found = run(pair(fmu), algorithm="strong", step_multiples={"b": 4})
     levels = alarms(found["time"])
     sampled = levels[np.arange(len(levels)) // 4 * 4]
     assert np.array_equal(found["b.ticks"], sampled)
 
 
-@pytest.mark.parametrize("manner", [CLEAR_IN_GET])
-def test_a_clock_that_the_fmu_sets_in_its_update_counts_once(fmu: Path, manner: int) -> None:
-    found = run(pair(fmu, manner=manner, burst=2), algorithm="gauss-seidel")
+def test_clock_that_the_fmu_sets_in_its_update_counts_once(fmu: Path) -> None:
+    found = run(pair(fmu, manner=CLEAR_IN_GET, burst=2), algorithm="gauss-seidel")
     assert np.array_equal(found["b.ticks"], alarms(found["time"], burst=2))
 
 
-def test_a_clock_that_never_stops_is_an_error(fmu: Path) -> None:
+def test_clock_that_never_stops_is_an_error(fmu: Path) -> None:
     with pytest.raises(
         RunError, match=r"a answered getClock at t = 0\.3 s with a tick of alarm after each of"
     ):
         run(pair(fmu, manner=NEVER_CLEAR))
 
 
-@pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong", "jacobi"])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_clocks_in_a_chain_and_within_one_fmu(fmu: Path, algorithm: str) -> None:
     wires = ["a.alarm -> a.go", "a.echo -> b.go", "b.echo -> c.go", "a.x -> a.w", "a.x -> b.w"]
     found = run(pair(fmu, wires, "abc"), algorithm=algorithm)
@@ -131,27 +133,29 @@ def test_clocks_in_a_loop(fmu: Path, algorithm: str) -> None:
     assert np.array_equal(found["a.ticks"], levels if algorithm == "strong" else delayed(levels))
 
 
-def test_a_second_run_and_a_resumed_one_have_the_same_ticks(fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("isolate", mostly_slow([[], ["a", "b"]], [[]]))
+def test_second_run_and_resumed_run_have_the_same_ticks(
+    fmu: Path, isolate: list[str], tmp_path: Path
+) -> None:
     with ec.load(pair(fmu), step_size=STEP, stop_time=STOP, algorithm="jacobi").prepare() as simulation:
         first, second = simulation.run(), simulation.run()
-    for isolate in ([], ["a", "b"]):
-        path = tmp_path / str(len(isolate))
-        run(pair(fmu), stop=0.375, algorithm="jacobi", checkpoint=path, isolate=isolate)  # b has yet to tick
-        resumed = run(pair(fmu), algorithm="jacobi", resume=path, isolate=isolate)
-        for name in ("a.alarm", "b.ticks", "b.sum", "b.echo", "b.last"):
-            assert np.array_equal(second[name], first[name])
-            assert np.array_equal(resumed[name], first[name][-len(resumed["time"]) :])
-        assert resumed["b.ticks"][1] == 1
+    path = tmp_path / "c"
+    run(pair(fmu), stop=0.375, algorithm="jacobi", checkpoint=path, isolate=isolate)  # b has yet to tick
+    resumed = run(pair(fmu), algorithm="jacobi", resume=path, isolate=isolate)
+    for name in ("a.alarm", "b.ticks", "b.sum", "b.echo", "b.last"):
+        assert np.array_equal(second[name], first[name])
+        assert np.array_equal(resumed[name], first[name][-len(resumed["time"]) :])
+    assert resumed["b.ticks"][1] == 1
 
 
-def test_a_package_keeps_connections_of_clocks(fmu: Path, tmp_path: Path) -> None:
+def test_package_keeps_connections_of_clocks(fmu: Path, tmp_path: Path) -> None:
     path = ec.load(pair(fmu), step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with ec.load(path, algorithm="gauss-seidel").prepare() as simulation:
         found = simulation.run()
     assert np.array_equal(found["b.ticks"], alarms(found["time"]))
 
 
-def test_a_clock_without_a_connection_never_ticks_and_that_is_said(fmu: Path) -> None:
+def test_clock_without_a_connection_never_ticks_with_a_remark(fmu: Path) -> None:
     found = run(pair(fmu, []))
     assert not found["b.ticks"].any() and not found["b.echo"].any()
     words = "No output clock is connected to the triggered clocks a.go and b.go: they never tick."
@@ -188,14 +192,14 @@ def test_wrong_connections_are_refused(dependent: Path, wire: str, words: str) -
         run(pair(dependent, [wire]))
 
 
-def test_too_many_ticks_in_a_step(fmu: Path) -> None:
+def test_too_many_ticks_in_a_step_are_an_error(fmu: Path) -> None:
     with pytest.raises(
         RunError, match=r"the clock go of b has to tick 1250 times in the step to t = 1 s; less"
     ):
         run(pair(fmu, period=0.004, burst=5), step=1.0, algorithm="gauss-seidel")
 
 
-def test_a_dependent_clock_ticks_with_the_one_on_which_it_depends(dependent: Path) -> None:
+def test_dependent_clock_ticks_with_its_clock(dependent: Path) -> None:
     found = run(System.of({"a": dependent}), step=0.25, signals=["a.beat", "a.sub", "a.beats", "a.subs"])
     assert np.array_equal(found["a.beats"], np.floor(found["time"] / 0.1 + 1e-9) + 1)
     assert np.array_equal(found["a.subs"], np.floor(found["time"] / 0.2 + 1e-9) + 1)
@@ -204,21 +208,9 @@ def test_a_dependent_clock_ticks_with_the_one_on_which_it_depends(dependent: Pat
     )
 
 
-def change(source: Path, target: Path, old: str, new: str) -> Path:
-    """Write a copy of an FMU with another model description."""
-    with zipfile.ZipFile(source) as before, zipfile.ZipFile(target, "w") as after:
-        for name in before.namelist():
-            content = before.read(name)
-            if name == "modelDescription.xml":
-                assert old.encode() in content
-                content = content.replace(old.encode(), new.encode())
-            after.writestr(name, content)
-    return target
-
-
-def test_a_triggered_clock_that_depends_on_another(dependent: Path, tmp_path: Path) -> None:
+def test_triggered_clock_can_depend_on_another(dependent: Path, tmp_path: Path) -> None:
     old = '<Clock name="go" valueReference="20" causality="input"'
-    path = change(dependent, tmp_path / dependent.name, old, f'{old} clocks="31"')
+    path = edit_description(dependent, tmp_path / dependent.name, old, f'{old} clocks="31"')
     found = run(pair(path), step=0.1, algorithm="gauss-seidel")
     assert np.array_equal(found["b.ticks"], alarms(found["time"]))
     with pytest.raises(RunError, match=r"the clock go of b ticks at t = 0\.375 s without beat, on which it"):
@@ -240,6 +232,6 @@ def test_a_triggered_clock_that_depends_on_another(dependent: Path, tmp_path: Pa
         ),
     ],
 )
-def test_what_cannot_tick_is_refused(dependent: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_invalid_clocks_are_refused(dependent: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
     with pytest.raises((RunError, CommandError), match=words):
-        run(System.of({"a": change(dependent, tmp_path / dependent.name, old, new)}), lenient=True)
+        run(System.of({"a": edit_description(dependent, tmp_path / dependent.name, old, new)}), lenient=True)

@@ -1,0 +1,206 @@
+"""libcosim and Ecos run exported packages (SSP) and systems as one FMU, with the bits of `emla run`."""
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
+from libcosimpy.CosimEnums import CosimVariableType
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+from libcosimpy.CosimObserver import CosimObserver
+from libcosimpy.CosimSlave import CosimLocalSlave
+from lxml import etree
+
+import emla_cosim as ec
+from emla_cosim.study.loading import load
+from tests.support.joint_run import Array
+
+pytestmark = pytest.mark.slow
+
+Signal = tuple[str, str]
+"""Component and output."""
+
+STEP, STEPS = 1e-4, 500
+NAMESPACES = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+}
+
+
+def libcosim_run(package: Path, signals: list[Signal], step: float, count: int) -> Array:
+    """Run a package with the step size that it tells libcosim."""
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_ssp_file(str(package))
+    indices = {c: execution.slave_index_from_instance_name(c.replace(".", "_")) for c, _ in signals}
+    references = {
+        c: {v.name.decode(): v.reference for v in execution.slave_variables(i)} for c, i in indices.items()
+    }
+    return observed(execution, [(indices[c], references[c][name]) for c, name in signals], step, count)
+
+
+def observed(execution: CosimExecution, series: list[tuple[int, int]], step: float, count: int) -> Array:
+    observer = CosimObserver.create_time_series()
+    assert execution.add_observer(observer)
+    for one in series:
+        assert observer.start_time_series(*one, CosimVariableType.REAL)
+    assert execution.step(count + 1)  # one step more, because libcosimpy drops the last sample
+    columns = []
+    for one in series:
+        times, _, values = observer.time_series_real_samples(*one, 0, count + 2)
+        assert times == [round(k * step * 1e9) for k in range(count + 1)]
+        columns.append(values)
+    return np.array(columns).T
+
+
+def ecos_run(package: Path, signals: list[Signal], step: float, count: int) -> Array:
+    EcosLib.set_log_level("warn")
+    with EcosSimulation(step, ssp_path=str(package)) as simulation:
+        assert simulation.init(parameter_set="initialValues")
+        return stepped(simulation, [f"{c.replace('.', '_')}::{name}" for c, name in signals], count)
+
+
+def stepped(simulation: EcosSimulation, names: list[str], count: int) -> Array:
+    rows = []
+    for k in range(count + 1):
+        if k > 0:
+            simulation.step()
+        rows.append([simulation.get_real(name) for name in names])
+    simulation.terminate()
+    return np.array(rows)
+
+
+def our_run(scenario: ec.Scenario, signals: list[Signal], step: float) -> Array:
+    with scenario.prepare(algorithm="jacobi", output_interval=step) as simulation:
+        result = simulation.run()
+    return np.array([result[f"{component}.{name}"] for component, name in signals]).T
+
+
+Case = tuple[Path, list[Signal], float, int, Array]
+
+
+def study(fmus: Path, folder: Path) -> Case:
+    """All 57 connected signals of the study; our values come from a run of the package."""
+    package = load("study", fmus=fmus).export(folder / "study.ssp")
+    scenario = load(str(package), step_size=STEP, stop_time=STEP * STEPS)
+    signals = list(dict.fromkeys((x.source, x.output) for x in load("study").system.connections))
+    assert len(signals) == 57
+    return package, signals, STEP, STEPS, our_run(scenario, signals, STEP)
+
+
+def data(fmus: Path, folder: Path) -> Case:
+    """The lift with a load and a reference from one file, which the package carries."""
+    file = folder / "measured.csv"
+    times = np.arange(0.0, 0.4, 0.007).tolist()
+    rows = [f"{t!r},{float(240 + 5 * np.sin(9 * t))!r},{float(3 + np.cos(40 * t))!r}" for t in times]
+    file.write_text("\n".join(["t,x [mm],F [kN]", *rows, ""]))
+    columns = {
+        "lift.disturbance.F_L": "F",
+        "lift.reference.x_d": "x",
+        "lift.reference.v_d": "der(x)",
+        "lift.reference.a_d": "der(der(x))",
+    }
+    source = {"file": file, "signals": columns, "interpolation": "cubic", "end": "repeat"}
+    step, count = 1e-3, 500
+    scenario = load("lift", input=[source], fmus=fmus, step_size=step, stop_time=step * count)
+    signals = [("input", "lift.disturbance.F_L"), ("lift.reference", "x_d"), ("lift.reference", "v_d")]
+    signals.append(("lift.plant", "x_L"))
+    return scenario.export(folder / "lift.ssp"), signals, step, count, our_run(scenario, signals, step)
+
+
+@pytest.fixture(scope="module", params=[study, data], ids=["study", "data"])
+def case(request: pytest.FixtureRequest, fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return request.param(fmu_folder, tmp_path_factory.mktemp("package"))
+
+
+@pytest.mark.parametrize("host", [libcosim_run, ecos_run], ids=["libcosim", "Ecos"])
+def test_package_has_the_values_of_our_run(
+    host: Callable[..., Array], case: Case, capfd: pytest.CaptureFixture[str]
+) -> None:
+    *arguments, expected = case
+    found = host(*arguments)
+    assert found.shape == expected.shape and np.isfinite(expected).all()
+    largest = np.abs(expected).max(axis=0)
+    assert (np.abs(found - expected).max(axis=0) <= 1e-12 * largest).all()
+    assert "".join(capfd.readouterr()) == "", "no warnings"
+
+
+def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path) -> None:
+    """In the places where OMSimulator and libcosim look for it."""
+    with zipfile.ZipFile(load("lift", fmus=fmu_folder).export(tmp_path / "lift.ssp")) as archive:
+        root = etree.fromstring(archive.read("SystemStructure.ssd"))
+
+    def attributes(path: str) -> dict[str, str]:
+        (found,) = root.xpath(path, namespaces=NAMESPACES)
+        return dict(found.attrib)
+
+    openmodelica = "ssd:System/ssd:Annotations/ssc:Annotation[@type='org.openmodelica']"
+    master = f"{openmodelica}/oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster"
+    assert attributes(master) == {
+        "description": "oms-ma",
+        "stepSize": "0.0001",
+        "absoluteTolerance": "1e-4",
+        "relativeTolerance": "1e-4",
+    }
+    platform = "ssd:DefaultExperiment/ssd:Annotations/ssc:Annotation[@type='com.opensimulationplatform']"
+    assert attributes(f"{platform}/osp:Algorithm/osp:FixedStepAlgorithm") == {"baseStepSize": "0.0001"}
+
+
+def test_manipulator_loads_and_diverges_without_strong_coupling(fmu_folder: Path, tmp_path: Path) -> None:
+    """Both hosts pass forces on a step late. Ecos goes on without the FMU that fails."""
+    system = load("hdrm-coupled").system
+    package = load("hdrm-coupled", fmus=fmu_folder).export(tmp_path / "machine.ssp")
+    read = load(str(package)).system
+    assert [c.name for c in read.components] == [c.name for c in system.components]
+    assert {str(x) for x in read.connections} == {str(x) for x in system.connections}
+    log_output_level(CosimLogLevel.FATAL)
+    execution = CosimExecution.from_ssp_file(str(package))
+    names = {component.name.replace(".", "_") for component in system.components}
+    assert {info.name.decode() for info in execution.slave_infos()} == names
+    done = 0
+    while done < 200 and execution.step(1):
+        done += 1
+    assert 10 < done < 100
+    EcosLib.set_log_level("off")
+    with EcosSimulation(1e-4, ssp_path=str(package)) as simulation:
+        assert simulation.init(parameter_set="initialValues")
+        positions = stepped(simulation, ["telescope_plant::x_L"], 200)[1:, 0]
+    swings = np.abs(np.diff(positions))
+    assert swings[:10].max() < 0.05 * swings.max()
+    assert len(set(positions[-100:])) == 1
+
+
+# ---- a system as one FMU ------------------------------------------------------------------------
+
+OUTPUTS = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]
+
+
+@pytest.mark.parametrize("host", ["libcosim", "Ecos", "Ecos with FMI 3.0"])
+@pytest.mark.parametrize("name", ["lift", "hdrm-coupled"])
+def test_system_as_one_fmu_has_the_bits_of_our_run(
+    name: str, host: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """The hosts have no rollback: the coupled machine is solved inside of the FMU."""
+    step, count = 1e-3, 20
+    scenario = load(name, stop_time=step * count, output_interval=step, fmus=fmu_folder)
+    version = {"fmi": 3} if host.endswith("3.0") else {}
+    fmu = scenario.export(tmp_path / "system.fmu", outputs=OUTPUTS, **version)
+    with scenario.prepare() as simulation:
+        run = simulation.run()
+    if host == "libcosim":
+        variables = {v.name: v.valueReference for v in fmpy.read_model_description(str(fmu)).modelVariables}
+        execution = CosimExecution.from_step_size(round(step * 1e9))
+        index = execution.add_local_slave(CosimLocalSlave(str(fmu), "system"))
+        found = observed(execution, [(index, variables[n]) for n in OUTPUTS], step, count)
+    else:
+        with EcosSimulationStructure() as structure:
+            structure.add_model("system", fmu)
+            with EcosSimulation(step, structure=structure) as simulation:
+                assert simulation.init()
+                found = stepped(simulation, [f"system::{n}" for n in OUTPUTS], count)
+    np.testing.assert_array_equal(found, np.array([run[n] for n in OUTPUTS]).T)
