@@ -21,8 +21,8 @@ from emla_cosim.sweeps.data import DIED, DONE
 from emla_cosim.sweeps.local_cluster import local_cluster
 from emla_cosim.sweeps.runner import sweep
 from tests.support.clusters import outside_cluster
-from tests.support.faulty_fmu import Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.hand_written_fmus import Fault, build_faulty_fmu
 
 VARIANTS, LONGEST_S = 40, 180.0
 STEP_SIZE, STOP_TIME = 0.001, 0.01

@@ -7,5 +7,3 @@ SUPPORT = Path(__file__).parent
 FOREIGN_PLANT = SUPPORT / "foreign_plant"
 FOREIGN_MAPPING = FOREIGN_PLANT / "ForeignPlant.ssm"
 """Maps the names of our plant to those of the foreign one."""
-ALL_TYPES = SUPPORT / "all_types" / "all_types.c"
-"""An FMU with variables of all types."""

@@ -9,17 +9,10 @@ import emla_cosim as ec
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.verification.findings import Finding
 from emla_cosim.verification.verdict import Verdict
-from tests.support.broken.editing import (
-    DESCRIPTION,
-    good_bytes,
-    read_files,
-    setting,
-    with_tree,
-    written,
-)
+from tests.support.broken.editing import DESCRIPTION, good_bytes, read_files, setting, with_tree, written
 from tests.support.c_programs import needs_cc
 from tests.support.commands import Emla
-from tests.support.event_fmu import build_event_fmu
+from tests.support.hand_written_fmus import build_event_fmu
 from tests.support.tiers import mostly_slow
 
 CLOCKED = ["EmlaObserver", "FocController", "RsbaController"]
@@ -62,7 +55,7 @@ def test_our_fmus_with_a_clock_pass(model: str, emla: Emla, tmp_path: Path) -> N
         assert one[check].verdict == Verdict.PASSED, one[check].sentence
 
 
-@pytest.mark.parametrize("clock", ["periodic", "asked", "changing", "countdown"])
+@pytest.mark.parametrize("clock", ["periodic", "fixed", "changing", "countdown"])
 def test_clocks_of_all_kinds_tick(clock: str, tmp_path: Path) -> None:
     """The FMU refuses ticks at other times, and steps over a tick."""
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock=clock)

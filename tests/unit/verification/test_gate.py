@@ -20,7 +20,7 @@ from tests.support.broken.dynamic import Fault, build_good_fmu
 from tests.support.broken.editing import DESCRIPTION, good_bytes, setting, with_files, with_text
 from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
-from tests.support.handwritten_fmu import compile_library
+from tests.support.hand_written_fmus import compile_library
 from tests.support.paths import SUPPORT
 
 _BROKEN = SUPPORT / "broken"

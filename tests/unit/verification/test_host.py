@@ -27,7 +27,7 @@ from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import Fault, build_good_fmu
-from tests.support.trigger_fmu import build_trigger_fmu
+from tests.support.hand_written_fmus import build_trigger_fmu
 
 
 def _subject(folder: Path, fault: Fault = Fault.NONE) -> Subject:

@@ -10,8 +10,7 @@ from emla_cosim.verification.catalogue import STATIC
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.examining import examined_here
-from tests.support.faulty_fmu import build_faulty_fmu
-from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.hand_written_fmus import build_faulty_fmu, build_handwritten_fmu
 from tests.support.paths import FOREIGN_PLANT
 
 NAMES = tuple(c.name for c in STATIC)
