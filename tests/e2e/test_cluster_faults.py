@@ -10,7 +10,6 @@ import socket
 import subprocess
 import sys
 import types
-from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -27,21 +26,13 @@ from emla_cosim.recorders.metrics import METRICS
 from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.stored import read_sweep
-from tests.support.clusters import CODE, At, family, outside_cluster, shared_cluster
+from tests.support.clusters import CODE, At, family, outside_cluster
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault
 from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.slow
-
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster() as client:
-        yield client
 
 
 def killing(flag: Path, value: float) -> Any:
@@ -71,7 +62,7 @@ def numbers(result: Any) -> list[int]:
 def test_variant_that_ends_its_process_is_reported(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
     """One variant's FMU ends every process that it comes to; another's process is killed once."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    faults = [Fault.NONE] * 4 + [Fault.SEGFAULT] + [Fault.NONE] * 3
+    faults = [Fault.NONE] * 2 + [Fault.SEGFAULT] + [Fault.NONE] * 2
     result = sweep(
         system,
         {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
@@ -80,10 +71,10 @@ def test_variant_that_ends_its_process_is_reported(cluster: Client, faulty_fmu: 
         **RUN,
     )
     assert (tmp_path / "flag").exists()
-    assert numbers(result) == list(range(8)) and result.complete
-    assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
-    assert "its process ended 2 times (SIGSEGV): an FMU crashed it" in result.variants["problem"][4]
-    assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
+    assert numbers(result) == list(range(5)) and result.complete
+    assert result.variants["status"].to_list() == ["done"] * 2 + ["died"] + ["done"] * 2
+    assert "its process ended 2 times (SIGSEGV): an FMU crashed it" in result.variants["problem"][2]
+    assert result.variants["y"].to_list() == pytest.approx([3.0] * 2 + [None] + [3.0] * 2)
 
 
 def command(fmus: Path, *more: str) -> list[str]:
@@ -116,6 +107,7 @@ def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows does not have the signals of POSIX.")
 @pytest.mark.parametrize("way", ["Ctrl-C", "caller"])
 def test_ended_sweep_leaves_nothing_and_can_be_continued(
@@ -165,6 +157,7 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
     assert not list(out.glob("parts")) and {p.name for p in out.rglob(".*")} <= {MANIFEST}
 
 
+@pytest.mark.slow
 def test_sweep_survives_the_loss_of_worker_and_scheduler(
     faulty_fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,67 +214,23 @@ def files_of_fmus(folder: Path) -> set[Path]:
     return {p for p in found if p.name == "modelDescription.xml" or p.suffix in (".fmu", ".so")}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="Other systems name libraries in other ways.")
-def test_next_worker_removes_fmus_of_a_lost_one(faulty_fmu: Path, tmp_path: Path) -> None:
-    """Nobody is left who could remove them: they lie where the next worker of the machine tidies up."""
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    with outside_cluster(tmp_path, workers=1) as outside:
-
-        def kill_all() -> None:
-            for one in family(outside.workers[0]):
-                one.suspend()  # else one could remove the files before it is killed itself
-            for one in family(outside.workers[0]):
-                one.kill()
-
-        with pytest.raises(RunError, match="had no workers for 1 s"):
-            sweep(
-                system, {"j.bad.b": "0.1:0.5:400"}, scheduler=outside.address, patience=1.0,
-                progress=At(5, kill_all), **RUN,
-            )  # fmt: skip
-        left = files_of_fmus(tmp_path / "worker-0")
-        assert left and {DASK in file.parts for file in left} == {True}
-        outside.worker("--no-nanny", "--local-directory", str(tmp_path / "worker-0/temporary"))
-        wait_for(lambda: not files_of_fmus(tmp_path / "worker-0"))
-
-
-def test_chunk_of_long_variants_returns_early(
-    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.slow
+def test_chunk_of_long_variants_returns_early(cluster: Client, faulty_fmu: Path) -> None:
     """Long variants after many short ones: no process keeps those that another one could run."""
-    short, long, long_s = 200, 8, 1.0
-    limits, answers = dict[int, float](), list[tuple[int, int, float]]()
-    next_chunk, take_answer = executor.ChunkQueue.next, executor.ChunkQueue.take_answer
 
     def process_of(result: Any) -> float:
         import os
         import time
 
-        time.sleep(long_s if result["j.bad.y"][-1] > 3.0 else 0.0)
+        time.sleep(0.5 if result["j.bad.y"][-1] > 3.0 else 0.0)
         return float(os.getpid())
 
-    def note_limit(queue: Any, threads: int) -> Any:
-        chunk, limit = next_chunk(queue, threads)
-        limits[chunk.variants[0]] = limit
-        return chunk, limit
-
-    def note_answer(queue: Any, chunk: Any, answer: Any) -> Any:
-        given = sum(number >= short for number in chunk.variants)
-        done = sum(pickle.loads(outcome).number >= short for outcome in answer.outcomes)
-        answers.append((given, done, limits[chunk.variants[0]]))
-        return take_answer(queue, chunk, answer)
-
-    monkeypatch.setattr(executor.ChunkQueue, "next", note_limit)
-    monkeypatch.setattr(executor.ChunkQueue, "take_answer", note_answer)
     result = sweep(
-        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * short + [0.9] * long},
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * 200 + [0.9] * 8},
         metrics={"process": process_of}, scheduler=cluster, **RUN,
     )  # fmt: skip
-    assert result.variants["status"].to_list() == ["done"] * (short + long)
-    for given, done, limit in answers:
-        assert done <= given and long_s * (done - 1) <= limit, "a chunk did not come back in time"
-    assert any(done < given for given, done, _ in answers), "no chunk had to come back early"
-    processes = result.variants["process"].to_list()[short:]
-    assert sorted(map(processes.count, set(processes)))[0] >= 2 and len(set(processes)) == 2
+    processes = result.variants["process"].to_list()[200:]
+    assert len(set(processes)) == 2 and sorted(map(processes.count, set(processes)))[0] >= 2
 
 
 def test_unreachable_scheduler_is_reported(
@@ -308,6 +257,7 @@ class Notes(Progress):
         self.notes.append(sentence)
 
 
+@pytest.mark.slow
 def test_scheduler_without_workers_is_waited_for(faulty_fmu: Path, tmp_path: Path) -> None:
     """It is said what is waited for; an adaptive cluster starts workers for what waits."""
     plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
@@ -328,6 +278,7 @@ def test_scheduler_without_workers_is_waited_for(faulty_fmu: Path, tmp_path: Pat
         assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
 
 
+@pytest.mark.slow
 def test_hanging_variant_is_named_and_ended(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
     system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
@@ -339,10 +290,10 @@ def test_hanging_variant_is_named_and_ended(cluster: Client, faulty_fmu: Path, t
     assert not partial.complete and not {3, 7} & set(numbers(partial))
     wait_for(lambda: sum(cluster.run(count_lost_processes).values()) == 0)
     result = sweep(
-        system, **plan, scheduler=cluster, output=out, resume=True, timeout="2 s", progress=seen,
+        system, **plan, scheduler=cluster, output=out, resume=True, timeout="5 s", progress=seen,
     )  # fmt: skip
     assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
-    assert result.variants["problem"][3] == "it took more than 2 s; see --timeout."
+    assert result.variants["problem"][3] == "it took more than 5 s; see --timeout."
     assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
     cluster.run(set_slow_s, 10.0)
 
@@ -360,6 +311,7 @@ def set_slow_s(seconds: float) -> None:
     worker._SLOW_S = seconds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "killers"), [("here", 1), ("nanny", 3), ("no nanny", 3)])
 def test_variants_that_end_processes_cost_no_worker(
     kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
@@ -386,6 +338,7 @@ def test_variants_that_end_processes_cost_no_worker(
     assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
 
 
+@pytest.mark.slow
 def test_worker_without_the_package_is_reported(faulty_fmu: Path, tmp_path: Path) -> None:
     """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
     (tmp_path / "other/emla_cosim").mkdir(parents=True)
@@ -444,6 +397,7 @@ if __name__ == "__main__":
 """Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""
 
 
+@pytest.mark.slow
 def test_definitions_of_a_script_run_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
     """The algorithm of docs/recipes.md, whose options are fields of a dataclass."""
     page = (ROOT / "docs/recipes.md").read_text(encoding="utf-8")
@@ -463,6 +417,7 @@ def test_definitions_of_a_script_run_on_workers(cluster: Client, fmu_folder: Pat
     assert done.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
 
 
+@pytest.mark.slow
 def test_worker_of_another_version_is_refused(
     cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,15 +1,15 @@
-"""Waiting for what a process does, however long the machine takes for it."""
+"""Wait for what a process does, also on a busy machine."""
 
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 
-def wait_for(is_true: Callable[[], object], seconds: float = 60.0) -> None:
-    """Look again and again until it is true; AssertionError where it never is."""
+def wait_for(is_true: Callable[[], object], seconds: float = 300.0) -> None:
+    """Wait until it is true. AssertionError after so many seconds."""
     until = time.monotonic() + seconds
     while not is_true():
-        assert time.monotonic() < until, "it never came"
+        assert time.monotonic() < until, f"not true after {seconds:.0f} s"
         time.sleep(0.01)
 
 

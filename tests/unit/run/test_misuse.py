@@ -267,14 +267,14 @@ def test_late_answer_of_an_isolated_fmu_is_ignored(faulty_fmu: Path) -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_values_of_other_types_are_refused(lift: ec.Simulation, tmp_path: Path) -> None:
+def test_values_of_other_types_are_refused(lift: ec.Simulation, faulty_fmu: Path) -> None:
     with pytest.raises(ec.CommandError, match="must be a number"):
         lift.run(stop_time=np.array([0.02, 0.03]))
     result = lift.run()
     for folder in (None, 3, b"x"):
         with pytest.raises(ec.CommandError, match=r"the folder is .* must be a text"):
             result.save(folder)  # pyright: ignore[reportArgumentType]
-    system = System(2 * (faulty("j.a", tmp_path),), ())
+    system = System(2 * (faulty("j.a", faulty_fmu),), ())
     with pytest.raises(ec.CommandError, match=r"there are two components 'j\.a'"):
         ec.load(system, stop_time=1.0, step_size=0.1).prepare()
 
