@@ -143,18 +143,6 @@ def test_without_states_strong_and_error_control_are_refused(stateless: Path) ->
         run(stateless, checkpoint=Path("never.npz"))
 
 
-def test_second_run_is_the_same(fmu: Path) -> None:
-    given = {"stop_time": 1.0, "step_size": STEP, "output_interval": STEP, "fmi_tolerance": 1e-6}
-    given["integrate_together"] = False
-    with ec.load(chain(fmu), **given).prepare() as simulation:
-        first, second = simulation.run(), simulation.run()
-        simulation.run(fmi_tolerance=1e-3, integrator="adams")
-        third = simulation.run(fresh=True)
-    for name in first.names:
-        for other in (second, third):
-            assert np.array_equal(first[name], other[name]), name
-
-
 @pytest.mark.slow
 def test_isolated_run_is_the_same(fmu: Path) -> None:
     plain, isolated = (run(chain(fmu), stop_time=1.0, isolate=isolate) for isolate in ([], ["b"]))

@@ -210,20 +210,6 @@ def test_single_fmu_takes_names_of_variables_alone(reference: Path, tmp_path: Pa
         load(two, set={"waypoint": 1.0}, **SHORT).prepare()
 
 
-def test_the_reference_of_one_fmu(reference: Path, tmp_path: Path) -> None:
-    """FMPy is the judge, in a table as the cross-check writes them."""
-    solved = fmpy.simulate_fmu(str(reference), stop_time=0.02, output_interval=0.001, output=["x_d", "v_d"])
-    for sign, name in ((0.0, "right"), (1.0, "wrong")):
-        lines = ["time,x_d,v_d", *(f"{t!r},{x + sign!r},{v!r}" for t, x, v in solved.tolist())]
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "Reference_ref.csv").write_text("\n".join(lines) + "\n")
-    right = load(reference, reference=tmp_path / "right", **SHORT).prepare().attempt()
-    assert right.problem is None
-    assert {c.signal for c in right.comparisons} == {"Reference.x_d", "Reference.v_d"}
-    wrong = load(reference, reference=tmp_path / "wrong" / "Reference_ref.csv", **SHORT).prepare().attempt()
-    assert "Reference.x_d" in str(wrong.problem)
-
-
 def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_path: Path) -> None:
     """FMPy is the judge, with both tables as the cross-check writes them."""
     plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"

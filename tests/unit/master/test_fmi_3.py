@@ -149,7 +149,7 @@ def checksum(time: float) -> int:
     return 1000 * len(data) + sum((i + 1) * byte for i, byte in enumerate(data))
 
 
-@pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::2]), ids=str)
+@pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::3]), ids=str)
 def test_binary_values_pass_through_connections(path: Path, options: dict[str, Any]) -> None:
     connections = ["a.Binary_source -> b.Binary_in", "b.Binary_out -> c.Binary_in", "a.x -> b.u[1,1]"]
     system, names = System.of(dict.fromkeys("abc", path), connections), ["b.checksum", "c.checksum"]

@@ -66,7 +66,7 @@ def test_start_values_survive_the_setup_of_the_experiment(reluctant: Path, isola
         assert other["Reluctant.x"][-1] == 0.0  # values that are 0 are set, too
 
 
-@pytest.mark.parametrize("isolate", mostly_slow([False, True], [True]))
+@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
 def test_ignored_start_values_are_reported(reluctant: Path, isolate: bool) -> None:
     chosen = _options({**VALUES, "stubborn": True}, isolate=isolate)
     with ec.load(str(reluctant), **chosen).prepare() as simulation:
