@@ -317,9 +317,9 @@ def test_variants_that_end_processes_cost_no_worker(
     kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
-    chosen = random.Random(killers).sample(range(40), killers)
-    others = Fault.NONE if kind == "no nanny" else Fault.SEGFAULT_TERMINATE  # after their variant is done
-    faults = [int(Fault.ABORT if n in chosen else others) for n in range(40)]
+    chosen = random.Random(killers).sample(range(5, 40), killers)
+    faults = [Fault.ABORT if n in chosen else Fault.NONE for n in range(40)]
+    faults[:3] = [Fault.SEGFAULT_TERMINATE] * 3  # ends the process of the next variant
     with ExitStack() as stack:
         scheduler: Any = cluster
         if kind != "here":
@@ -327,7 +327,7 @@ def test_variants_that_end_processes_cost_no_worker(
             scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
         result = sweep(
             line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
-            {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": faults}},
+            {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
             metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=scheduler, **RUN,
         )  # fmt: skip
         if kind != "here":

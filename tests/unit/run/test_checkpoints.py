@@ -237,7 +237,7 @@ def test_other_wiring_and_order_are_named(faulty_fmu: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
-def test_the_stop_time_must_come_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
+def test_stop_time_must_be_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
     text = sentence(emla("--resume", str(made / "c"), "--stop-time", stop), 2)
     assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
     assert sentence(emla("--resume", "gone"), 2) == "there is no checkpoint 'gone'."
