@@ -278,7 +278,9 @@ def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
     text = "time,y\n0,1\n"
     related = [RelatedFile("a&b_ref.csv", text, "result", "text/csv", 'A "result" of 1 < 2')]
     other, place = load_block("mine.py:Other"), "extra/org.fmi-standard.fmi-ls-ref"
-    with zipfile.ZipFile(build(other, "with.fmu", documents=Documents(related=related))) as archive:
+    with zipfile.ZipFile(
+        build(other, "with.fmu", flavour="python", documents=Documents(related=related))
+    ) as archive:
         assert archive.read(f"{place}/a&b_ref.csv").decode() == text
         root = ElementTree.fromstring(archive.read(f"{place}/fmi-ls-manifest.xml"))
     space = "{http://fmi-standard.org/fmi-ls-manifest}"
@@ -286,5 +288,5 @@ def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
     assert [one.attrib for one in root] == [
         {"type": "text/csv", "source": "a&b_ref.csv", "role": "result", "description": 'A "result" of 1 < 2'}
     ]
-    with zipfile.ZipFile(build(other, "without.fmu")) as archive:
+    with zipfile.ZipFile(build(other, "without.fmu", flavour="python")) as archive:
         assert not [name for name in archive.namelist() if name.startswith("extra")]

@@ -3,13 +3,14 @@
 import re
 import shutil
 import zipfile
+from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description, simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
@@ -18,6 +19,7 @@ from fmublock.__main__ import main
 from fmublock.errors import DisclosureError
 from fmublock.recipe import Recipe
 from tests.support.cart import Cart
+from tests.support.sessions import Session, opened, refused
 
 
 class Law(IntEnum):
@@ -118,76 +120,54 @@ def test_hidden_names_and_values_are_in_no_readable_file(full: Path, restricted:
     assert "secret" in zipfile.ZipFile(full).read("documentation/index.html").decode()
 
 
-def open_instance(fmu: Path, folder: Path, logged: list[str]) -> FMU2Slave:
-    """An instance in initialization mode."""
-    from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
-
-    description = read_model_description(str(fmu))
-    extract(str(fmu), unzipdir=str(folder))
-    slave = FMU2Slave(
-        guid=description.guid, unzipDirectory=str(folder), modelIdentifier="Spring", instanceName="spring"
-    )
-    callbacks = fmi2CallbackFunctions()
-    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *a: logged.append(a[-1].decode()))
-    slave.instantiate(callbacks=callbacks)
-    slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
-    return slave
+@pytest.fixture
+def session(restricted: Path, tmp_path: Path) -> Iterator[Session]:
+    with opened(restricted, tmp_path) as session:
+        yield session
 
 
-def test_hidden_and_fixed_variables_cannot_be_accessed(restricted: Path, tmp_path: Path) -> None:
-    logged: list[str] = []
-    slave = open_instance(restricted, tmp_path, logged)
-    layout = Spring.layout()
-    for name, message in {
-        "spring.k": "there is no variable with value reference 1",
-        "body.m": "body.m is fixed in this FMU and cannot be set",
-    }.items():
-        with pytest.raises(Exception, match="fmi2SetReal"):
-            slave.setReal([layout.reference(name)], [1.0])
-        assert message in logged[-1]
-    with pytest.raises(Exception, match="fmi2GetReal"):
-        slave.getReal([layout.reference("start.x")])
-    assert slave.getReal([layout.reference("body.m")]) == [2.0]
-    known = [layout.reference("body.m")]
-    with pytest.raises(Exception, match="fmi2GetDirectionalDerivative"):
-        slave.getDirectionalDerivative([layout.reference("y")], known, [1.0])
-    slave.freeInstance()
+def test_hidden_and_fixed_variables_cannot_be_accessed(session: Session) -> None:
+    slave = session.instance(running=False)
+    k, m, start, y = (Spring.layout().reference(n) for n in ("spring.k", "body.m", "start.x", "y"))
+    for call, message in (
+        (
+            lambda: slave.setReal([k], [1.0]),
+            "there is no variable with value reference 1",
+        ),
+        (
+            lambda: slave.setReal([m], [1.0]),
+            "body.m is fixed in this FMU and cannot be set",
+        ),
+        (lambda: slave.getReal([start]), "there is no variable with value reference"),
+        (lambda: slave.getDirectionalDerivative([y], [m], [1.0]), "body.m"),
+    ):
+        session.log.all.clear()
+        with refused():
+            call()
+        assert message in session.log.lines("toy")[0]
+    assert session.get(slave, "body.m") == [2.0]
 
 
-def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(
-    restricted: Path, tmp_path: Path
-) -> None:
-    """Also after another instance took the bytes; limits that are hidden are not in the log."""
-    x, v, F = (Spring.layout().reference(name) for name in ("x", "v", "F"))
+def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(session: Session) -> None:
+    """Also in another instance; limits that are hidden are not in the log."""
 
     def go_on(slave: FMU2Slave) -> list[float]:
         for k in range(100, 200):
             slave.doStep(k * 0.01, 0.01)
-        return slave.getReal([x, v])
+        return session.get(slave, "x", "v")
 
-    logged: list[str] = []
-    slave = open_instance(restricted, tmp_path / "first", logged)
-    slave.exitInitializationMode()
-    slave.setReal([F], [9.0])
+    slave = session.instance(F=9.0)
     for k in range(100):
         slave.doStep(k * 0.01, 0.01)
-    state = slave.getFMUState()
-    data = slave.serializeFMUState(state)
-    for value in (7.654321, 0.6):
-        assert np.float64(value).tobytes() not in bytes(data)
-    assert np.float64(2.0).tobytes() in bytes(data)
+    data = slave.serializeFMUState(slave.getFMUState())
+    for value, is_inside in ((7.654321, False), (0.6, False), (2.0, True)):
+        assert (np.float64(value).tobytes() in bytes(data)) == is_inside
     expected = go_on(slave)
-    assert "left its limits at" in logged[0]
-    assert "0.6 " not in logged[0]
-    slave.setFMUState(slave.deSerializeFMUstate(data))
-    assert go_on(slave) == expected
-    slave.freeInstance()
-    other = open_instance(restricted, tmp_path / "second", [])
-    other.exitInitializationMode()
-    other.setFMUState(other.deSerializeFMUstate(data))
-    assert go_on(other) == expected
-    other.freeInstance()
+    (line,) = session.log.lines("toy")
+    assert "left its limits at" in line and "0.6 " not in line
+    for each in (slave, session.instance("other")):
+        each.setFMUState(each.deSerializeFMUstate(data))
+        assert go_on(each) == expected
 
 
 @pytest.mark.parametrize(

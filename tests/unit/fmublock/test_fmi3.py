@@ -210,20 +210,6 @@ def test_adjoint_derivatives_are_the_transposed_directional_ones(host: Host, run
     assert "by" in host.refused(slave.getAdjointDerivative, [POWER], [TIME], [1.0], 1)
 
 
-def test_adjoint_derivatives_are_those_of_differences(host: Host) -> None:
-    slave, start, h = host.started(running=False), np.array([0.5, 3.0, 0.25, 0.5, -0.5]), 1e-6
-
-    def values(x: np.ndarray) -> np.ndarray:
-        slave.setFloat64(KNOWNS, list(x))
-        return np.array(slave.getFloat64(UNKNOWNS, nValues=N_UNKNOWNS))
-
-    differences = [(values(start + h * e) - values(start - h * e)) / (2 * h) for e in np.eye(N_KNOWNS)]
-    values(start)
-    seed = [1.0, -2.0, 0.5, 3.0, 0.25, -1.0]
-    found = slave.getAdjointDerivative(UNKNOWNS, KNOWNS, seed, nSensitivity=N_KNOWNS)
-    np.testing.assert_allclose(found, np.array(differences) @ seed, rtol=1e-6, atol=1e-8)
-
-
 def test_output_derivatives_are_those_of_the_states(host: Host) -> None:
     slave = host.started()
     slave.doStep(0.0, 0.1)

@@ -15,6 +15,8 @@ from tests.support.paths import ROOT
 from tests.support.sessions import WARNING, Session
 from tests.support.units import KINDS, Unit, Units, start
 
+COARSE = {"solver.internal_step": 0.125}
+
 
 @pytest.fixture(params=KINDS)
 def make(request: pytest.FixtureRequest, units: Units) -> Callable[[], Unit]:
@@ -27,7 +29,7 @@ def go_on(unit: Unit, count: int) -> None:
 
 
 def test_each_limit_is_reported_once_and_stops_nothing(make: Callable[[], Unit]) -> None:
-    unit = start(make(), a=-2.0)
+    unit = start(make(), a=-2.0, **COARSE)
     go_on(unit, 6)  # x = -t^2, v = -2 t
     assert unit.messages == [
         "cart: x = -2.25 left its limits, -1 to 2, at t = 1.5 s.",
@@ -52,7 +54,7 @@ def test_each_limit_is_reported_once_and_stops_nothing(make: Callable[[], Unit])
 def test_limits_are_start_values(
     make: Callable[[], Unit], values: dict[str, float], steps: int, message: str | None
 ) -> None:
-    unit = start(make(), **values)
+    unit = start(make(), **values, **COARSE)
     go_on(unit, steps)
     assert unit.messages == ([f"cart: {message}"] if message else [])
 

@@ -342,7 +342,8 @@ def test_a_repeated_step_gives_the_same_bits(make: Make) -> None:
 
 
 def test_states_continue_in_other_instances_which_share_nothing(make: Make) -> None:
-    unit, other, alone = start(make("a")), start(make("b"), x_0=0.9), start(make("c"))
+    unit, other = start(make("a"), **COARSE), start(make("b"), x_0=0.9, **COARSE)
+    alone = start(make("c"), **COARSE)
     for each in (other, unit, alone):
         assert each.step(0.0, 0.1)
     same(unit, alone)

@@ -120,13 +120,6 @@ def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Pat
     np.testing.assert_array_equal(found["cubic"], values)
 
 
-def test_rows_may_have_uneven_distances(tmp_path: Path) -> None:
-    times = np.concatenate([np.linspace(0.0, 1e-3, 500), np.geomspace(2e-3, 10.0, 300)])
-    values = np.sin(times)
-    found = outputs(a_table(times, values), tmp_path, 0.0, 0.01, 900)
-    np.testing.assert_allclose(found["linear"], np.interp(0.01 * np.arange(901), times, values), atol=1e-14)
-
-
 def test_a_repeated_table_starts_again_with_a_periodic_spline(tmp_path: Path) -> None:
     times = np.linspace(1.0, 3.0, 41)
     values = np.cos(np.pi * times)
