@@ -1,4 +1,4 @@
-"""`emla run --animate`."""
+"""`emla run --animate` writes a GIF, or one message on missing signals."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ from tests.support.whole_files import names
 RUN = ("run", "hdrm-replay", "--stop-time", "0.4", "--no-plots", "--output", "out")
 
 
-def test_it_writes_a_gif(emla: Emla) -> None:
+def test_run_writes_a_gif(emla: Emla) -> None:
     result = emla(*RUN, "--animate")
     assert result.exit_code == 0, result.output
     assert "manipulator.gif" in result.stdout
@@ -26,7 +26,7 @@ def test_it_writes_a_gif(emla: Emla) -> None:
     assert names(Path("out")) == {"results.csv", "metrics.json", "run.json"}
 
 
-def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_while_drawing_keeps_the_results(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = MachineFilm.__getitem__
 
     def ended(film: MachineFilm, index: int) -> Pixels:
@@ -41,7 +41,7 @@ def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pyte
     assert found == {"results.csv", "metrics.json", "run.json"}
 
 
-def test_signals_that_it_needs_must_be_kept(emla: Emla) -> None:
+def test_missing_signals_are_reported(emla: Emla) -> None:
     text = sentence(emla(*RUN, "--animate", "--signals", "machine.*"), 2)
     assert "not recorded: lift.plant.x_L, tilt.plant.x_L and telescope.plant.x_L." in text
     assert not any(Path("out").iterdir())

@@ -1,4 +1,4 @@
-"""Figures and verdict of loads that are not rigid, from rows whose figures are known."""
+"""Metrics and verdict of loads that are not rigid, from rows with known metrics."""
 
 import json
 from typing import Any
@@ -30,9 +30,8 @@ def judged(
     return dict(metrics.figures()["j"]), metrics
 
 
-@pytest.mark.parametrize("pieces", [1, 7])
-@pytest.mark.parametrize("start", [0.0, 5.0])
-def test_a_load_is_judged_apart_from_its_screw(start: float, pieces: int) -> None:
+@pytest.mark.parametrize(("pieces", "start"), [(1, 0.0), (7, 5.0)])
+def test_load_and_screw_are_judged_separately(start: float, pieces: int) -> None:
     """A load that sags by 0.87 mm is within a window of 1 mm, and outside of one of 0.5 mm."""
     found, metrics = judged(-0.87e-3, start=start, pieces=pieces)
     assert found["load_within_window"] is True and found["load_reason"] is None and metrics.remarks() == []
@@ -48,7 +47,7 @@ def test_a_load_is_judged_apart_from_its_screw(start: float, pieces: int) -> Non
 
 
 @pytest.mark.parametrize("pieces", [1, 5])
-def test_a_swinging_load_is_not_held_though_its_screw_is(pieces: int) -> None:
+def test_swinging_load_is_outside_its_window(pieces: int) -> None:
     found, _ = judged(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=pieces)
     assert found["load_within_window"] is False and "1.2 mm" in found["load_reason"]
     assert found["load_swing_m"] == pytest.approx(2e-3)
@@ -56,7 +55,7 @@ def test_a_swinging_load_is_not_held_though_its_screw_is(pieces: int) -> None:
 
 
 @pytest.mark.parametrize("pieces", [1, 7])
-def test_what_is_before_settling_does_not_count(pieces: int) -> None:
+def test_errors_before_settling_do_not_count(pieces: int) -> None:
     """The screw comes into its window at 0.8 s; the load was far off before."""
 
     def screw(t: np.ndarray) -> np.ndarray:
@@ -67,22 +66,21 @@ def test_what_is_before_settling_does_not_count(pieces: int) -> None:
     assert found["load_position_error_m"] == pytest.approx(0.1e-3)
 
 
-@pytest.mark.parametrize("pieces", [1, 5])
-@pytest.mark.parametrize("since", [0.0, 1.25])
-def test_a_load_without_a_finite_position_is_not_judged_by_what_is_left(pieces: int, since: float) -> None:
+@pytest.mark.parametrize(("pieces", "since"), [(1, 0.0), (5, 1.25)])
+def test_load_without_a_finite_position(pieces: int, since: float) -> None:
     found, metrics = judged(lambda t: np.where(t >= since, np.nan, 1e-5), pieces=pieces)
     assert found["load_within_window"] is False
     assert found["load_reason"] == f"The load of j has no finite position error from t = {since:.6g} s on."
     assert metrics.remarks() == [found["load_reason"]]
 
 
-def test_a_load_on_an_unsettled_screw_is_not_held() -> None:
+def test_load_on_an_unsettled_screw() -> None:
     found, metrics = judged(3e-3, screw=3e-3)
     assert found["load_within_window"] is False and found["load_reason"] == "j has not settled."
     assert metrics.remarks() == []  # the joint's own remark says it
 
 
-def test_runs_that_are_short_or_end_early_have_no_verdict() -> None:
+def test_short_runs_have_no_verdict() -> None:
     found, metrics = judged(0.0, stop=0.3)
     assert found["load_within_window"] is False and found["load_reason"].startswith("too short")
     assert "load_within_window" not in [figure.name for figure in metrics.shown]
@@ -95,7 +93,7 @@ def test_runs_that_are_short_or_end_early_have_no_verdict() -> None:
     )
 
 
-def test_figures_of_a_load_have_names_of_their_own() -> None:
+def test_requirements_find_metrics_of_loads() -> None:
     """`--require` and sweeps find both by joint and name."""
     kinds = {"joints": {"j": {"position_error_m": 1.0, "held": True}}, "loads": {"j": judged(0.5e-3)[0]}}
     flat = flatten_figures(kinds, {})
@@ -103,7 +101,7 @@ def test_figures_of_a_load_have_names_of_their_own() -> None:
     assert flat["j.load_position_error_m"] == pytest.approx(0.5e-3) and flat["j.load_within_window"] is True
 
 
-def test_a_run_shows_both_verdicts() -> None:
+def test_run_shows_both_verdicts() -> None:
     """The lift sags by 0.57 mm on its spring, which its screw does not show."""
     criteria = {"lift.position_window": 0.5e-3}
     result = ec.load("study-compliant", stop_time=0.8, criteria=criteria).prepare().run()

@@ -1,4 +1,4 @@
-"""A user's controller: what it takes from the actuator, as a block and as an FMU."""
+"""A user's controller takes values of the actuator, as a block and as an FMU."""
 
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,7 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def test_block_and_fmu_take_the_same_and_nothing_else(fmu_folder: Path, mine: Path) -> None:
+def test_block_and_fmu_take_the_same_values(fmu_folder: Path, mine: Path) -> None:
     runs = {}
     for controller in (Mine, str(mine)):
         scenario = ec.load("telescope", controller=controller, fmus=fmu_folder, stop_time=0.02)
@@ -78,7 +78,7 @@ def test_block_and_fmu_take_the_same_and_nothing_else(fmu_folder: Path, mine: Pa
     np.testing.assert_allclose(volts[0], factor * error[0], rtol=1e-12)
 
 
-def test_gains_of_a_set_override_what_the_machine_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gains_override_values_of_the_actuator(monkeypatch: pytest.MonkeyPatch) -> None:
     sets = {"own": ec.Gains("robust", {"telescope": {"most": 2.0, "R_s": 3.0}})}
     monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(Mine, sets))
     values = ec.load("telescope", controller="mine").system.component("telescope.controller").parameters
@@ -92,12 +92,12 @@ def test_gains_of_a_set_override_what_the_machine_says(monkeypatch: pytest.Monke
         (WrongUnit, r"machine\.R_s takes its value from the actuator and has the units Ohm and H"),
     ],
 )
-def test_what_the_actuator_has_not_is_refused(block: type[Block], sentence: str) -> None:
+def test_unknown_values_of_the_actuator_are_refused(block: type[Block], sentence: str) -> None:
     with pytest.raises(ec.CommandError, match=sentence):
         ec.load("telescope", controller=block)
 
 
-def test_controllers_derived_from_ours_know_the_machine_as_their_fmus_do(fmu_folder: Path) -> None:
+def test_derived_controllers_take_the_same_values(fmu_folder: Path) -> None:
     ours = ec.load("telescope", controller=FocController).system.component("telescope.controller")
     for controller in (Derived, str(fmu_path("FocController", "native", fmu_folder))):
         found = ec.load("telescope", controller=controller).system.component("telescope.controller")
@@ -106,7 +106,7 @@ def test_controllers_derived_from_ours_know_the_machine_as_their_fmus_do(fmu_fol
     assert not ours.note and issubclass(RsbaController, Block)
 
 
-def test_every_documented_name_has_a_value() -> None:
+def test_documented_names_have_values() -> None:
     page = (ROOT / "docs/own-controller.md").read_text()
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
     told = {
@@ -118,7 +118,7 @@ def test_every_documented_name_has_a_value() -> None:
     assert set(_known_units()) <= told
 
 
-def test_the_command_says_what_is_taken(emla: Emla, mine: Path) -> None:
+def test_command_lists_values_of_the_actuator(emla: Emla, mine: Path) -> None:
     done = emla("run", "lift", "--controller", str(mine), "--stop-time", "1e-3", "--no-plots")
     assert done.exit_code == 0, done.output
     taken = "lift.controller takes start values from the actuator: machine.Phi_PM = 0.15 Wb, machine.i_max"

@@ -1,4 +1,4 @@
-"""Roles that are given: figures, limits and pictures of joints in systems that call everything otherwise."""
+"""`--role`: metrics, limits and pictures of joints in systems with other names."""
 
 import json
 from collections.abc import Iterator
@@ -62,7 +62,7 @@ def renamed() -> ec.System:
 
 
 @pytest.mark.parametrize("given", [{}, {"{plant}.start.x_L": 0.38}])
-def test_figures_and_limits_are_those_of_the_usual_names(given: dict[str, float], fmu_folder: Path) -> None:
+def test_metrics_and_limits_do_not_depend_on_names(given: dict[str, float], fmu_folder: Path) -> None:
     how = {"stop_time": 0.5, "step_size": 1e-4, "fmus": fmu_folder}
     with load("lift", **how).prepare() as usual:
         expected = usual.run(set={n.format(plant="lift.plant"): v for n, v in given.items()})
@@ -81,7 +81,7 @@ def test_figures_and_limits_are_those_of_the_usual_names(given: dict[str, float]
         assert found.remarks[0] == expected.remarks[0].replace("lift.plant", "a.press")
 
 
-def test_a_joint_needs_no_more_than_its_position_and_reference(slide: ec.Simulation) -> None:
+def test_position_and_reference_are_enough(slide: ec.Simulation) -> None:
     result = slide.run(roles=SLIDE, output_interval=1e-3)
     figures = result.metrics["joints"]["slide"]
     error = np.abs(result["gantry.slide.place"] - result["gantry.motion.x_d"])
@@ -95,7 +95,7 @@ def test_a_joint_needs_no_more_than_its_position_and_reference(slide: ec.Simulat
     assert slide.run(roles=SLIDE, require=["slide.held == true"]).problem is None
 
 
-def test_a_range_is_left_where_a_parameter_bounds_it(slide: ec.Simulation) -> None:
+def test_limit_from_a_parameter(slide: ec.Simulation) -> None:
     result = slide.run(roles={**SLIDE, "slide.q_UB": "gantry.slide.reach"}, output_interval=1e-3)
     place = result["gantry.slide.place"]
     left = result.metrics["joints"]["slide"]["trip"]
@@ -114,14 +114,14 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("roles", "said"), WRONG)
-def test_what_is_wrong_is_said(roles: dict[str, str], said: str) -> None:
+@pytest.mark.parametrize(("roles", "words"), WRONG)
+def test_wrong_roles(roles: dict[str, str], words: str) -> None:
     with pytest.raises(ec.CommandError) as caught:
         check_roles(roles, ["a.x", "b.plan"], ["a.fast"])
-    assert str(caught.value).startswith(said)
+    assert str(caught.value).startswith(words)
 
 
-def test_a_scenario_names_them_and_pictures_show_them(package: Path, emla: Emla) -> None:
+def test_roles_of_a_scenario_file(package: Path, emla: Emla) -> None:
     text = (
         f'system = "{package}"\n[roles]\nslide.x_L = "gantry.slide.place"\nslide.x_d = "gantry.motion.x_d"\n'
     )
