@@ -1,5 +1,6 @@
 """A sweep has every variant once, although variants, workers, its scheduler or its caller end."""
 
+import http.client
 import os
 import pickle
 import random
@@ -231,6 +232,24 @@ def test_chunk_of_long_variants_returns_early(cluster: Client, faulty_fmu: Path)
     )  # fmt: skip
     processes = result.variants["process"].to_list()[200:]
     assert len(set(processes)) == 2 and sorted(map(processes.count, set(processes)))[0] >= 2
+
+
+@pytest.mark.slow
+def test_own_cluster_shows_nothing_to_other_users(cluster: Client) -> None:
+    """Pages of Dask would show them all that runs, and let them call functions."""
+
+    def list_ports() -> list[int]:
+        connections = psutil.Process().net_connections("tcp")
+        return sorted({c.laddr.port for c in connections if c.status == psutil.CONN_LISTEN})
+
+    ports: Any = cluster.run_on_scheduler(list_ports)
+    assert ports
+    for port in ports:
+        for page in ("/", "/status", "/health", "/info/main/workers.html", "/json/identity.json"):
+            with suppress(OSError, http.client.HTTPException):  # it is encrypted
+                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
+                connection.request("GET", page)
+                assert connection.getresponse().status == 404, (port, page)
 
 
 def test_unreachable_scheduler_is_reported(

@@ -27,6 +27,7 @@ from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import MARK, Fault, build_faulty_fmu
+from tests.support.processes import start
 from tests.support.tiers import mostly_slow
 from tests.support.waiting import wait_for
 from tests.support.whole_files import names
@@ -55,18 +56,13 @@ def complete(package: Path, **options: Any) -> polars.DataFrame:
         return simulation.run().to_polars()
 
 
-def start(
+def start_line(
     folder: Path, package: Path, fault: Fault, *options: object, code: str = ""
 ) -> subprocess.Popen[str]:
-    """Start a run of the line into the folder's `out`; `code` runs before the command."""
-    (folder / "temporary").mkdir(exist_ok=True)
-    program = f"{code}\nfrom emla_cosim.cli.program import main; main()"
+    """Start a run of the line into the folder's `out`."""
     arguments = ("run", package, "--output", "out", "--no-plots", "--output-interval", 0.1, *options)
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments), "--set", f"j.bad.fault={fault.value}"],
-        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(folder / "temporary"), MARK: str(folder / HANGS)},
-    )  # fmt: skip
+    value = ("--set", f"j.bad.fault={fault.value}")
+    return start(folder, *arguments, *value, code=code, environment={MARK: str(folder / HANGS)})
 
 
 def failure(process: subprocess.Popen[str], folder: Path) -> str:
@@ -115,7 +111,7 @@ def test_fmu_that_ends_the_process_is_named_and_rows_are_kept(
     fault: Fault, options: tuple[str, ...], isolated: bool, call: str, package: Path, tmp_path: Path
 ) -> None:
     more = ("--isolate", "j.bad") if isolated else ()
-    process = start(tmp_path, package, fault, *options, *more)
+    process = start_line(tmp_path, package, fault, *options, *more)
     if fault is Fault.ORPHAN:
         assert process.wait(300.0) == 1  # its copy has the streams still open
     else:
@@ -145,14 +141,14 @@ def test_fmu_that_ends_the_process_is_named_and_rows_are_kept(
 def test_results_are_complete_when_an_fmu_crashes_at_its_end(
     fault: Fault, call: str, package: Path, tmp_path: Path
 ) -> None:
-    message = failure(start(tmp_path, package, fault, *STRONG), tmp_path)
+    message = failure(start_line(tmp_path, package, fault, *STRONG), tmp_path)
     assert f"j.bad ended the process in {call} (SIGSEGV), when the results were complete." in message
     assert record(tmp_path)["status"] in message
     assert record(tmp_path)["components"]["j.bad"]["parameters"]["fault"] == str(fault.value)
     assert table(tmp_path).equals(complete(package, algorithm="strong"))
     assert steps(tmp_path) == 10
     if fault is Fault.SEGFAULT_FREE:  # an isolated FMU may end like this
-        isolated = start(tmp_path, package, fault, *STRONG, "--isolate", "j.bad", "--overwrite")
+        isolated = start_line(tmp_path, package, fault, *STRONG, "--isolate", "j.bad", "--overwrite")
         assert isolated.communicate(timeout=300.0) and isolated.returncode == 0
         assert record(tmp_path)["status"] == "completed"
 
@@ -160,11 +156,11 @@ def test_results_are_complete_when_an_fmu_crashes_at_its_end(
 @needs_fork
 @pytest.mark.slow
 def test_crash_before_the_first_step_and_after_an_error(package: Path, tmp_path: Path) -> None:
-    message = failure(start(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
+    message = failure(start_line(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
     assert "before its first step: j.bad ended the process in exitInitializationMode (SIGSEGV)" in message
     assert record(tmp_path) == {"scenario": "system", "status": message[7:].partition(" The results")[0]}
     sink = ("--set", f"j.sink.fault={Fault.SEGFAULT_FREE.value}", "--overwrite")
-    message = failure(start(tmp_path, package, Fault.ERROR, *sink), tmp_path)
+    message = failure(start_line(tmp_path, package, Fault.ERROR, *sink), tmp_path)
     assert "j.bad answered doStep at t = 0.3 s with fmi2Error" in message
     assert "Then j.sink ended the process in freeInstance (SIGSEGV)" in message
 
@@ -201,7 +197,7 @@ def test_rows_that_wait_for_the_disk_are_kept(
 ) -> None:
     """4000 rows make a block: some are stored, some are passed on, and some wait when the process ends."""
     more = (*SMALL_STEPS, "--set", f"j.bad.at={at}", *options)
-    failure(start(tmp_path, package, Fault.SEGFAULT, *more, code=code), tmp_path)
+    failure(start_line(tmp_path, package, Fault.SEGFAULT, *more, code=code), tmp_path)
     assert (tmp_path / "slow").exists() == bool(code)
     rows = table(tmp_path)
     assert np.allclose(rows["time"], 1e-4 * np.arange(round(at * 1e4 + 0.5)))
@@ -211,12 +207,12 @@ def test_rows_that_wait_for_the_disk_are_kept(
 @needs_fork
 @pytest.mark.slow
 def test_parquet_and_continued_runs_are_kept(package: Path, tmp_path: Path) -> None:
-    failure(start(tmp_path, package, Fault.SEGFAULT, "--output-format", "parquet"), tmp_path)
+    failure(start_line(tmp_path, package, Fault.SEGFAULT, "--output-format", "parquet"), tmp_path)
     assert names(tmp_path / "out") == {"results.parquet", "metrics.json", "run.json"}
     assert polars.read_parquet(tmp_path / "out/results.parquet").equals(complete(package)[:4])
-    first = start(tmp_path, package, Fault.SEGFAULT, "--stop-time", 0.2, "--checkpoint", "c")
+    first = start_line(tmp_path, package, Fault.SEGFAULT, "--stop-time", 0.2, "--checkpoint", "c")
     assert first.communicate(timeout=300.0) and first.returncode == 0
-    failure(start(tmp_path, package, Fault.SEGFAULT, "--resume", "c"), tmp_path)
+    failure(start_line(tmp_path, package, Fault.SEGFAULT, "--resume", "c"), tmp_path)
     assert table(tmp_path).equals(complete(package)[:4])
     assert steps(tmp_path) == 1
 
@@ -237,7 +233,7 @@ o.OutputFolder.keep = kill
 @pytest.mark.slow
 def test_run_killed_between_its_last_row_and_its_files_gets_them(package: Path, tmp_path: Path) -> None:
     interval = ("--output-interval", 0.3)
-    process = start(tmp_path, package, Fault.NONE, *interval, code=KILLED_WHILE_WRITING)
+    process = start_line(tmp_path, package, Fault.NONE, *interval, code=KILLED_WHILE_WRITING)
     assert "the run ended at t = 1 s: the process was killed" in failure(process, tmp_path)
     assert table(tmp_path)["time"].to_list() == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
     assert steps(tmp_path) == 10
@@ -251,7 +247,7 @@ def test_run_killed_between_its_last_row_and_its_files_gets_them(package: Path, 
 @pytest.mark.slow
 @pytest.mark.parametrize("isolated", [False, True], ids=["supervised", "isolated"])
 def test_ctrl_c_twice_ends_a_call_that_never_returns(isolated: bool, package: Path, tmp_path: Path) -> None:
-    process = start(tmp_path, package, Fault.HANG, *(["--isolate", "j.bad"] if isolated else []))
+    process = start_line(tmp_path, package, Fault.HANG, *(["--isolate", "j.bad"] if isolated else []))
     wait_for((tmp_path / HANGS).exists)
     for _ in range(5):  # a busy machine may join two signals to one request
         for _ in range(2):
@@ -268,7 +264,7 @@ def test_ctrl_c_twice_ends_a_call_that_never_returns(isolated: bool, package: Pa
 @pytest.mark.slow
 @pytest.mark.parametrize("isolated", [False, True], ids=["supervised", "isolated"])
 def test_killed_parent_ends_its_children(isolated: bool, package: Path, tmp_path: Path) -> None:
-    process = start(tmp_path, package, Fault.HANG, *(["--isolate"] if isolated else []))
+    process = start_line(tmp_path, package, Fault.HANG, *(["--isolate"] if isolated else []))
     wait_for((tmp_path / HANGS).exists)
     children = psutil.Process(process.pid).children(recursive=True)
     assert len(children) == (4 if isolated else 1)

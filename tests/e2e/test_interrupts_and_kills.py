@@ -23,6 +23,7 @@ from emla_cosim.sweeps.data import STATUS
 from emla_cosim.views.output_folder import OutputFolder
 from tests.support.clusters import family
 from tests.support.commands import Emla, sentence
+from tests.support.processes import start
 from tests.support.waiting import has_rows, wait_for
 from tests.support.whole_files import assert_whole, names
 
@@ -55,17 +56,6 @@ def slow(*arguments, **named):
     open('saving', 'w').close(); time.sleep(2.0); return save(*arguments, **named)
 OutputFolder.save = slow
 """
-
-
-def start(folder: Path, *arguments: object, code: str = "") -> subprocess.Popen[str]:
-    """Start a command with its temporary files in the folder; `code` runs before it."""
-    (folder / "temporary").mkdir()
-    program = f"{code}\nfrom emla_cosim.cli.program import main; main()"
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        cwd=folder, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(folder / "temporary")},
-    )  # fmt: skip
 
 
 def run(fmus: Path, stop_time: str = STOP_TIME) -> tuple[object, ...]:
