@@ -19,7 +19,6 @@ from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
 from tests.support.in_process import started
 from tests.support.joint_data import COMPENSATED, EMLAS, LIFT, gains_of, observers
-from tests.support.tiers import mostly_slow
 
 COMPARED = (FocController, CacController, AnatcController)
 
@@ -51,23 +50,20 @@ LOOPS = {
 
 
 RESERVES = {"u_reserve": 0.2, "i_reserve": 0.1}
-CASES = [(block, reserves) for block in COMPARED for reserves in ({}, RESERVES)]
 
 
-@pytest.mark.parametrize(("block", "reserves"), mostly_slow(CASES, CASES[1::2]))
-def test_the_loop_is_that_of_an_independent_implementation(
-    block: type[Block], reserves: dict[str, Any]
-) -> None:
+@pytest.mark.parametrize("block", COMPARED)
+def test_the_loop_is_that_of_an_independent_implementation(block: type[Block]) -> None:
     """Plant and controller with true states, from 2 mm beside the reference, through the current's limit."""
     gains, reference, count = LOOPS[block]
-    gains, reference = {**gains, **reserves}, replace(reference, limits=independent.Limits(**reserves))
+    gains, reference = {**gains, **RESERVES}, replace(reference, limits=independent.Limits(**RESERVES))
     times = np.linspace(0.0, UNTIL, 21)
     ours = _ours(block, gains, times)
     theirs = _theirs(reference, count, times)
     moved = np.ptp(theirs, axis=0)
     assert np.all(np.abs(ours - theirs) <= 5e-6 * moved + 1e-10)
     assert moved[0] > 1e-3
-    assert np.max(theirs[:, 2]) > 0.9 * (1.0 - reserves.get("i_reserve", 0.0)) * 105.0
+    assert np.max(theirs[:, 2]) > 0.9 * (1.0 - RESERVES["i_reserve"]) * 105.0
 
 
 def _ours(block: type[Block], gains: dict[str, Any], times: np.ndarray) -> np.ndarray:

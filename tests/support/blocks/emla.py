@@ -290,11 +290,13 @@ FACTS = {
         | {"d_3.amplitude[2]": 1.5, "d_3.omega[2]": 9.0}
         | {"d_4.amplitude": 2.5, "d_4.omega": 5.0, "d_4.phase": 0.5},
         points=disturbance_points,
+        has_model_exchange=False,
     ),
     "SignalFault": BlockFacts(
         start={"freeze": True, "start": 0.1, "duration": 0.2},
         inputs={"u": 0.5},
         smooth={"u": 0.2, "gain": 2.0, "offset": 3.0, "start": 0.1},
         points=fault_points,
+        has_model_exchange=False,
     ),
 }

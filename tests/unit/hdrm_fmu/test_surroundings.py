@@ -78,7 +78,7 @@ def anywhere() -> Any:
     return st.tuples(*(st.floats(0.0, high) for high in HDRM.q_UB))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @examples(3, 60, deadline=None, phases=[Phase.generate])
 @given(seed=st.integers(0, 10**9))
 def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None:
