@@ -1,4 +1,4 @@
-"""The joint against an independent statement of its equations, and against what physics demands.
+"""The joint against an independent statement of its equations, and against laws of physics.
 
 The oracle is `reference_model`: the whole joint as one ordinary differential equation, solved to
 a tolerance far below anything asserted here.
@@ -281,7 +281,7 @@ def test_energy_balance_of_the_plant() -> None:
         ("d_4", -0.15, "i_d", -1),
     ],
 )
-def test_what_acts_on_the_plant_acts_in_the_right_direction(
+def test_inputs_of_the_plant_act_in_the_right_direction(
     cause: str, size: float, state: str, sign: int
 ) -> None:
     h = 1e-3

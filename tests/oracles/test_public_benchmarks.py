@@ -30,7 +30,7 @@ def swinging(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ec.Simulation
         yield simulation
 
 
-def test_the_crane_rests_where_its_authors_say() -> None:
+def test_crane_rests_until_the_valve_moves() -> None:
     """Pressures and valve as printed in the benchmark; and it stays there until the valve moves."""
     assert crane.equilibrium() == pytest.approx((3170846.2, 4529153.8, 0.45434559), rel=2e-8)
     resting = crane.solution()[:201, 1]
@@ -48,7 +48,7 @@ def test_the_crane_rests_where_its_authors_say() -> None:
         ("strong", "fmu", 0.001, 6.2e-8),
     ],
 )
-def test_errors_of_the_crane_are_as_the_steps_make_them(
+def test_errors_of_the_crane(
     lifting: ec.Simulation, algorithm: str, extrapolation: str, step: float, error: float
 ) -> None:
     """The largest error of the cylinder's length in m; its range is 96 mm."""
@@ -71,10 +71,10 @@ def test_jacobi_at_40_ms_does_not_reach_the_end_of_the_crane(lifting: ec.Simulat
     ("algorithm", "extrapolation", "tolerance"),
     [("gauss-seidel", "fmu", 1e-2), ("gauss-seidel", "fmu", 1e-3), ("strong", "fmu", 1e-2)],
 )
-def test_error_control_sees_the_valve_move(
+def test_error_control_shortens_steps_when_the_valve_moves(
     lifting: ec.Simulation, algorithm: str, extrapolation: str, tolerance: float
 ) -> None:
-    """After two seconds of rest, in which every step is good enough; nobody says when it moves."""
+    """After two seconds of rest, in which every step is good enough; the time of the move is not an event."""
     result = lifting.run(
         algorithm=algorithm, extrapolation=extrapolation, error_tolerance=tolerance, output_interval=0.01
     )
@@ -92,7 +92,7 @@ def test_error_control_sees_the_valve_move(
         ("strong", "fmu", 7.6e-4, 1.0e-6),
     ],
 )
-def test_errors_of_the_oscillator_are_as_the_algorithms_make_them(
+def test_errors_of_the_oscillator(
     swinging: ec.Simulation, algorithm: str, extrapolation: str, error: float, gained: float
 ) -> None:
     """In steps of 1 ms, as a part of each signal's range; energy should neither come nor go."""

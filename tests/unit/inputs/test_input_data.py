@@ -83,6 +83,8 @@ def test_numbers_are_read_to_the_last_bit(
         ("time,x\n0,1\n1,two\n", "has 'two' in row 2 of the column 'x'; it must be a finite number."),
         ("time,x\nlater,what\n0,1\n1,1\n", r"has 'later' in row 1 .* \(write units in the header"),
         ("time,x\n0,1\n1,\n", "has nothing in row 2 of the column 'x'"),
+        ("time,x\n,1\n1,2\n", "has nothing in row 1 of the column 'time'"),
+        ("time,x\n0,\n1,2\n", "has nothing in row 1 of the column 'x'"),
         ("time,x\n0,1\n\n1,2\n", "has nothing in row 2 of the column 'time'"),
         ("time,x\n0,nan\n1,2\n", "has 'nan' in row 1 of the column 'x'"),
         ("time,x\n0,1\n1,1e999\n", "has '1e999' in row 2 of the column 'x'"),

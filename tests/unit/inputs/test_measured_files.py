@@ -311,35 +311,6 @@ def test_measurement_files_drive_signals(name: str, write, fmu_folder: Path, tmp
         LoadedInput.of(Input(file, {LOAD: "Force", POSITION: "x"}))
 
 
-def test_measurement_file_and_its_times_are_read_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Opening a file with thousands of channels takes seconds."""
-    write_mdf(tmp_path / "a.mf4")
-    calls = list[str]()
-
-    class Counted(MDF):
-        def __init__(self, *arguments, **options) -> None:
-            calls.append("open")
-            super().__init__(*arguments, **options)
-
-        def get_master(self, *arguments, **options) -> np.ndarray:
-            calls.append("times")
-            return super().get_master(*arguments, **options)
-
-        def get(self, *arguments, **options) -> Signal:
-            calls.append("channel")
-            return super().get(*arguments, **options)
-
-    monkeypatch.setattr("asammdf.MDF", Counted)
-    loaded = LoadedInput.of(Input(tmp_path / "a.mf4", {LOAD: "Force", POSITION: "count"}))
-    assert loaded.times.tolist() == TIMES
-    for name in ("Force", "count"):
-        position = loaded.data.find(name)
-        assert position is not None and len(loaded.data.numbers(position)) == 3
-    assert calls == ["open", "times", "channel", "channel"]
-
-
 def test_missing_package_is_named(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_mdf(tmp_path / "a.mf4")
     monkeypatch.setitem(sys.modules, "asammdf", None)

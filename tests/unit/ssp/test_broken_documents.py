@@ -27,8 +27,14 @@ from tests.support.ssp_documents import (
 )
 
 DEFINITION, PACKAGE = "application/x-ssp-definition", "application/x-ssp-package"
-A = component("a", "a.fmu", "u:input y:output")
-B = component("b", "a.fmu", "u:input y:output")
+
+
+def part(name: str, ports: str) -> str:
+    return component(name, "a.fmu", ports)
+
+
+A = part("a", "u:input y:output")
+B = part("b", "u:input y:output")
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +50,10 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
 NO_DIRECTION = "not lead from an output to an input"
 THROUGH = system("s", connection("in -> out"), ports="in:input out:output")
-BRANCH = system("t", component("a", "a.fmu", "u:input"), connection("in -> a.u"), ports="in:input")
+BRANCH = system("t", part("a", "u:input"), connection("in -> a.u"), ports="in:input")
 INNER = system("i", A, connection("in -> a.u"), ports="in:input:mm", id="it")
 KELVIN = (
-    component("c", "a.fmu", "y:output"),
+    part("c", "y:output"),
     connection("c.y -> a.u", suppress_unit_conversion=True),
 )  # shows the unit of the connector where a value passes it
 
@@ -62,14 +68,14 @@ KELVIN = (
         ((A, B, connection("a.u -> b.u")), ["a.u -> b.u", NO_DIRECTION]),
         ((A, B, FIRST, SECOND), ["b.u", "two connections", "a.y -> b.u and b.y -> b.u"]),
         ((A, A), ["line", "'root'", "second element 'a'"]),
-        ((component("a", "a.fmu", "u:input u:input"),), ["second connector a.u"]),
-        ((component("a", "a.fmu", "z:input"),), ["a.z", "no variable", "'a.fmu'"]),
-        ((component("a", "a.fmu", "u:output"),), ["a.u", "kind output", "input"]),
-        ((component("a", "a.fmu", "u:input:Integer"),), ["a.u", "type Integer", "Real"]),
-        ((A, component("b", "a.fmu", "w:input"), connection("a.y -> b.w")), ["a.y -> b.w", "m and K"]),
-        ((component("a", "a.fmu", "u:input:K"), *KELVIN), ["the variable of a.u", "K and m"]),
+        ((part("a", "u:input u:input"),), ["second connector a.u"]),
+        ((part("a", "z:input"),), ["a.z", "no variable", "'a.fmu'"]),
+        ((part("a", "u:output"),), ["a.u", "kind output", "input"]),
+        ((part("a", "u:input:Integer"),), ["a.u", "type Integer", "Real"]),
+        ((A, part("b", "w:input"), connection("a.y -> b.w")), ["a.y -> b.w", "m and K"]),
+        ((part("a", "u:input:K"), *KELVIN), ["the variable of a.u", "K and m"]),
         (
-            (B, component("a", "a.fmu", "u:input:inch"), connection("b.y -> a.u")),
+            (B, part("a", "u:input:inch"), connection("b.y -> a.u")),
             ["b.y -> a.u", "units m and inch", "not defined", "`--lenient`"],
         ),
         ((A, B, connection("a.y -> b.u", table("Integer", _1=2))), ["a.y -> b.u", "IntegerMapping"]),

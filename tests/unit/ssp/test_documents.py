@@ -1,7 +1,5 @@
 """Documents of an SSP: inside each other, as packages and folders, of both versions; names and times."""
 
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -260,19 +258,3 @@ def test_only_ids_of_the_top_level_are_names(tmp_path: Path, fmu: Path) -> None:
     found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
     names = [c.name for c in found.system.components]
     assert names == ["s.lift_plant", "s.b", "tilt_plant.a", "crane.pump"]
-
-
-@pytest.mark.slow
-def test_xml_library_is_loaded_with_the_first_document() -> None:
-    """Commands that read and write no documents do not wait for it."""
-    code = (
-        "import sys\n"
-        "import emla_cosim.ssp.reader.flat_document, emla_cosim.ssp.writer.package_writer, "
-        "emla_cosim.fmu.file\n"
-        "from emla_cosim.ssp.documents.parameter_sets import format_mapping\n"
-        "before = 'lxml' in sys.modules\n"
-        "format_mapping(())\n"
-        "print(before, 'lxml' in sys.modules)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "True"]

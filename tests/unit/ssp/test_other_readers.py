@@ -20,6 +20,7 @@ from pyssp_standard.standard import ModelicaStandard
 
 import emla_cosim as ec
 import emla_cosim.ssp.documents
+import emla_cosim.study.loading  # registers the built-in scenarios
 from emla_cosim import Fault
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.run.scenarios.built_in import SCENARIOS
@@ -201,16 +202,13 @@ def test_each_component_has_its_own_set_of_names_that_it_has(package: Path) -> N
     assert {f"resources/{f.name}" for f in package.rglob("*.ssv")} == set(sources)
 
 
-_NAMES = """study study-drive study-compliant lift tilt telescope prototype published published-true-states
-experiment-1 experiment-2 hdrm-replay hdrm-coupled hdrm-merged"""
-BUILT_IN = _NAMES.split()
 FAULTS = {
     "freeze": Fault("lift.plant.x_measured", "freeze", 0.001),
     "offset": Fault("lift.plant.x_measured", "offset", 0.001, 0.0005, 1e-6),
     "gain": Fault("lift.observer.y", "gain", 0.001, value=0.999),
     "constant": Fault("lift.plant.d_2", "constant", 0.001, value=0.1),
 }
-CASES: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in BUILT_IN}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in SCENARIOS}
 CASES |= {f"{kind} fault": ("lift", {"fault": [fault]}) for kind, fault in FAULTS.items()}
 CASES |= {
     "published gains": ("study-drive", {"gains": "published"}),
@@ -218,11 +216,6 @@ CASES |= {
     "input": ("lift", {"input": "load.csv"}),
     "actuator": ("prototype", {"actuator": {"prototype": "axis.toml"}}),
 }
-
-
-def test_cases_are_all_built_in_scenarios() -> None:
-    ec.load("lift")
-    assert set(SCENARIOS) == set(BUILT_IN)
 
 
 def prepared(case: str, folder: Path, **more: Any) -> ec.Scenario:

@@ -317,7 +317,7 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
          "it needs"),
     ],
 )  # fmt: skip
-def test_what_is_refused(parts: tuple[str, ...], words: str, fmus: dict[str, Path], tmp_path: Path) -> None:
+def test_invalid_arrays(parts: tuple[str, ...], words: str, fmus: dict[str, Path], tmp_path: Path) -> None:
     with pytest.raises(CommandError, match=rf"SystemStructure.ssd' line \d+.*{words}"):
         run(written(tmp_path, fmus, *parts))
 
@@ -387,7 +387,7 @@ def test_results_of_a_package_have_the_same_bytes(exported: tuple[Path, Path], t
     assert first == second
 
 
-def test_another_reader_accepts_it(exported: tuple[Path, Path], tmp_path: Path) -> None:
+def test_pyssp_standard_reads_the_package(exported: tuple[Path, Path], tmp_path: Path) -> None:
     """Its schemas of SSP 2.0, for the structure with XSD 1.1. Its values lack the types of SSP 2.0."""
     with zipfile.ZipFile(exported[0]) as archive:
         archive.extractall(tmp_path)
@@ -432,7 +432,7 @@ def test_another_reader_accepts_it(exported: tuple[Path, Path], tmp_path: Path) 
         (["a.y[1,1] -> b.u"], {}, "2.0"),
     ],
 )
-def test_the_oldest_version_that_suffices(
+def test_oldest_sufficient_version_is_written(
     connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
 ) -> None:
     made = System.of({"a": fmus["Third"], "b": fmus["Scalar"]}, connections, given)

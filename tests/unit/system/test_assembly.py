@@ -1,4 +1,4 @@
-"""Systems put together from FMU files, and what does not fit."""
+"""Systems assembled from FMU files, and messages for what does not match."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
         assert [s.name for s in assembly.network.instances] == [c.name for c in system.components]
 
 
-def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
+def test_plant_is_stepped_before_the_controller(fmu_folder: Path) -> None:
     system = load("lift").system
     with Assembly(system, files(system, fmu_folder)) as assembly:
         order = [assembly.network.instances[i].name.split(".")[1] for i in assembly.network.order]
@@ -60,15 +60,13 @@ def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
         ([("plant.x_masured", "observer.y")], "plant has no variable 'x_masured'; did you mean x_measured"),
     ],
 )
-def test_connections_that_make_no_sense(
-    connections: list[tuple[str, str]], message: str, fmu_folder: Path
-) -> None:
+def test_invalid_connections(connections: list[tuple[str, str]], message: str, fmu_folder: Path) -> None:
     with pytest.raises(CommandError, match=message), Assembly(*pair(connections, fmu_folder)):
         pass
 
 
-def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_folder: Path) -> None:
-    """The plant says so when initialization ends; the master asks it to before it runs anything."""
+def test_error_of_an_fmu_is_reported_with_its_log(fmu_folder: Path) -> None:
+    """The plant checks its values when initialization ends, before the run starts."""
     system, paths = pair([], fmu_folder)
     with Assembly(system, paths) as assembly:
         plant = assembly.network.instances[0]

@@ -24,7 +24,7 @@ def plain_split(components: list[Component], path: str) -> tuple[Component, str]
 @example(["lift", "lift."], "lift..x")
 @example(["a", "a"], "a.b")
 @given(st.lists(names, max_size=6), names)
-def test_a_path_belongs_to_the_longest_name(found: list[str], path: str) -> None:
+def test_path_belongs_to_the_component_with_the_longest_name(found: list[str], path: str) -> None:
     components = [Component(name, parameters={"number": i}) for i, name in enumerate(found)]
     expected = plain_split(components, path)
     try:
@@ -38,7 +38,7 @@ def test_a_path_belongs_to_the_longest_name(found: list[str], path: str) -> None
 
 
 @given(st.lists(names, max_size=6), names)
-def test_a_component_is_the_first_of_its_name(found: list[str], name: str) -> None:
+def test_first_component_of_a_name_is_returned(found: list[str], name: str) -> None:
     components = [Component(n, parameters={"number": i}) for i, n in enumerate(found)]
     try:
         component = System(tuple(components), ()).component(name)
@@ -49,7 +49,7 @@ def test_a_component_is_the_first_of_its_name(found: list[str], name: str) -> No
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("abc")), max_size=8))
-def test_connections_are_found_by_both_of_their_ends(ends: list[tuple[str, str]]) -> None:
+def test_connections_are_listed_by_source_and_by_target(ends: list[tuple[str, str]]) -> None:
     connections = [Connection(a, f"y{i}", b, f"u{i}") for i, (a, b) in enumerate(ends)]
     system = System((), tuple(connections))
     for name in "abcd":
@@ -57,7 +57,7 @@ def test_connections_are_found_by_both_of_their_ends(ends: list[tuple[str, str]]
         assert list(system.out_of(name)) == [x for x in connections if x.source == name]
 
 
-def test_a_changed_system_finds_what_is_changed() -> None:
+def test_changed_system_returns_its_own_components() -> None:
     before = System((Component("a"), Component("b")), (Connection("a", "y", "b", "u"),))
     assert before.split("a.y")[0] is before.components[0]
     after = before.with_component(Component("a", parameters={"p": 1.0}))

@@ -84,17 +84,8 @@ def test_matrix_controller_against_scipy(fmus: dict[str, Path]) -> None:
     ],
 )
 def test_command_takes_matrices(text: str, message: str, fmus: dict[str, Path], emla: Emla) -> None:
-    command = [
-        "run",
-        str(fmus["plant"]),
-        "--step-size",
-        "1e-3",
-        "--stop-time",
-        "0.002",
-        "--no-plots",
-        "--set",
-    ]
-    done = emla(*command, f"A={A.tolist()}", "--output", "out")
+    command = ["run", str(fmus["plant"]), "--stop-time", "0.002", "--step-size", "0.001", "--no-plots"]
+    done = emla(*command, "--output", "out", "--set", f"A={A.tolist()}")
     assert done.exit_code == 0, done.output
     (record,) = json.loads(Path("out/run.json").read_text())["components"].values()
     found = {name: float(value) for name, value in record["parameters"].items() if name[0] == "A"}
