@@ -1,4 +1,7 @@
-"""What the exchange cost in runs of FMUs: where it is told, and that no way of running changes it."""
+"""The error of the coupling in runs of FMUs: where it is reported, and that parts of a run do not change it.
+
+That no stepper changes it is shown in test_matrix.py.
+"""
 
 import json
 from collections.abc import Iterator
@@ -22,7 +25,7 @@ def simulation(fmu_folder: Path) -> Iterator[ec.Simulation]:
 
 
 @pytest.fixture(scope="module")
-def usual(simulation: ec.Simulation) -> ec.Result:
+def alone(simulation: ec.Simulation) -> ec.Result:
     return simulation.run(bonds=BOND)
 
 
@@ -32,13 +35,13 @@ def same(found: ec.Result, expected: ec.Result, share: float = 1e-9) -> None:
         assert found.coupling[name] == pytest.approx(figures, rel=share), name
 
 
-def test_a_bond_and_its_remark_are_in_result_files_and_record(usual: ec.Result, tmp_path: Path) -> None:
-    assert usual.coupling["rod"]["energy_error"] > 0.2
-    assert usual.remarks[0].startswith("The coupling created or destroyed 7")
-    assert "bond rod (load.F_load * mass.v)" in usual.remarks[0]
-    usual.save(tmp_path, plots=False, report=True)
+def test_result_files_and_record_have_bonds_and_remarks(alone: ec.Result, tmp_path: Path) -> None:
+    assert alone.coupling["rod"]["energy_error"] > 0.2
+    assert alone.remarks[0].startswith("The coupling created or destroyed 7")
+    assert "bond rod (load.F_load * mass.v)" in alone.remarks[0]
+    alone.save(tmp_path, plots=False, report=True)
     metrics = json.loads((tmp_path / "metrics.json").read_text())
-    assert metrics["coupling"]["rod"] == usual.coupling["rod"]
+    assert metrics["coupling"]["rod"] == alone.coupling["rod"]
     assert "rod" in (tmp_path / "report.html").read_text()
     assert json.loads((tmp_path / "run.json").read_text())["settings"]["bonds"] == BOND
 
@@ -49,44 +52,34 @@ def test_without_a_bond_the_force_has_the_remark(simulation: ec.Simulation) -> N
     assert "load.F_load -> mass.F: the values used within a step were off by" in found.remarks[0]
 
 
-def test_the_line_within_a_step_needs_no_remark(simulation: ec.Simulation) -> None:
+def test_extrapolation_needs_no_remark(simulation: ec.Simulation) -> None:
     found = simulation.run(bonds=BOND, extrapolation="fmu")
     assert found.coupling["rod"]["energy_error"] < 1e-3
     assert not found.remarks
 
 
-@pytest.mark.parametrize(
-    "how",
-    [{"output_interval": 0.5}, {"compiled": False}, {"threads": 2}, {"signals": ["mass.x"]}],
-    ids=lambda how: next(iter(how)),
-)
-def test_no_way_of_running_changes_figures(
-    simulation: ec.Simulation, usual: ec.Result, how: dict[str, Any]
-) -> None:
-    same(simulation.run(bonds=BOND, **how), usual)
-
-
-def test_nor_do_parts_and_a_second_start(simulation: ec.Simulation, usual: ec.Result) -> None:
+def test_parts_and_a_second_start_change_no_figures(simulation: ec.Simulation, alone: ec.Result) -> None:
     simulation.start(bonds=BOND)
     for time in (0.001, 0.5, 2.999):
         simulation.advance(time)
-        assert set(simulation.so_far().coupling) == set(usual.coupling)
+        assert set(simulation.so_far().coupling) == set(alone.coupling)
     simulation.advance(3.0)
-    same(simulation.finish(), usual)
-    same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), usual, 1e-6)
+    same(simulation.finish(), alone)
+    same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), alone, 1e-6)
 
 
-def test_nor_do_processes_of_their_own(usual: ec.Result, fmu_folder: Path) -> None:
+@pytest.mark.slow
+def test_rows_change_no_figures_of_isolated_fmus(alone: ec.Result, fmu_folder: Path) -> None:
     with load(rigid_load(), fmus=fmu_folder, **HOW).prepare(isolate=True) as apart:
         short = apart.run(bonds=BOND, stop_time=0.2)
-        assert set(short.coupling) == set(usual.coupling)
+        assert set(short.coupling) == set(alone.coupling)
         same(short, apart.run(bonds=BOND, stop_time=0.2, output_interval=0.1))
 
 
-def test_nor_does_a_checkpoint(simulation: ec.Simulation, usual: ec.Result, tmp_path: Path) -> None:
+def test_a_checkpoint_changes_no_figures(simulation: ec.Simulation, alone: ec.Result, tmp_path: Path) -> None:
     place = tmp_path / "half.checkpoint"
     simulation.run(bonds=BOND, stop_time=1.234, checkpoint=place)
-    same(simulation.run(bonds=BOND, resume=place), usual)
+    same(simulation.run(bonds=BOND, resume=place), alone)
 
 
 def test_under_error_control_every_step_counts(simulation: ec.Simulation) -> None:
@@ -115,14 +108,12 @@ def test_a_figure_can_be_required(simulation: ec.Simulation) -> None:
         ({"mass.a -> load.a_load": "load.F_load * mass.v"}, "is the name of a connection"),
     ],
 )
-def test_a_bond_that_is_not_there_is_refused(
-    simulation: ec.Simulation, bonds: dict[str, str], problem: str
-) -> None:
+def test_impossible_bonds_are_refused(simulation: ec.Simulation, bonds: dict[str, str], problem: str) -> None:
     with pytest.raises(ec.CommandError, match=problem):
         simulation.run(bonds=bonds)
 
 
-def test_what_samples_is_no_connection_of_this_kind(fmu_folder: Path) -> None:
+def test_sampled_connections_have_no_energy(fmu_folder: Path) -> None:
     names = {"lift": set(), "hdrm-coupled": {"lift", "tilt", "telescope"}}
     for name, bonds in names.items():
         with load(name, fmus=fmu_folder, stop_time=0.01).prepare() as prepared:

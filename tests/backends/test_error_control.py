@@ -1,6 +1,12 @@
-"""Steps chosen by their error: the step control alone, and step doubling with every algorithm."""
+"""Steps chosen by their error: the step control alone, and step doubling with every algorithm.
 
+That compiled code does the same is shown in test_matrix.py; here only rules that no system there needs.
+"""
+
+from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -8,19 +14,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
+from emla_cosim.master.stepping import error_control, step_size_control
 from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
 from emla_cosim.master.stepping.timing import make_clock, make_communication_points
 from emla_cosim.run.options import Options
+from tests.support.faulty_systems import line_with_a_fault, open_system
+from tests.support.hand_written_fmus import Fault
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
@@ -28,7 +39,6 @@ from tests.support.tiers import mostly_slow
 from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
 
 all_algorithms = pytest.mark.parametrize("name", ALGORITHMS)
-all_extrapolations = pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
 sizes = st.floats(-12.0, 6.0).map(lambda x: 10.0**x)
 
 
@@ -58,7 +68,7 @@ def test_a_proposed_step_leaves_nothing_or_enough_for_another(step: float, remai
 @pytest.mark.parametrize(
     ("remaining", "proposed"), [(0.5, 0.5), (1.0, 1.0), (1.000000001, 1.000000001), (1.1, 0.55), (2.1, 1.0)]
 )
-def test_the_time_that_remains_is_divided(remaining: float, proposed: float) -> None:
+def test_the_remaining_time_is_divided(remaining: float, proposed: float) -> None:
     assert StepControl(1.0, 1, 1e-6).propose(remaining) == proposed
 
 
@@ -78,7 +88,7 @@ def test_a_rejected_step_is_tried_shorter(order: int, error: float) -> None:
     assert (control.accepted, control.rejected) == (0, 1)
 
 
-def test_what_is_not_a_number_is_cut_most() -> None:
+def test_nan_and_infinite_errors_cut_the_step_most() -> None:
     for error in (float("nan"), float("inf")):
         control = StepControl(1.0, 1, 1e-7)
         assert not control.judge(1.0, error)
@@ -100,7 +110,7 @@ def test_a_constant_error_is_held_below_the_tolerance(order: int) -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("interval", [0.1, 0.3, 0.6, 0.85])
-def test_points_to_be_met_cost_no_more_than_they_must(order: int, interval: float) -> None:
+def test_points_that_steps_must_meet_cost_one_step_each(order: int, interval: float) -> None:
     """A step of 0.9 would be allowed: one per interval will do."""
     control, points = StepControl(0.01, order + 1, 1e-8), 100
     for _ in range(points):
@@ -140,9 +150,11 @@ def oscillators() -> Part:
     return [a, b], [(0, 0, 1, 0), (0, 1, 1, 1), (1, 0, 0, 0)]
 
 
-@all_algorithms
-@all_extrapolations
-@pytest.mark.parametrize("tolerance", mostly_slow([1e-3, 1e-5], [1e-3]))
+EXTRAPOLATED = [(name, way) for name in ALGORITHMS for way in EXTRAPOLATIONS]
+LOCAL = [(*case, tolerance) for case in EXTRAPOLATED for tolerance in (1e-3, 1e-5)]
+
+
+@pytest.mark.parametrize(("name", "extrapolation", "tolerance"), mostly_slow(LOCAL, LOCAL[::4]))
 def test_local_errors_are_near_the_tolerance(name: str, extrapolation: str, tolerance: float) -> None:
     """Against the closed form, begun anew at every accepted point; per unit step with order 2."""
     slaves, wires = oscillators()
@@ -182,16 +194,16 @@ def error_of(rows: np.ndarray, part: Part) -> float:
     return max(float(np.abs(row[1:] - whole.outputs(row[0])).max()) for row in rows)
 
 
-@pytest.mark.parametrize(
-    ("name", "extrapolation", "tolerance"),
-    [
-        ("jacobi", "fmu", 1e-2),
-        ("gauss-seidel", "none", 1e-3),
-        ("gauss-seidel", "fmu", 3e-3),
-        ("strong", "none", 1e-3),
-        ("strong", "fmu", 3e-3),
-    ],
-)
+EFFICIENT = [
+    ("jacobi", "fmu", 1e-2),
+    ("gauss-seidel", "none", 1e-3),
+    ("gauss-seidel", "fmu", 3e-3),
+    ("strong", "none", 1e-3),
+    ("strong", "fmu", 3e-3),
+]
+
+
+@pytest.mark.parametrize(("name", "extrapolation", "tolerance"), mostly_slow(EFFICIENT, EFFICIENT[-1:]))
 def test_ten_times_fewer_steps_than_fixed_ones(name: str, extrapolation: str, tolerance: float) -> None:
     stop, part = 20.0, burst()
     stepping = controlled(connected(*part), ALGORITHMS[name](extrapolation), stop, 1e-3, tolerance)
@@ -221,8 +233,7 @@ def everything(stepping: ErrorControl, slaves: list[LinearSlave]) -> dict[str, b
     return found | {"states": b"".join(states), "signals": algorithm.network.signals.tobytes()}
 
 
-@all_algorithms
-@all_extrapolations
+@pytest.mark.parametrize(("name", "extrapolation"), EXTRAPOLATED)
 def test_a_rejected_step_leaves_everything_as_it_was(name: str, extrapolation: str) -> None:
     slaves, wires = oscillators()
     algorithm = ALGORITHMS[name](extrapolation)
@@ -239,7 +250,7 @@ def test_a_rejected_step_leaves_everything_as_it_was(name: str, extrapolation: s
     assert stepping.control.rejected >= 2
 
 
-def test_a_run_goes_on_from_what_was_remembered_after_a_rejected_step() -> None:
+def test_a_run_continues_from_its_state_after_a_rejected_step() -> None:
     """Also the first try, by which jumps are recognised, bit for bit."""
     rows = []
     for interrupted in (False, True):
@@ -259,7 +270,7 @@ def test_a_run_goes_on_from_what_was_remembered_after_a_rejected_step() -> None:
     assert rows[0].tobytes() == rows[1].tobytes()
 
 
-def test_a_wild_try_does_not_loosen_the_agreement_of_a_loop() -> None:
+def test_rejected_large_values_do_not_loosen_the_tolerance_of_a_loop() -> None:
     """Long steps come to 1e12 on the way; what agrees must not be judged by that afterwards."""
 
     def wild(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
@@ -293,7 +304,7 @@ def test_a_discarded_step_is_tried_shorter() -> None:
     assert stepping.control.rejected > 2
 
 
-def test_a_slave_that_discards_every_step_has_the_last_word() -> None:
+def test_a_slave_that_discards_every_step_ends_the_run_with_its_message() -> None:
     def never(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
         raise DiscardedStepError("stubborn", "doStep", "fmi2Discard", ["No."])
 
@@ -314,7 +325,7 @@ def ending(wrong: float, reads: bool) -> Network:
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_what_is_not_a_number_ends_the_run_with_its_name(wrong: float) -> None:
+def test_nan_in_a_connected_signal_ends_the_run(wrong: float) -> None:
     stepping = controlled(ending(wrong, True), Jacobi(), 1.0, 0.1, 0.05)
     with pytest.raises(RunError, match=rf"^clock\[1\] became {wrong} at t = 0.5"):
         recorded(stepping)
@@ -322,7 +333,7 @@ def test_what_is_not_a_number_ends_the_run_with_its_name(wrong: float) -> None:
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
-def test_what_nobody_reads_may_be_no_number(wrong: float) -> None:
+def test_nan_in_an_unconnected_signal_is_allowed(wrong: float) -> None:
     """As with fixed steps."""
     stepping = controlled(ending(wrong, False), Jacobi(), 1.0, 0.1, 0.05)
     rows = recorded(stepping)
@@ -353,7 +364,7 @@ def test_an_infinite_value_does_not_make_every_later_error_small(infinity: float
 
 @pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("mass", [1.5, 100.0])
-def test_an_unstable_coupling_is_not_taken_for_jumps(name: str, mass: float) -> None:
+def test_an_unstable_coupling_is_not_treated_as_jumps(name: str, mass: float) -> None:
     """A rigid load diverges at every step. Once that may pass for a jump, not again and again."""
     stepping = controlled(connected(*rigid_load(mass)), ALGORITHMS[name](), 0.5, 1e-2, 1e-3)
     table = Table(5)
@@ -363,7 +374,7 @@ def test_an_unstable_coupling_is_not_taken_for_jumps(name: str, mass: float) -> 
     assert np.abs(table.rows[:, 3]).max(initial=0.0) < 20.0 * initial
 
 
-def test_a_jump_that_no_step_is_short_enough_for_ends_the_run() -> None:
+def test_noise_ends_the_run_but_a_jump_does_not() -> None:
     """A step of a continuous output that is 1 high at any step size."""
     slave = FakeSlave("jump", 0, [0.0], lambda u, x, t, h: [1.0] if t < 0.3 < t + h else x, None)
     slave.state[:] = 0.0
@@ -390,9 +401,7 @@ def test_a_jump_that_no_step_is_short_enough_for_ends_the_run() -> None:
         (1.0, 0.5, 0.02),
     ],
 )
-def test_multiples_of_the_interval_are_met_and_only_they_recorded(
-    stop: float, first: float, interval: float
-) -> None:
+def test_rows_are_at_multiples_of_the_interval(stop: float, first: float, interval: float) -> None:
     part = oscillators()
     stepping = controlled(connected(*part), Strong("fmu"), stop, first, 1e-4, interval)
     rows = recorded(stepping)
@@ -401,7 +410,7 @@ def test_multiples_of_the_interval_are_met_and_only_they_recorded(
     assert error_of(rows, part) < 1e-2
 
 
-def test_a_stop_time_between_two_points_is_met_as_well() -> None:
+def test_the_stop_time_has_a_row_between_two_points() -> None:
     part = oscillators()
     rows = recorded(controlled(connected(*part), Jacobi("fmu"), 1.0, 0.1, 1e-3, 0.3))
     assert rows[:, 0].tolist() == [0.0, 0.3, 0.6, 0.9, 1.0]
@@ -420,7 +429,7 @@ def test_without_an_interval_every_accepted_step_is_recorded() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1.0, float("nan"), float("inf")])
-def test_tolerances_that_make_no_sense_are_refused(tolerance: float) -> None:
+def test_impossible_tolerances_are_refused(tolerance: float) -> None:
     with pytest.raises(CommandError, match=r"the error tolerance .* must be between 0 and 1"):
         Options().updated({"error_tolerance": tolerance})
 
@@ -433,7 +442,7 @@ def test_tolerances_that_make_no_sense_are_refused(tolerance: float) -> None:
         ("varies_step", "error control needs FMUs with canHandleVariableCommunicationStepSize; clock cannot"),
     ],
 )
-def test_slaves_must_be_able_to_go_back_and_vary_the_step(name: str, ability: str, message: str) -> None:
+def test_instances_must_have_states_and_vary_the_step(name: str, ability: str, message: str) -> None:
     network = ending(0.0, True)
     setattr(network.instances[0], ability, False)
     with pytest.raises(CommandError, match=message):
@@ -445,3 +454,100 @@ def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
     make: Callable[..., Algorithm] = ALGORITHMS[name]
     with pytest.raises(CommandError, match="step multiples need fixed steps"):
         controlled(ending(0.0, True), make("none", {"clock": multiple}), 1.0, 0.1, 1e-3)
+
+
+# ---- rules in compiled code ---------------------------------------------------------------------
+
+
+class Shuffled(ErrorControl):
+    """Error control whose signals have random roles, so that every rule applies to some."""
+
+    seed = 0
+    rules: ClassVar[Counter[str]] = Counter()
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        random = np.random.default_rng(self.seed)
+        for flags in (self._instant, self._unread, self._beside, self._looked_at):
+            flags[:] = random.random(len(flags)) < 0.3
+        self._looked_at[:] = random.random(len(self._looked_at)) < 0.8
+        self._jumped[:] = random.random(len(self._jumped)) < 0.5
+        self._per_unit = bool(random.random() < 0.5)
+        if self._kernel is not None:
+            self._kernel.use(self._controlled())
+
+    def _jumps(self, step: float, errors: Any, allowed: float) -> Any:
+        found = super()._jumps(step, errors, allowed)
+        self.rules["jump"] += int(found.any())
+        self.rules["beside"] += int(step < error_control.UNREAD * self.times.step)
+        return found
+
+    def _bends(self, step: float, errors: Any) -> Any:
+        found = super()._bends(step, errors)
+        self.rules["bend"] += int(found.any())
+        return found
+
+    def _judge_each_step(self) -> None:
+        self.rules["crawl"] += self._kernel is None
+        super()._judge_each_step()
+
+
+SHUFFLED = [
+    (0, {"jump", "beside", "bend"}, False),
+    (1, {"jump", "beside", "bend"}, True),  # no step is short enough in the end
+    (2, {"jump", "beside", "bend", "crawl"}, False),
+]
+"""Seeds, the rules that apply then, and whether the run fails."""
+
+
+@pytest.mark.parametrize(("seed", "rules", "fails"), SHUFFLED)
+def test_every_rule_for_errors_is_the_same(
+    seed: int, rules: set[str], fails: bool, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(step_size_control, "ErrorControl", Shuffled)
+    monkeypatch.setattr(Shuffled, "seed", seed)
+    monkeypatch.setattr(Shuffled, "rules", Counter())
+    scenario = ec.load(
+        "lift",
+        stop_time=0.0003,
+        error_tolerance=[1e-3, 1e-5][seed % 2],
+        fmus=fmu_folder,
+        largest_step=2e-4,
+        algorithm=["jacobi", "gauss-seidel", "strong"][seed],
+        extrapolation=["none", "fmu", "none"][seed],
+    )
+    found = []
+    for compiled in (True, False):
+        with scenario.prepare() as simulation:
+            found.append(simulation.attempt(recorders=[ec.TimeSeries()], compiled=compiled))
+    fast, here = found
+    assert [result.stepping["compiled"] for result in found] == [True, False]
+    names = ["time", *here.names]
+    assert all(
+        x.tobytes() == y.tobytes() for x, y in zip(*(r.read(names).values() for r in found), strict=True)
+    )
+    assert (fast.problem, fast.steps, fast.end_s) == (here.problem, here.steps, here.end_s)
+    assert {**fast.stepping, "compiled": False} == here.stepping
+    assert {rule for rule, count in Shuffled.rules.items() if count} == rules
+    assert (here.problem is not None) == fails
+
+
+def test_events_and_watched_steps_are_the_same(faulty_fmu: Path) -> None:
+    """Steps end at each event, and the history of lines begins anew there."""
+
+    def run(compiled: bool) -> tuple[list[list[float]], list[list[float]], int]:
+        seen: list[list[float]] = []
+        with open_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)) as assembly:
+            times = make_communication_points(1.0, 0.1)
+            algorithm = begun(assembly.network, GaussSeidel("fmu"), times)
+            events = [0.31, 0.5, 0.77]
+            stepping = ErrorControl(algorithm, times, 1e-3, 0.25, events=events, compiled=compiled)
+            assert stepping.is_compiled == compiled
+            stepping.watch = lambda time, signals: seen.append([time, *signals])
+            rows = recorded(stepping).tolist()
+            return rows, seen, stepping.report()["rejected_steps"]
+
+    rows, seen, rejected = run(compiled=True)
+    assert (rows, seen, rejected) == run(compiled=False)
+    assert [row[0] for row in rows] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert {0.31, 0.5, 0.77} <= {row[0] for row in seen}

@@ -1,52 +1,52 @@
-"""The compiled stepping gives the same bits as the algorithms in Python, whatever it steps."""
+"""Compiled code: random networks, loops that are solved in halves, failing functions, and hosts without it.
+
+That it has the bits of Python with other systems is shown in test_matrix.py.
+"""
 
 import ctypes
 import itertools
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.fmu.models import fmu_path
-from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.instances.fmu_instance import InstanceError
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError, InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import kernel
 from emla_cosim.master.stepping.compilation import compile_kernel
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import CommunicationPoints, make_communication_points
-from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
-from tests.support.faulty_fmu import build_faulty_fmu
-from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
+from tests.support.hand_written_fmus import Fault, build_faulty_fmu
 from tests.support.lanes import in_lanes
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable
-from tests.support.tiers import examples, mostly_slow
+from tests.support.tiers import examples
 
-EXPLICIT: tuple[type[Explicit], ...] = (Jacobi, GaussSeidel)
-KINDS: tuple[type[OperationTableAlgorithm], ...] = (*EXPLICIT, Strong)
+KINDS: tuple[type[OperationTableAlgorithm], ...] = (Jacobi, GaussSeidel, Strong)
 STEPPING = "emla_cosim.master.stepping"
+TIMES = make_communication_points(1.0, 1.0 / 32.0)
 Make = Callable[[], OperationTableAlgorithm]
 
 
 def rows(
     network: Network,
-    make: Make,
+    algorithm: OperationTableAlgorithm,
     times: CommunicationPoints,
     *,
     compiled: bool,
@@ -54,8 +54,11 @@ def rows(
     room: int = 7,
     shared: int | None = None,
 ) -> np.ndarray:
-    """All rows of a run in this way and no other; `shared` is the seed by which threads share its steps."""
-    stepping = FixedSteps(begun(network, make(), times), times, compiled)
+    """Return all rows of a run in this way and no other.
+
+    `shared` is the seed by which threads share its steps.
+    """
+    stepping = FixedSteps(begun(network, algorithm, times), times, compiled)
     assert stepping.is_compiled == compiled
     if shared is not None:
         in_lanes(stepping, shared)
@@ -64,54 +67,7 @@ def rows(
 
 def assert_same_bits(found: np.ndarray, expected: np.ndarray) -> None:
     assert found.shape == expected.shape
-    assert (found.view("i8") == expected.view("i8")).all()
-
-
-# ---- our own FMUs ------------------------------------------------------------------------------
-
-
-def study_rows(
-    folder: Path,
-    make: Make,
-    steps: int,
-    *,
-    compiled: bool,
-    every: int = 1,
-    flavour: str = "native",
-    shared: int | None = None,
-) -> np.ndarray:
-    system = load("study").system
-    fmus = {c.name: fmu_path(c.model, flavour, folder) for c in system.components}
-    with Assembly(system, fmus) as assembly:
-        times = make_communication_points(steps * 1e-4, 1e-4)
-        return rows(assembly.network, make, times, compiled=compiled, every=every, shared=shared)
-
-
-SLOWER = {"lift.controller": 2, "tilt.observer": 3, "tilt.reference": 6}
-WAYS = [(kind, way, multiples) for multiples in ({}, SLOWER) for way in EXTRAPOLATIONS for kind in KINDS]
-
-
-@pytest.mark.parametrize(("kind", "extrapolation", "multiples"), mostly_slow(WAYS, WAYS[::2]))
-def test_the_study_has_the_same_bits(
-    kind: type[OperationTableAlgorithm], extrapolation: str, multiples: Mapping[str, int], fmu_folder: Path
-) -> None:
-    def make() -> OperationTableAlgorithm:
-        return kind(extrapolation, multiples)
-
-    expected = study_rows(fmu_folder, make, 42, compiled=False)
-    assert np.isfinite(expected).all() and np.ptp(expected, axis=0).any()
-    assert_same_bits(study_rows(fmu_folder, make, 42, compiled=True), expected)
-    for seed in range(3):
-        assert_same_bits(study_rows(fmu_folder, make, 42, compiled=True, shared=seed), expected)
-    for compiled in (False, True):
-        assert_same_bits(study_rows(fmu_folder, make, 42, compiled=compiled, every=7), expected[::7])
-
-
-def test_pythonfmu_has_the_same_bits_compiled(python_fmu_folder: Path) -> None:
-    expected = study_rows(python_fmu_folder, GaussSeidel, 10, compiled=False)
-    assert_same_bits(
-        study_rows(python_fmu_folder, GaussSeidel, 10, compiled=True, flavour="python"), expected
-    )
+    assert found.tobytes() == expected.tobytes()
 
 
 # ---- networks of all kinds ---------------------------------------------------------------------
@@ -119,7 +75,7 @@ def test_pythonfmu_has_the_same_bits_compiled(python_fmu_folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def fmus(faulty_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A FMU that takes derivatives of inputs, and one that does not."""
+    """An FMU that takes derivatives of inputs, and one that does not."""
     return faulty_fmu, build_faulty_fmu(tmp_path_factory.mktemp("plain"), interpolate=False, name="Plain")
 
 
@@ -178,7 +134,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
             found.append(
                 rows(
                     assembly.network,
-                    lambda: kind(extrapolation, multiples),
+                    kind(extrapolation, multiples),
                     times,
                     compiled=compiled,
                     every=every,
@@ -192,14 +148,14 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
         assert_same_bits(rows_of_one, expected)
 
 
-@pytest.mark.parametrize("room", [1, 2, 3, 1000])
-def test_the_room_for_rows_does_not_matter(room: int, faulty_fmu: Path) -> None:
+@pytest.mark.parametrize("room", [1, 1000])
+def test_rows_are_the_same_whatever_the_size_of_blocks(room: int, faulty_fmu: Path) -> None:
     system = wired([faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu, b=0.5)], "j.a.y -> j.b.u")
     times = make_communication_points(10.0, 0.05)
     found = []
     for compiled, space in ((False, 7), (True, room)):
         with open_system(system) as assembly:
-            found.append(rows(assembly.network, Jacobi, times, compiled=compiled, every=3, room=space))
+            found.append(rows(assembly.network, Jacobi(), times, compiled=compiled, every=3, room=space))
     assert len(found[0]) == 200 // 3 + 1
     assert_same_bits(*found)
 
@@ -209,7 +165,7 @@ def test_the_room_for_rows_does_not_matter(room: int, faulty_fmu: Path) -> None:
     [np.empty((4, 3)), np.empty((5, 2)), np.empty((5, 3), order="F"), np.empty((5, 3), dtype="f4")],
     ids=["few", "narrow", "by column", "single precision"],
 )
-def test_rows_that_do_not_fit_are_not_written_to(block: np.ndarray, faulty_fmu: Path) -> None:
+def test_blocks_of_the_wrong_shape_are_refused(block: np.ndarray, faulty_fmu: Path) -> None:
     times = make_communication_points(1.0, 0.1)
     with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
         algorithm = begun(assembly.network, Jacobi(), times)
@@ -220,46 +176,156 @@ def test_rows_that_do_not_fit_are_not_written_to(block: np.ndarray, faulty_fmu: 
         assert algorithm.steps == 0
 
 
-def failing_at_the_fourth_call(slave: FakeSlave, function: str) -> None:
-    original, answers = slave.entry_points, itertools.chain([0, 1, 0], itertools.repeat(4))
-    points = original()
-    assert points is not None
-    answer = ctypes.CFUNCTYPE(ctypes.c_int)(lambda: next(answers))  # whatever the arguments
-    changed = replace(points, **{function: ctypes.cast(answer, ctypes.c_void_p).value})
-    slave.entry_points = lambda alive=(answer, original): changed
+# ---- loops that are solved in halves -----------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", EXPLICIT)
+def stubborn() -> Network:
+    """A loop without a solution for steps that are longer than 0.01 s and start at 0.5 s."""
+
+    def answer(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        return u + 1.0 if step > 0.01 and time == 0.5 else 1.0 - 0.5 * u
+
+    return mirrored(answer)
+
+
+def late_refusal() -> Network:
+    """A loop with the solution 10 t^2 whose slave discards long steps from 0.3 s to 0.6 s, but only near it.
+
+    Then the algorithm has learned something of the loop in the step that it must forget.
+    """
+
+    def answer(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        off = u - 10.0 * (time + step) ** 2
+        if step > 0.02 and 0.3 < time + step < 0.6 and abs(off[0]) < 1e-6:
+            raise DiscardedStepError("a", f"doStep at t = {time:g} s", "fmi2Discard", [])
+        return u - 3.0 * off - 5.0 * off * off
+
+    return mirrored(answer)
+
+
+def mirrored(answer: Callable[[np.ndarray, np.ndarray, float, float], Any]) -> Network:
+    """Return a loop of a slave that answers like this and one that passes its output back."""
+    a = FakeSlave("a", 1, [0.0], answer)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: u)
+    links = [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)]
+    return Network([compilable(a), compilable(b)], links)
+
+
+@pytest.mark.parametrize("shared", [None, 1])
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("build", [stubborn, late_refusal])
+def test_halved_steps_have_the_bits_of_python(
+    build: Callable[[], Network], extrapolation: str, shared: int | None
+) -> None:
+    """So has what the algorithm keeps: history, sizes of signals, Jacobians, and the number of sweeps."""
+    results = []
+    for compiled in (False, True):
+        network = build()
+        stepping = FixedSteps(begun(network, Strong(extrapolation), TIMES), TIMES, compiled)
+        if compiled and shared is not None:
+            in_lanes(stepping, shared)
+        found = recorded(stepping)
+        assert not any(s.states for s in network.instances)  # saved states that were not freed
+        results.append((found, stepping.memory()))
+    (expected, memory), (found, compiled_memory) = results
+    assert len(expected) == TIMES.steps + 1 and np.isfinite(expected).all()
+    assert_same_bits(found, expected)
+    assert memory.keys() == compiled_memory.keys()
+    for key, value in memory.items():
+        assert_same_bits(compiled_memory[key], value)
+    assert memory["sweeps"][0] > TIMES.steps
+
+
+def test_interruptions_between_blocks_change_nothing() -> None:
+    expected = recorded(FixedSteps(begun(late_refusal(), Strong("fmu"), TIMES), TIMES, False))
+    stepping = FixedSteps(begun(late_refusal(), Strong("fmu"), TIMES), TIMES)
+    table = Table(expected.shape[1], room=3)
+    stepping.record(table)
+    while not stepping.finished:  # interrupted after each block
+        stops = itertools.chain([False], itertools.repeat(True))
+        simulate(stepping, table, lambda stops=stops: next(stops))
+    stepping.close()
+    assert_same_bits(table.rows, expected)
+
+
+def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path) -> None:
+    """Those of the loop and of who may have to do halves; none of a sampled FMU."""
+    system = loop_with_a_fault(faulty_fmu, Fault.DISCARD, 0.75)
+    system = wired(
+        [*system.components, faulty("j.sampled", faulty_fmu)],
+        *map(str, system.connections),
+        "j.bad.y -> j.sampled.u",
+    )
+    for compiled in (False, True):
+        with open_system(system) as assembly:
+            (counts,) = counts_of(assembly)
+            algorithm = begun(assembly.network, Strong(step_multiples={"j.sampled": 2}), TIMES)
+            stepping = FixedSteps(algorithm, TIMES, compiled)
+            assert stepping.is_compiled == compiled
+            table = Table(1 + len(assembly.network.signals))
+            stepping.advance(table, 5)
+            assert counts.states == 3
+            with pytest.raises(DiscardedStepError, match=r"j.bad .* t = 0.75 s"):
+                simulate(stepping, table)
+            assert stepping.steps == 24
+            stepping.close()
+            algorithm.close()
+            assert counts.states == 0
+            assert counts.rollbacks > 0
+
+
+# ---- failing functions -------------------------------------------------------------------------
+
+FUNCTIONS = {
+    "set_real": ("setReal", (ctypes.c_void_p,) * 4),
+    "get_real": ("getReal", (ctypes.c_void_p,) * 4),
+    "set_real_input_derivatives": ("setRealInputDerivatives", (ctypes.c_void_p,) * 5),
+    "do_step": (
+        "doStep at t = 0.0625 s",
+        (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+    ),
+    "get_state": ("getFMUstate", (ctypes.c_void_p,) * 2),
+    "set_state": ("setFMUstate", (ctypes.c_void_p,) * 2),
+}
+"""The call that a message names and the types of the arguments, by function."""
+
+
 @pytest.mark.parametrize(
-    ("function", "call"),
-    [
-        ("set_real", "setReal"),
-        ("set_real_input_derivatives", "setRealInputDerivatives"),
-        ("do_step", "doStep at t = 0.3 s"),
-        ("get_real", "getReal"),
-    ],
+    ("function", "kind"),
+    [(f, kind) for f in FUNCTIONS for kind in KINDS if kind is Strong or "state" not in f],
 )
-def test_a_function_that_fails_is_named(function: str, call: str, kind: type[Explicit]) -> None:
-    slaves = [FakeSlave(name, 1, [1.0], lambda u, x, t, h: x) for name in "abc"]
+def test_a_function_that_fails_is_named(function: str, kind: type[OperationTableAlgorithm]) -> None:
+    """It fails after two steps."""
+    call, types = FUNCTIONS[function]
+    slaves = [FakeSlave(name, 1, [1.0], lambda u, x, t, h: 1.0 + 0.5 * u) for name in "abc"]
     for slave in slaves:
         slave.interpolates = True
         slave.set_input_derivatives = lambda derivatives: None
         compilable(slave)
-    failing_at_the_fourth_call(slaves[1], function)
-    times, table = make_communication_points(1.0, 0.1), Table(4)
-    system = Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
-    stepping = FixedSteps(begun(system, kind("fmu"), times), times)
+    network = Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
+    algorithm, slave = begun(network, kind("fmu"), TIMES), slaves[1]
+    points, original = slave.entry_points(), slave.entry_points
+    assert points is not None
+    prototype = ctypes.CFUNCTYPE(ctypes.c_int, *types)
+    real = prototype(getattr(points, function))
+    answer = prototype(lambda *arguments: 4 if algorithm.steps >= 2 else real(*arguments))
+    changed = replace(points, **{function: ctypes.cast(answer, ctypes.c_void_p).value})
+    slave.entry_points = lambda alive=(answer, original): changed
+    stepping, table = FixedSteps(algorithm, TIMES), Table(4)
     assert stepping.is_compiled
+    for _ in range(2):
+        stepping.advance(table, 1)
     with pytest.raises(InstanceError) as caught:
-        simulate(stepping, table)
+        stepping.advance(table, 5)
     assert str(caught.value) == f"b answered {call} with status 4."
-    assert stepping.steps == len(table.rows) == 3
+    assert stepping.steps == len(table.rows) == 2
+    stepping.close()
 
 
 # ---- where nothing can be compiled -------------------------------------------------------------
 
 
-def test_without_numba_everything_is_stepped_in_python(
+def test_without_a_compiler_everything_is_stepped_in_python(
     faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times, found = make_communication_points(1.0, 0.1), []
@@ -291,7 +357,6 @@ from pathlib import Path
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_systems import faulty, open_system, wired
-from tests.support.lanes import in_lanes
 from tests.support.simulated import simulated
 system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:
@@ -301,6 +366,7 @@ print("numba" in sys.modules, "networkx" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
     """Nor the library for loops of links, of which there are none."""
     environment = {**os.environ, "EMLA_COSIM_CACHE": str(tmp_path)}

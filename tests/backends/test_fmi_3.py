@@ -1,0 +1,265 @@
+"""FMUs of FMI 3.0 in all kinds of runs: what FMI 2.0 does not have.
+
+That they have the bits of those of FMI 2.0 is shown in test_matrix.py.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+import fmublock
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.fmi_3_calls import DISCARD, ERROR, StepEnd
+from emla_cosim.fmu.log import FmuLog
+from emla_cosim.master.instances.call_codes import code_of, decode_call
+from emla_cosim.master.instances.instance_kinds import make_instance
+from emla_cosim.sandbox import black_box
+from tests.backends.systems import Springs
+from tests.oracles.test_integration import assert_is_that_of_fmpy, bouncing
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_integrated_fmu
+from tests.support.tiers import mostly_slow
+
+CLOCK = """<Clock name="tick" valueReference="30" causality="input" intervalVariability="constant"
+                  intervalDecimal="1"/>"""
+STEP, STOP = 0.05, 1.0
+INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+Fmus = Mapping[int, Path]
+
+
+@pytest.fixture(scope="module")
+def third(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_all_types_3_fmu(tmp_path_factory.mktemp("fmi3") / "Third.fmu")
+
+
+@pytest.fixture(scope="module")
+def integrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Model Exchange FMU: x' = u - x, y = x + gain u, a bouncing ball and a stair."""
+    return build_integrated_fmu(tmp_path_factory.mktemp("me") / "Integrated.fmu", version=3)
+
+
+@pytest.fixture(scope="module")
+def springs(tmp_path_factory: pytest.TempPathFactory) -> Fmus:
+    folder = tmp_path_factory.mktemp("springs")
+    return {n: fmublock.build(Springs, folder / str(n) / "Springs.fmu", fmi=n) for n in (2, 3)}
+
+
+def run(source: Any, **options: Any) -> ec.Result:
+    given = {"step_size": STEP, "output_interval": STEP, "stop_time": STOP, **options}
+    with ec.load(source, **given).prepare() as simulation:
+        return simulation.run()
+
+
+def check_bits(two: ec.Result, three: ec.Result) -> None:
+    assert two.names == three.names
+    for name in ("time", *two.names):
+        assert two[name].tobytes() == three[name].tobytes(), name
+
+
+# ---- co-simulation -------------------------------------------------------------------------------
+
+
+def test_each_type_gets_its_value(third: Path) -> None:
+    """With `jacobi` a value arrives one step later."""
+    wires = [f"a.Int64_out -> b.{kind}_in" for kind in (*INTEGERS, "Float32")]
+    wires += ["b.y -> c.u", "a.x -> b.u[2,1]", "a.Int64_out -> b.u[1,2]", "a.Boolean_out -> b.Boolean_in"]
+    wires += ["a.Enumeration_out -> b.Enumeration_in", "b.Boolean_out -> c.UInt8_in"]
+    values = {"a.stride": 7, "a.Boolean_in": True}
+    system = ec.System.of(dict.fromkeys("abc", third), wires, values)
+    found = run(system, step_size=0.125, output_interval=0.125, stop_time=2.0, algorithm="jacobi")
+    assert found.stepping["compiled"]
+    late = 7 * np.arange(16)
+    for kind in (*INTEGERS, "Float32"):
+        assert (found[f"b.{kind}_out"][1:] == late).all(), kind
+    assert (found["b.y[1,2]"][1:] == 2.0 * late).all()
+    assert found["b.Boolean_out"].all()
+    assert (found["c.UInt8_out"][1:] == 1).all()
+    assert (found["b.Enumeration_out"] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("status", "flags", "expected"),
+    [(0, "", 0), (1, "", 1), (0, "t", DISCARD), (1, "te", DISCARD), (0, "v", ERROR), (0, "e", ERROR)]
+    + [(status, "tev", status) for status in (2, 3, 4, -1)],
+)
+def test_flags_of_a_step_become_a_status(status: int, flags: str, expected: int) -> None:
+    """The arguments are eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime."""
+    end = StepEnd()
+
+    def step(component: Any, time: float, length: float, kept: int, *places: int) -> int:
+        for place, flag in zip(places, "vte", strict=False):
+            if flag in flags:
+                end._flags[place - end.address] = True
+        return status
+
+    assert end.call(step, None, 0.0, 1.0, 1) == expected
+    assert end.terminates == ("t" in flags)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "names"),
+    [
+        ([f"u[{place}]" for place in ("1,1", "1,2", "2,1", "2,2")], ("setFloat64", "getFloat64")),
+        (["u[1,2]"], ("setting inputs", "getting outputs")),
+    ],
+)
+def test_a_crash_is_reported_with_the_call_of_fmi_3(
+    inputs: list[str], names: tuple[str, str], third: Path, tmp_path: Path
+) -> None:
+    instance = make_instance("a", open_fmu(third, tmp_path / "a"), inputs, ["x"], FmuLog())
+    try:
+        points = instance.entry_points()
+        assert points is not None
+        assert points.names == (*names, "getFMUState", "setFMUState")
+        for name in points.names:
+            assert decode_call(black_box.Activity(code=code_of(3, name))) == (3, name)
+    finally:
+        instance.close()
+
+
+# ---- Model Exchange ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("integrator", mostly_slow(["bdf", "adams"], ["bdf"]))
+def test_time_state_and_step_events_are_those_of_the_closed_form(integrator: str, integrated: Path) -> None:
+    values = {f"Integrated.{name}": value for name, value in {"limit": 0.5, "u": 2.0, "x": 0.0}.items()}
+    found = run(integrated, set=values, integrator=integrator, fmi_tolerance=1e-8)
+    assert found["Integrated.resets"][-1] == 3.0
+    assert found["Integrated.stair"][-1] in (9.0, 10.0)
+    assert found["Integrated.h"] == pytest.approx(bouncing(found["time"]), abs=1e-7)
+    assert {of["kind"] for of in found.record["components"].values()} == {"ModelExchange"}
+
+
+@pytest.mark.slow
+def test_agrees_with_fmpy(integrated: Path) -> None:
+    step, stop = 0.017, 50 * 0.017
+    found = run(integrated, step_size=step, output_interval=step, stop_time=stop, fmi_tolerance=1e-7)
+    assert_is_that_of_fmpy(found, integrated, step, stop)
+
+
+def rotating(fmu: Path) -> ec.System:
+    """a' = -a - b, b' = a - b."""
+    system = ec.System.of({"a": fmu, "b": fmu}, ["a.x -> b.u", "b.x -> a.u"], {"b.x": 0.0})
+    first, second = system.connections
+    second = dataclasses.replace(second, transformation=ec.LinearTransformation(-1.0))
+    return dataclasses.replace(system, connections=(first, second))
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"fmi_tolerance": 1e-6}, 1e-5),
+        ({"integrate_together": False, "algorithm": "strong", "extrapolation": "master"}, 1e-2),
+        ({"integrate_together": False, "extrapolation": "fmu", "error_tolerance": 1e-3}, 1e-2),
+    ],
+    ids=["group", "strong", "error control"],
+)
+def test_coupled_fmus_follow_the_closed_form(
+    options: Mapping[str, Any], error: float, integrated: Path
+) -> None:
+    found = run(rotating(integrated), **options)
+    t = found["time"]
+    assert found["a.x"] == pytest.approx(np.exp(-t) * np.cos(t), abs=error)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"end": 3.0}, r"asked to end the simulation during updateDiscreteStates at t = 0\.3"),
+        ({"end": -1.0}, r"answered updateDiscreteStates at t = 0 s with nextEventTime = NaN"),
+        ({"fails": 0.5}, "cannot be integrated at t = "),
+    ],
+)
+def test_failures_name_the_functions_of_fmi_3(
+    values: Mapping[str, float], message: str, integrated: Path
+) -> None:
+    with pytest.raises(RunError, match=message):
+        run(integrated, set={f"Integrated.{name}": value for name, value in values.items()})
+
+
+def test_another_number_of_event_indicators_is_reported(tmp_path: Path) -> None:
+    path = build_integrated_fmu(tmp_path / "Integrated.fmu", version=3, indicators=2)
+    with pytest.raises(RunError, match="getNumberOfEventIndicators with 2, and its model description has 1"):
+        run(path)
+
+
+def test_clocks_are_refused(tmp_path: Path) -> None:
+    path = build_integrated_fmu(tmp_path / "Integrated.fmu", version=3, clock=CLOCK)
+    message = r"has the clock 'tick', and clocks are supported for co-simulation only\.$"
+    with pytest.raises(CommandError, match=message):
+        run(path)
+    (note,) = ec.info(path).notes
+    assert note.startswith("the FMU cannot be run here: it has the clock 'tick'")
+
+
+def test_error_control_needs_states(tmp_path: Path) -> None:
+    path = build_integrated_fmu(tmp_path / "Integrated.fmu", version=3, rollback=False)
+    with pytest.raises(CommandError, match="canGetAndSetFMUstate"):
+        run(rotating(path), integrate_together=False, error_tolerance=1e-3)
+
+
+# ---- arrays in Model Exchange: the bits of FMI 2.0, which has their elements as scalars ------------
+
+ELEMENTS = ["a.y[1] -> b.F[2]", "b.y[2] -> a.F[1]"]
+WHOLE = [f"{source}.x[{i}] -> {target}.F[{i}]" for source, target in ("ab", "ba") for i in (1, 2)]
+MIXED = ["a.y[2] -> b.F[2]", "b.y[2] -> a.F[2]", "c.y[3] -> a.F[1]", "a.y[1] -> c.F[2]"]
+"""In the group of a and b, one element of a.F comes from b, and the other one from outside."""
+
+
+@pytest.mark.parametrize(
+    ("connections", "options"),
+    [
+        (ELEMENTS, {}),
+        (WHOLE, {}),
+        pytest.param(MIXED, {"isolate": ["c"], "algorithm": "strong"}, marks=pytest.mark.slow),
+    ],
+    ids=["elements", "whole", "mixed"],
+)
+def test_arrays_are_connected_and_integrated_by_element(
+    connections: list[str], options: Mapping[str, Any], springs: Fmus
+) -> None:
+    names = "abc" if connections is MIXED else "ab"
+    given = {"kind": {"*": "me"}, "set": {"a.x[2]": 0.7}, **options}
+    two, three = (run(ec.System.of(dict.fromkeys(names, springs[n]), connections), **given) for n in (2, 3))
+    check_bits(two, three)
+    assert three.record["stepping"]["integrated_together"] == [["a", "b"]]
+    assert np.ptp(three["b.x[2]"]) > 0.01
+
+
+def test_an_input_that_a_user_changes_keeps_its_value(springs: Fmus) -> None:
+    found = []
+    for n in (2, 3):
+        system = ec.System.of(dict.fromkeys("ab", springs[n]), ELEMENTS)
+        with ec.load(system, kind={"*": "me"}, step_size=STEP, stop_time=STOP).prepare() as simulation:
+            simulation.advance(0.5)
+            simulation["b.F[1]"] = 3.0
+            simulation.advance(STOP)
+            found.append([simulation[name] for name in ("a.x[1]", "b.x[1]", "b.x[2]", "b.F[1]")])
+    assert found[0] == found[1]
+    assert found[1][3] == 3.0
+
+
+def test_state_matrices_are_those_of_fmi_2(springs: Fmus) -> None:
+    options = {"kind": {"*": "me"}, "step_size": STEP, "stop_time": 0.1, "matrices": True}
+    signals = {"perturb": ["b.F[1]", "a.F[1]"], "read": ["a.y[3]", "b.y[2]"]}
+    two, three = (
+        ec.linearize(ec.System.of(dict.fromkeys("ab", springs[n]), ELEMENTS), **signals, **options)
+        for n in (2, 3)
+    )
+    assert two.matrices.states == three.matrices.states
+    for name in "ABCD":
+        assert getattr(two.matrices, name).tobytes() == getattr(three.matrices, name).tobytes(), name
+
+
+def test_strong_loops_through_elements_converge_to_those_of_fmi_2(springs: Fmus) -> None:
+    """Not to the bit: dependencies are those of whole arrays, whose parts have no directional derivatives."""
+    given = {"kind": {"*": "me"}, "integrate_together": False, "algorithm": "strong"}
+    systems = (ec.System.of(dict.fromkeys("ab", springs[n]), ELEMENTS) for n in (2, 3))
+    two, three = (run(system, **given) for system in systems)
+    for name in two.names:
+        assert three[name] == pytest.approx(two[name], abs=1e-5), name
