@@ -1,4 +1,4 @@
-"""Every block of ours gives the same bits natively, through PythonFMU and in process."""
+"""Every block of this project gives the same bits natively, through PythonFMU and in process."""
 
 import zipfile
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
 from fmublock.platforms import host_platform
-from tests.support.blocks import FACTS, OWN
+from tests.support.blocks import FACTS, OWN, WITH_STATES
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 from tests.support.tiers import mostly_slow
 
@@ -31,9 +31,9 @@ def drive(slave: Any, walks: np.ndarray) -> np.ndarray:
 
 
 WHOLE, SHORT = 5000, 500
-DRIVEN = [(m, s) for m in OWN for s in ((SHORT, WHOLE) if FACTS[m].is_laborious else (WHOLE,))]
-"""Laborious blocks change with their inputs only, and are driven for a short time by default."""
-BY_DEFAULT = [(m, SHORT if FACTS[m].is_laborious else WHOLE) for m in OWN]
+DRIVEN = [(model, steps) for model in OWN for steps in (SHORT, WHOLE)]
+BY_DEFAULT = [(m, SHORT if FACTS[m].is_laborious or m in WITH_STATES else WHOLE) for m in OWN]
+"""The others change with the time alone, and are quick."""
 
 
 @pytest.mark.parametrize(("model", "steps"), mostly_slow(DRIVEN, BY_DEFAULT))
@@ -80,6 +80,7 @@ def test_only_fmus_that_are_out_of_date_are_built_again(tmp_path: Path) -> None:
     assert [p.name for p in path.parent.iterdir()] == ["Reference.fmu"]
 
 
+@pytest.mark.slow
 def test_an_fmu_out_of_date_keeps_its_platforms_when_it_is_rebuilt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
