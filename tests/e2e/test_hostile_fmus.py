@@ -1,4 +1,4 @@
-"""An FMU that attacks files and processes costs no file of the user, and no result of another FMU."""
+"""FMUs that attack files and processes change no file of the user and no result of another FMU."""
 
 import json
 import os
@@ -15,8 +15,8 @@ from emla_cosim.sandbox import confinement
 from emla_cosim.sandbox.confinement import can_confine, confine, list_gaps
 from emla_cosim.verification.unexamined import list_unexamined
 from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.examining import examine
 from tests.support.broken.wide import build_wide_fmu
-from tests.support.tiers import mostly_slow
 
 ATTACKS = (
     "step:remove_home",
@@ -33,6 +33,7 @@ ATTACKS = (
 needs_landlock = pytest.mark.skipif(not can_confine(), reason="This system cannot confine a process.")
 
 
+@pytest.mark.slow
 @needs_landlock
 def test_no_file_of_the_user_is_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home, elsewhere = tmp_path / "home", tmp_path / "elsewhere"
@@ -56,8 +57,9 @@ def test_no_file_of_the_user_is_changed(tmp_path: Path, monkeypatch: pytest.Monk
         assert not [line for line in one.not_examined if line.startswith("Files outside")]
 
 
+@pytest.mark.slow
 @needs_landlock
-def test_recording_protects_what_is_beside_the_references(tmp_path: Path) -> None:
+def test_recording_protects_other_files_of_its_folder(tmp_path: Path) -> None:
     folder = tmp_path / "references"
     folder.mkdir()
     victim = folder / "Other_ref.csv"
@@ -99,7 +101,7 @@ def _confined(folder: Path, other: Path) -> list[str]:
 
 
 @needs_landlock
-def test_a_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
+def test_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
     folder = tmp_path / "scratch"
     folder.mkdir()
     other = tmp_path / "other"
@@ -110,9 +112,8 @@ def test_a_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
     assert other.read_text() == "content"
 
 
-def test_a_machine_that_cannot_confine_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    report = ec.verify(build_wide_fmu(tmp_path), only="run.completes")
-    ran = {f.check: f for f in report.examined[0].findings}
+def test_machine_that_cannot_confine_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran = {f.check: f for f in examine(build_wide_fmu(tmp_path), "run.completes", apart=()).findings}
     monkeypatch.setattr(confinement, "_version", lambda: 0)
     assert not confine([tmp_path])
     subject = _Subject(tmp_path)
@@ -127,12 +128,9 @@ class _Subject:
         self.folder, self.known_version = folder, 2
 
 
-@pytest.mark.parametrize(
-    "number",
-    mostly_slow([signal.SIGTERM, signal.SIGINT, signal.SIGHUP], [signal.SIGTERM]),
-    ids=lambda n: n.name,
-)
-def test_an_interruption_keeps_what_is_finished(tmp_path: Path, number: signal.Signals) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
+def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Signals) -> None:
     """The second FMU never returns from a step; the first one is done by then."""
     (tmp_path / "hanging").mkdir()
     done = build_wide_fmu(tmp_path, name="Done")

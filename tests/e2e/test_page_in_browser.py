@@ -1,4 +1,4 @@
-"""The page in a real browser: it is read, searched, opened, zoomed, made dark, and looked at."""
+"""The page of a report in a browser: search, plots, zoom, keys, themes, and hostile texts."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +13,9 @@ from tests.support.reports import hostile, ordinary, ten
 PNG = b"\x89PNG\r\n\x1a\n"
 FAILED = "fmu-1-reference.tube"
 """The finding of the ordinary report whose plots are open."""
+
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +40,7 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
     assert [page.complaints() for page in pages] == [[] for _ in pages]
 
 
-def test_it_is_read(opened: Open) -> None:
+def test_page_is_shown(opened: Open) -> None:
     page = opened(ordinary())
     assert page.browser.title == "1 of 2 FMUs failed · FMU verification"
     assert page.run("return document.querySelector('h1').innerText") == "1 of 2 FMUs failed"
@@ -66,7 +69,7 @@ def test_search_and_verdicts_hide_rows(opened: Open) -> None:
     assert page.count(".finding") == 1 and page.count(".finding.skipped") == 1
 
 
-def test_plots_are_drawn_when_they_are_seen(opened: Open) -> None:
+def test_plots_are_drawn_when_visible(opened: Open) -> None:
     page = opened(ordinary())
     assert page.run("return typeof Bokeh") == "undefined" or page.count(f"[id='{FAILED}'] .plot") > 0
     assert page.count("#fmu-2 .plot") == 0
@@ -82,7 +85,7 @@ def test_plots_are_drawn_when_they_are_seen(opened: Open) -> None:
     assert page.range("plot-4") == pytest.approx([-0.05, 5.05])
 
 
-def test_a_signal_is_opened(opened: Open) -> None:
+def test_button_opens_a_signal(opened: Open) -> None:
     page = opened(ordinary())
     assert page.run("return document.querySelector('[data-plot=plot-3]').checkVisibility()") is False
     page.click("button[aria-controls=plot-3]")
@@ -113,7 +116,7 @@ def test_zooming_changes_the_axes(opened: Open) -> None:
     assert page.range("plot-1") == pytest.approx([x[0] + (x[1] - x[0]) / 4, x[1] - (x[1] - x[0]) / 4])
 
 
-def test_the_mouse_reads_values(opened: Open) -> None:
+def test_mouse_shows_values(opened: Open) -> None:
     from selenium.webdriver import ActionChains
 
     page = opened(ordinary())
@@ -128,7 +131,7 @@ def test_the_mouse_reads_values(opened: Open) -> None:
     assert all(values[:3]) and "…" in values[2]
 
 
-def test_differences_show_where_a_thin_tube_is_left(opened: Open) -> None:
+def test_differences_from_a_thin_tube(opened: Open) -> None:
     page = opened(ordinary())
     page.draw("plot-1")
     assert page.run("return document.querySelector('[data-plot=plot-1] .difference').ariaPressed") == "true"
@@ -161,7 +164,7 @@ def test_dark_and_light(opened: Open) -> None:
     assert page.run(ground) == dark
 
 
-def test_links_lead_to_what_is_closed(opened: Open) -> None:
+def test_link_opens_a_closed_finding(opened: Open) -> None:
     page = opened(ordinary())
     page.type("motor")
     page.run("location.hash = '#fmu-2-reference.tube'")
@@ -169,7 +172,7 @@ def test_links_lead_to_what_is_closed(opened: Open) -> None:
     assert page.count("[id='fmu-2-reference.tube'] .body") == 1
 
 
-def test_keys_are_enough(opened: Open) -> None:
+def test_keyboard_control(opened: Open) -> None:
     page = opened(ordinary())
     body = page.browser.find_element("css selector", "body")
     body.send_keys("/")
@@ -183,7 +186,7 @@ def test_keys_are_enough(opened: Open) -> None:
     assert page.count("[id='fmu-1-archive.safe'] .body") == 1
 
 
-def test_hostile_texts_do_nothing(opened: Open) -> None:
+def test_hostile_texts_are_harmless(opened: Open) -> None:
     page = opened(hostile())
     assert page.browser.title == "1 of 2 FMUs failed · FMU verification"
     for k in range(1, 8):
@@ -204,7 +207,7 @@ def test_ten_fmus_open_in_two_seconds(opened: Open, tmp_path: Path) -> None:
     assert picture.startswith(PNG) and len(picture) > 10_000
 
 
-@pytest.mark.parametrize("width", [380, 800, 1600])
+@pytest.mark.parametrize("width", [380, 1600])
 def test_nothing_is_wider_than_the_window(opened: Open, width: int) -> None:
     page = opened(ordinary())
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}

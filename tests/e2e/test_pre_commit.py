@@ -1,4 +1,4 @@
-"""The hook for pre-commit, run as pre-commit runs it, on FMUs that are about to be committed."""
+"""The hook for pre-commit verifies the FMUs of a commit."""
 
 import os
 import subprocess
@@ -43,8 +43,9 @@ def env(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if not k.startswith("GIT_")} | own
 
 
+@pytest.mark.slow
 def test_fmus_of_a_commit_are_verified(tmp_path: Path, env: dict[str, str], fmu_folder: Path) -> None:
-    """With the first file of the page. One that is not about to be committed is left alone."""
+    """With the first configuration of the page; a file outside of the commit is not verified."""
     good_fmu(tmp_path / "models", fmu_folder)
     cut_fmu(tmp_path)
     (copied, *_) = SHOWN
@@ -72,7 +73,7 @@ def committed(repository: Path, env: dict[str, str]) -> subprocess.CompletedProc
     return subprocess.run(command, cwd=repository, env=env, capture_output=True, text=True, check=False)
 
 
-def test_what_the_page_says_to_copy_names_the_hook() -> None:
+def test_documented_configurations_name_the_hook() -> None:
     hooks = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
     assert [hook["id"] for hook in hooks] == [HOOK]
     assert len(SHOWN) == 2

@@ -1,4 +1,4 @@
-"""`pytest --fmu`, as somebody runs it who has tests of their own, or none."""
+"""`pytest --fmu`: every check of an FMU is a test."""
 
 import subprocess
 import sys
@@ -50,6 +50,7 @@ def passed(result: pytest.RunResult) -> set[str]:
     return {line.split()[1] for line in result.outlines if line.startswith("PASSED ")}
 
 
+@pytest.mark.slow
 def test_every_check_is_a_test(pytester: pytest.Pytester, build: Path) -> None:
     pytester.makepyfile(test_own="def test_own(): pass")
     few = ["--fmu-skip", "[!ar]*"]  # archive, run and reference, which have one check of each kind
@@ -63,7 +64,8 @@ def test_every_check_is_a_test(pytester: pytest.Pytester, build: Path) -> None:
     } <= passed(result)
 
 
-def test_tests_are_chosen_by_words_marks_names_and_options(pytester: pytest.Pytester, build: Path) -> None:
+@pytest.mark.slow
+def test_selection_by_keyword_mark_name_and_option(pytester: pytest.Pytester, build: Path) -> None:
     pytester.makepyfile(test_own="def test_own(): pass")
     completes, finite = "build/Reference.fmu::run.completes", "build/Reference.fmu::run.finite"
     for arguments, expected in (
@@ -81,7 +83,8 @@ def test_tests_are_chosen_by_words_marks_names_and_options(pytester: pytest.Pyte
     assert passed(left_out) == {"build/Reference.fmu::archive.safe"}
 
 
-def test_only_what_was_selected_is_done(pytester: pytest.Pytester, build: Path) -> None:
+@pytest.mark.slow
+def test_only_selected_checks_run(pytester: pytest.Pytester, build: Path) -> None:
     """So that -k saves time."""
     pytester.makeconftest(
         VERIFYING + "def verify(*paths, **how):\n"
@@ -94,9 +97,8 @@ def test_only_what_was_selected_is_done(pytester: pytest.Pytester, build: Path) 
     assert [line.partition("verified ")[2] for line in lines] == ["run.completes run.finite"]
 
 
-def test_a_failure_says_what_is_wrong_and_nothing_of_this_program(
-    pytester: pytest.Pytester, fmu_folder: Path
-) -> None:
+@pytest.mark.slow
+def test_failure_has_its_message_without_traceback(pytester: pytest.Pytester, fmu_folder: Path) -> None:
     strayed_fmu(pytester.path / "build", fmu_folder)
     agrees = ["--fmu", "build/*.fmu", "-k", "reference.agrees"]
     result = run(pytester, *agrees, "--junitxml=report.xml")
@@ -115,7 +117,8 @@ def test_a_failure_says_what_is_wrong_and_nothing_of_this_program(
     assert run_here(pytester, *agrees, "--fmu-tolerance", "*=1e30").ret == 0
 
 
-def test_an_fmu_that_cannot_run_fails(pytester: pytest.Pytester) -> None:
+@pytest.mark.slow
+def test_fmu_that_cannot_run_fails(pytester: pytest.Pytester) -> None:
     """Once for each cause: what needs a check that has a test is skipped."""
     (pytester.path / "build").mkdir()
     edit = with_files(lambda files: files.update({LIBRARY.replace("64/", "-64/"): files.pop(LIBRARY)}))
@@ -130,7 +133,8 @@ def test_an_fmu_that_cannot_run_fails(pytester: pytest.Pytester) -> None:
         assert result.parseoutcomes().get("skipped", 0) == skipped
 
 
-def test_references_lie_where_the_option_says(pytester: pytest.Pytester, fmu_folder: Path) -> None:
+@pytest.mark.slow
+def test_option_names_the_folder_of_references(pytester: pytest.Pytester, fmu_folder: Path) -> None:
     good_fmu(pytester.path / "kept", fmu_folder)
     (pytester.path / "build").mkdir()
     (pytester.path / "kept" / "Reference.fmu").rename(pytester.path / "build" / "Reference.fmu")
@@ -143,7 +147,7 @@ def test_references_lie_where_the_option_says(pytester: pytest.Pytester, fmu_fol
     run_here(pytester, *agrees, "--fmu-reference", "kept").assert_outcomes(failed=1)
 
 
-def test_what_needs_a_failed_check_is_skipped_with_the_reason(pytester: pytest.Pytester) -> None:
+def test_check_that_needs_a_failed_one_is_skipped(pytester: pytest.Pytester) -> None:
     cut_fmu(pytester.path / "build")
     result = run_here(pytester, "--fmu", "build/*.fmu", "-rs")
     assert result.ret == 1
@@ -151,7 +155,7 @@ def test_what_needs_a_failed_check_is_skipped_with_the_reason(pytester: pytest.P
     assert result.parseoutcomes()["failed"] == 1
 
 
-def test_a_test_whose_need_fails_unselected_fails(pytester: pytest.Pytester) -> None:
+def test_check_whose_unselected_need_fails_fails(pytester: pytest.Pytester) -> None:
     """Else it would be skipped, and nobody would learn that nothing was verified."""
     cut_fmu(pytester.path / "build")
     result = run_here(pytester, "--fmu", "build/*.fmu", "-k", "run.finite")
@@ -159,7 +163,8 @@ def test_a_test_whose_need_fails_unselected_fails(pytester: pytest.Pytester) -> 
     result.stdout.fnmatch_lines(["It needs archive.safe, which failed. *"])
 
 
-def test_a_warning_is_one_of_pytest(pytester: pytest.Pytester, build: Path) -> None:
+@pytest.mark.slow
+def test_warning_is_one_of_pytest(pytester: pytest.Pytester, build: Path) -> None:
     pytester.makeconftest(
         VERIFYING + "def verify(*paths, **how):\n"
         "    (one,) = (report := real(*paths, **how)).examined\n"
@@ -176,7 +181,8 @@ def test_a_warning_is_one_of_pytest(pytester: pytest.Pytester, build: Path) -> N
     assert "Traceback" not in strict.stdout.str() and "pytest_plugin" not in strict.stdout.str()
 
 
-def test_workers_share_what_one_of_them_found(pytester: pytest.Pytester, fmu_folder: Path) -> None:
+@pytest.mark.slow
+def test_workers_share_reports(pytester: pytest.Pytester, fmu_folder: Path) -> None:
     strayed_fmu(pytester.path / "build" / "a", fmu_folder)
     cut_fmu(pytester.path / "build" / "b")
     pytester.makeini("[pytest]\nfmus = build/*/*.fmu\n")
@@ -198,7 +204,8 @@ def test_workers_share_what_one_of_them_found(pytester: pytest.Pytester, fmu_fol
     assert sorted(verified) == ["Cut.fmu", "Reference.fmu"]
 
 
-def test_globs_of_the_ini_file_are_those_of_its_folder(pytester: pytest.Pytester, build: Path) -> None:
+@pytest.mark.slow
+def test_globs_of_the_ini_file(pytester: pytest.Pytester, build: Path) -> None:
     """And only where no paths are given, as with testpaths."""
     pytester.makepyfile(test_own="def test_own(): pass")
     pytester.makeini("[pytest]\nfmus =\n    build/*.fmu\n    build/**/Reference.fmu\n")
@@ -218,9 +225,7 @@ def test_globs_of_the_ini_file_are_those_of_its_folder(pytester: pytest.Pytester
         (["--fmu", "build/*.fmu", "--fmu-reference", "none"], "*there is no folder *none'*"),
     ],
 )
-def test_what_cannot_be_meant_is_said_in_a_sentence(
-    pytester: pytest.Pytester, arguments: list[str], words: str
-) -> None:
+def test_invalid_options(pytester: pytest.Pytester, arguments: list[str], words: str) -> None:
     folder = pytester.path / "build"
     cut_fmu(folder)
     (folder / "Reference_in.csv").touch()
@@ -230,14 +235,16 @@ def test_what_cannot_be_meant_is_said_in_a_sentence(
     assert "Traceback" not in result.stderr.str()
 
 
-def test_a_glob_without_files_ends_workers_too_and_no_help(pytester: pytest.Pytester) -> None:
+@pytest.mark.slow
+def test_glob_without_files_with_workers_and_help(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--fmu", "none/*.fmu", "-n", "1")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert "there is no file" in result.stderr.str() and "Traceback" not in result.stderr.str()
     assert run_here(pytester, "--markers", "--fmu", "none/*.fmu").ret == 0
 
 
-def test_it_costs_next_to_nothing_where_it_is_not_used() -> None:
+@pytest.mark.slow
+def test_plugin_imports_little() -> None:
     """Nor does it hide the function of the name of the package that it lies in."""
     script = (
         f"import sys, pytest; before = set(sys.modules); import {PLUGIN}\n"
@@ -251,7 +258,8 @@ def test_it_costs_next_to_nothing_where_it_is_not_used() -> None:
     assert function == "True"
 
 
-def test_pytest_without_fmus_is_as_it_was(pytester: pytest.Pytester) -> None:
+@pytest.mark.slow
+def test_pytest_without_fmus(pytester: pytest.Pytester) -> None:
     """FMUs that lie about are nobody's tests."""
     cut_fmu(pytester.path)
     pytester.makepyfile(test_own="import sys\ndef test_own(): assert 'numpy' not in sys.modules")
@@ -260,6 +268,6 @@ def test_pytest_without_fmus_is_as_it_was(pytester: pytest.Pytester) -> None:
     result.assert_outcomes(passed=1)
 
 
-def test_the_package_names_the_plugin() -> None:
+def test_package_names_the_plugin() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["entry-points"]["pytest11"] == {PLUGIN: PLUGIN}

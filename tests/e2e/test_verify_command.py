@@ -10,7 +10,9 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 
+import fmpy
 import psutil
 import pytest
 from fmpy import read_model_description
@@ -19,15 +21,16 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.commands import verify as commands_verify
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
-from emla_cosim.verification.catalogue import CHECKS, DYNAMIC, RECORDED
+from emla_cosim.verification.catalogue import CHECKS, DYNAMIC
 from emla_cosim.verification.examination import select_checks, select_needed_checks
 from emla_cosim.verification.settings import Settings
-from emla_cosim.verification.subprocess_run import _describe_timeout
 from emla_cosim.verification.verdict import Verdict
 from fmublock import Block
-from tests.support.broken.dynamic import Fault, build_good_fmu
+from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.editing import setting, with_files
+from tests.support.broken.examining import examine
+from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
-from tests.support.tiers import mostly_slow
 
 
 @pytest.fixture
@@ -35,7 +38,8 @@ def plant(fmu_folder: Path) -> str:
     return str(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu")
 
 
-def test_a_good_fmu_ends_with_0_and_a_bad_one_with_1(plant: str, tmp_path: Path, emla: Emla) -> None:
+@pytest.mark.slow
+def test_exit_codes_of_good_and_bad_fmus(plant: str, tmp_path: Path, emla: Emla) -> None:
     assert emla("verify", plant, "--only", "run").exit_code == 0
     bad = tmp_path / "bad.fmu"
     bad.write_bytes(b"PK no zip")
@@ -45,15 +49,7 @@ def test_a_good_fmu_ends_with_0_and_a_bad_one_with_1(plant: str, tmp_path: Path,
     assert "FMI 2.0.4, " in found.stdout
 
 
-def test_every_check_says_what_it_rests_on() -> None:
-    names = [c.name for c in (*CHECKS, RECORDED)]
-    assert len(set(names)) == len(names)
-    for i, check in enumerate((*CHECKS, RECORDED)):
-        assert check.title and check.clause.section and check.clause.sentence and check.hint
-        assert set(check.needs) <= set(names[:i]), check.name
-
-
-def test_a_check_brings_what_it_needs_and_does_not_show_it(plant: str) -> None:
+def test_needed_checks_run_but_are_not_reported(plant: str) -> None:
     report = ec.verify(plant, only="run.finite")
     assert [f.check for f in report[plant].findings] == ["run.finite"]
     assert {c.name for c in select_needed_checks(Settings(only=["run.finite"]))} >= {
@@ -62,7 +58,7 @@ def test_a_check_brings_what_it_needs_and_does_not_show_it(plant: str) -> None:
     }
 
 
-def test_groups_and_patterns_choose_checks() -> None:
+def test_groups_and_patterns_select_checks() -> None:
     groups = {c.group for c in CHECKS}
     for group in groups:
         assert {c.group for c in select_checks(Settings(only=[group]))} == {group}
@@ -86,12 +82,12 @@ def test_groups_and_patterns_choose_checks() -> None:
         (["PLANT", "--reference", "nowhere"], "the folder of references 'nowhere' does not exist."),
     ],
 )
-def test_what_cannot_be_meant_ends_with_2(arguments: list[str], said: str, plant: str, emla: Emla) -> None:
+def test_invalid_arguments(arguments: list[str], said: str, plant: str, emla: Emla) -> None:
     words = [plant if a == "PLANT" else a for a in arguments]
     assert said in sentence(emla("verify", *words), 2)
 
 
-def test_python_raises_what_the_command_says(plant: str) -> None:
+def test_invalid_arguments_of_the_function(plant: str) -> None:
     for wrong in ({"only": "q"}, {"seconds": -1}, {"tolerance": -1.0}, {"tolerance": "x"}, {"only": [3]}):
         with pytest.raises(CommandError):
             ec.verify(plant, **wrong)  # type: ignore[arg-type]
@@ -99,7 +95,7 @@ def test_python_raises_what_the_command_says(plant: str) -> None:
         ec.verify([3])  # type: ignore[list-item]
 
 
-def test_a_report_knows_its_fmus_by_path_name_and_label(plant: str) -> None:
+def test_report_has_its_fmus_by_path_name_and_label(plant: str) -> None:
     report = ec.verify({"mine": plant}, only="archive.safe")
     (one,) = report.examined
     assert report["mine"] is report[plant] is report["EmlaPlant.fmu"] is one
@@ -109,17 +105,45 @@ def test_a_report_knows_its_fmus_by_path_name_and_label(plant: str) -> None:
     assert one.facts["SHA-256"] == hashlib.sha256(Path(plant).read_bytes()).hexdigest()
 
 
-def test_the_list_has_all_checks(emla: Emla) -> None:
+def test_list_has_all_checks(emla: Emla) -> None:
     shown = emla("verify", "--list").stdout
     assert all(c.name in shown for c in CHECKS)
 
 
-def test_nothing_is_left_behind(plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_options_decide_what_fails(tmp_path: Path, emla: Emla) -> None:
+    setting("//DefaultExperiment", stepSize="0")(tmp_path)
+    warns = ("verify", "Toy.fmu", "--only", "description.experiment")
+    assert emla(*warns).exit_code == 0
+    assert emla(*warns, "--fail-on", "warning").exit_code == 1
+    found = emla("verify", "Toy.fmu", "--only", "archive", "--only", "reference", "--must-run", "reference")
+    assert found.exit_code == 1
+    assert "--must-run reference: reference.agrees was skipped." in found.stdout
+
+
+@pytest.mark.slow
+def test_all_reports_name_an_fmu_that_cannot_run(tmp_path: Path, emla: Emla) -> None:
+    other = LIBRARY.replace(fmpy.platform, "lin64")
+    with_files(lambda files: files.update({other: files.pop(LIBRARY)}))(tmp_path)
+    found = emla("verify", "Toy.fmu", "--json", "r.json", "--junit", "r.xml", "--html", "r.html")
+    assert "1 FMU did not pass for other reasons." in sentence(found, 1)
+    assert f"could not run. binaries.loads: There is no binary for {fmpy.platform}." in found.stdout
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert not report["passed"]
+    assert any("There is no binary for" in gap for gap in report["examined"][0]["not_examined"])
+    assert int(ElementTree.parse(tmp_path / "r.xml").getroot().get("failures", "0")) >= 1
+    page = (tmp_path / "r.html").read_text()
+    assert "Not examined" in page and "Not passed" in page
+
+
+@pytest.mark.slow
+def test_no_temporary_files_remain(plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     ec.verify(plant, only="run")
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it(tmp_path: Path, plant: str) -> None:
     copies = [shutil.copy(plant, tmp_path / f"{i}.fmu").as_posix() for i in range(300)]
     script = tmp_path / "many.py"
@@ -157,10 +181,11 @@ FEW = {"EmlaPlant": MODELS["EmlaPlant"], "SignalFault": MODELS["SignalFault"]}
 """With continuous states, and without."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "models", [FEW, pytest.param(MODELS, marks=pytest.mark.slow)], ids=["few models", "all models"]
+    "models", [FEW, pytest.param(MODELS, marks=pytest.mark.nightly)], ids=["few models", "all models"]
 )
-def test_our_fmus_pass_what_is_asked_of_a_file_and_a_run(
+def test_our_fmus_pass_checks_of_files_and_runs(
     models: dict[str, type[Block]],
     emla: Emla,
     tmp_path: Path,
@@ -186,14 +211,17 @@ def test_our_fmus_pass_what_is_asked_of_a_file_and_a_run(
         assert {f["check"] for f in one["findings"]} == asked
 
 
+def test_our_fmu_passes_dynamic_checks_in_this_process(fmu_folder: Path) -> None:
+    skipped = Settings(skip=("instance.cycles", "run.deterministic", "state.freed", "sanitizer"))
+    report = examine(fmu_path("SignalFault", "native", fmu_folder), *CALLING, settings=skipped, apart=())
+    assert report.passed, report.of(Verdict.FAILED)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("model", "flavour"),
-    mostly_slow(
-        [*((m, "native") for m in MODELS), *((m, "python") for m in FEW)],
-        [("SignalFault", "native"), ("EmlaPlant", "native"), ("SignalFault", "python")],
-    ),
+    ("model", "flavour"), [*((m, "native") for m in MODELS), *((m, "python") for m in FEW)]
 )
-def test_our_fmus_pass_whatever_calls_them(model: str, flavour: str, python_fmu_folder: Path) -> None:
+def test_our_fmus_pass_dynamic_checks(model: str, flavour: str, python_fmu_folder: Path) -> None:
     """Of PythonFMU FMUs few: the code that answers is the same in all; bits agree with the native ones."""
     report = ec.verify(fmu_path(model, flavour, python_fmu_folder), only=CALLING)
     failures = {f.check for one in report.examined for f in one.of(Verdict.FAILED)}
@@ -203,14 +231,15 @@ def test_our_fmus_pass_whatever_calls_them(model: str, flavour: str, python_fmu_
     assert all({f.check for f in one.findings} == asked for one in report.examined)
 
 
-def test_a_copy_of_an_fmu_elsewhere_is_verified_where_it_is(plant: str, tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_fmu_in_a_folder_with_an_odd_name(plant: str, tmp_path: Path) -> None:
     strange = tmp_path / "ä b&c <i>"
     strange.mkdir()
     copy = Path(shutil.copy(plant, strange / "EmlaPlant.fmu"))
     assert ec.verify(copy, only="run").passed
 
 
-def test_reports_do_not_take_the_place_of_anything(plant: str, tmp_path: Path, emla: Emla) -> None:
+def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -> None:
     fmu = Path(shutil.copy(plant, tmp_path / "x.fmu"))
     before = fmu.read_bytes()
     (tmp_path / "link.json").symlink_to(fmu)
@@ -227,7 +256,7 @@ def test_reports_do_not_take_the_place_of_anything(plant: str, tmp_path: Path, e
     assert sorted(p.name for p in tmp_path.iterdir()) == ["link.json", "x.fmu"]
 
 
-def test_a_terminal_obeys_no_fmu(tmp_path: Path, emla: Emla) -> None:
+def test_names_with_escape_sequences(tmp_path: Path, emla: Emla) -> None:
     """Neither markup nor escape sequences in names have an effect."""
     path = tmp_path / "[red]\x1b[2J.fmu"
     path.write_bytes(b"PK no zip")
@@ -236,11 +265,12 @@ def test_a_terminal_obeys_no_fmu(tmp_path: Path, emla: Emla) -> None:
     assert r"[red]\x1b[2J.fmu" in shown
 
 
-def test_an_fmu_that_hangs_does_not_outlive_who_asked(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_killed_parent_ends_an_fmu_that_hangs(tmp_path: Path) -> None:
     """Ctrl-C, or worse, comes while it is in a call that never returns."""
     temporary = tmp_path / "temporary"
     temporary.mkdir()
-    fmu = str(build_good_fmu(tmp_path, Fault.HANG))
+    fmu = str(build_good_fmu(tmp_path, "HANG"))
     script = f"import emla_cosim as ec\nec.verify({fmu!r}, only='run', seconds=99)"
     process = subprocess.Popen([sys.executable, "-c", script], env={**os.environ, "TMPDIR": str(temporary)})
 
@@ -264,8 +294,3 @@ def _busy(processes: list[psutil.Process]) -> bool:
     with suppress(psutil.NoSuchProcess):
         return any(p.cpu_times().user > 1.0 and p.ppid() in {q.pid for q in processes} for p in processes)
     return False
-
-
-def test_what_is_slow_is_not_said_to_hang() -> None:
-    assert "still made progress" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
-    assert "did not return from fmi2DoStep" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 9.0).sentence

@@ -1,53 +1,79 @@
-"""FMUs examined in this process, as far as they do it no harm."""
+"""FMUs examined in this process, as far as they do it no harm: processes cost more than all else."""
 
-from collections.abc import Callable, Iterator, Sequence
+import faulthandler
+import os
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-import lief  # noqa: F401  # once here, and not in each process that examines
+import lief  # noqa: F401  # once here, and not in each process of a check
 import pytest
 
-from emla_cosim.verification import check_runner, examination
+from emla_cosim.verification import check_runner
+from emla_cosim.verification.catalogue import CHECKS, DYNAMIC
 from emla_cosim.verification.check import Check
+from emla_cosim.verification.examination import examine_fmu
 from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
-from emla_cosim.verification.subprocess_run import run_in_subprocess
-from emla_cosim.verification.verdict import CheckOutcome, failed
+from emla_cosim.verification.subprocess_run import ERROR_OF_CHECK, run_in_subprocess
+from emla_cosim.verification.verdict import CheckOutcome, Verdict, failed
+
+CALLING = frozenset(c.name for c in CHECKS if c in DYNAMIC or c.group == "binaries")
+"""Checks that load the library or call it."""
 
 
-def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Examined:
-    """What these checks find, of which only what may end a process gets one: they cost more than all else."""
-    with monkeypatch.context() as context:
-        context.setattr(check_runner, "run_each_in_subprocess", _apart_where_needed)
-        context.setattr(check_runner, "use_scratch", lambda _: None)  # of this process, too
-        context.chdir(path.parent)
-        return examined_apart(path, checks)
+def examine(
+    path: Path, *only: str, settings: Settings | None = None, apart: Collection[str] = CALLING
+) -> Examined:
+    """Examine an FMU.
+
+    Args:
+        path: The FMU.
+        only: Checks, groups or patterns, with what they need. Default: those of the settings.
+        settings: All other settings.
+        apart: Checks that run in a process of their own.
+    """
+    settings = settings or Settings()
+    settings = replace(settings, only=only or settings.only)
+    tests, scratch = os.getpid(), check_runner.use_scratch
+
+    def run_each(
+        do: Callable[..., CheckOutcome],
+        items: Sequence[tuple[Check, Subject]],
+        seconds: float,
+        memory: int,
+        writable: Sequence[Path],
+    ) -> Iterator[CheckOutcome]:
+        for check, subject in items:
+            if check.name in apart:
+                yield run_in_subprocess(_run_quietly, (do, check, subject), seconds, memory, writable)
+            else:
+                yield _run_here(do, check, subject)
+
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
+        patch.setattr(check_runner, "run_each_in_subprocess", run_each)
+        # this process keeps its folders
+        patch.setattr(check_runner, "use_scratch", lambda of: None if os.getpid() == tests else scratch(of))
+        patch.chdir(path.parent)
+        return examine_fmu(Subject(path, Path(folder).resolve() / "fmu", settings))
 
 
-def examined_apart(path: Path, checks: tuple[str, ...]) -> Examined:
-    """What these checks find, in processes of their own; unpacked beside the FMU."""
-    return examination.examine_fmu(Subject(path, path.parent / "unpacked" / "fmu", Settings(only=checks)))
+def list_problems(examined: Examined) -> dict[str, str]:
+    """Return the messages of checks that failed or warned, by name."""
+    return {f.check: f.sentence for f in examined.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)}
 
 
-def _apart_where_needed(
-    do: Callable[..., CheckOutcome],
-    items: Sequence[tuple[Check, Subject]],
-    seconds: float,
-    memory: int,
-    writable: Sequence[Path],
-) -> Iterator[CheckOutcome]:
-    for check, subject in items:
-        harmful = check.group in ("archive", "binaries")
-        yield (
-            run_in_subprocess(do, (check, subject), seconds, memory, writable)
-            if harmful
-            else _here(do, check, subject)
-        )
-
-
-def _here(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> CheckOutcome:
-    """What a check finds; that it went wrong is no matter where what it needs has failed."""
+def _run_here(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> CheckOutcome:
+    """Return the outcome of a check; that it went wrong is no matter where what it needs has failed."""
     try:
         return do(check, subject)
     except Exception as error:
-        return failed(f"The check itself has an error: {error!r}.")
+        return failed(f"{ERROR_OF_CHECK} {error!r}.")
+
+
+def _run_quietly(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> CheckOutcome:
+    """Return the outcome of a check whose process may crash, without the traceback that pytest prints."""
+    faulthandler.disable()
+    return do(check, subject)

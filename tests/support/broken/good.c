@@ -2,7 +2,7 @@
  *
  *     x' = v,   v' = gain u - K x - C v,   total = x + w / 2,   moving = x > THRESHOLD.
  *
- * A number in resources/fault.txt makes one thing of it wrong; see `Fault` in dynamic.py.
+ * A name in resources/fault.txt makes one thing of it wrong; dynamic.py lists them.
  */
 #define _DEFAULT_SOURCE /* clock_gettime, usleep */
 #include <math.h>
@@ -16,60 +16,6 @@
 #include <unistd.h>
 
 #include "fmi2Functions.h"
-
-enum {
-    NONE,
-    OTHER_GUID,
-    SEGFAULT,
-    HANG,
-    EXIT,
-    ABORT,
-    NAN_LATER,
-    INFINITE_LATER,
-    NEGATIVE_STATUS,
-    PENDING,
-    SHARED,
-    NOT_RESTORED,
-    NOT_SERIALIZED,
-    CLOCK,
-    SECONDS,
-    ADDRESS,
-    UNINITIALIZED,
-    LEAK,
-    RESET,
-    DERIVATIVE,
-    ORDER,
-    DISAGREE,
-    SPLIT_REFUSED,
-    STEP_SIZE,
-    PHASE_CRASH,
-    NAN_CRASH,
-    CATEGORY,
-    LOG_OFF,
-    MEMORY,
-    TERMINATE_CRASH,
-    FREE_CRASH,
-    MODEL_CRASH,
-    FREE_STATE_CRASH,
-    STATE_SIZE,
-    THREADS,
-    RANGE,
-    PRINTS,
-    ANY_GUID,
-    OUTPUT_DERIVATIVE,
-    PHASE_ACCEPTED,
-    NAN_ACCEPTED,
-    DAMAGED_CRASH,
-    ASKS_TO_END,
-    DERIVATIVE_CRASH,
-    INITIALIZATION_ERROR,
-    NOT_RESET_BY_ANYONE,
-    ONLY_ONCE,
-    STATE_EMPTY,
-    STATE_NOT_REUSED,
-    DERIVATIVE_ORDER,
-    STALE
-};
 
 enum { U, W, GAIN, POSITION, SPEED, ACCELERATION, TOTAL, X, V, DER_X, DER_V, TIME, N_REALS };
 enum { INSTANTIATED = 1, INITIALIZATION = 2, RUNNING = 4, CONTINUOUS = 8, TERMINATED = 16, FAILED = 32 };
@@ -97,7 +43,8 @@ typedef struct {
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     char *name;
-    int model, fault, logging, shown[N_CATEGORIES], terminates;
+    char fault[32];
+    int model, logging, shown[N_CATEGORIES], terminates;
     double first_step;
 } Instance;
 
@@ -107,6 +54,8 @@ static double scratch, kept;
 static volatile unsigned spins;
 static void *volatile taken; /* so that no compiler thinks that nobody looks at what is allocated */
 
+#define IS(name) (strcmp(i->fault, #name) == 0)
+
 /* ---- messages and phases --------------------------------------------------------------- */
 
 static fmi2Status say(const Instance *i, fmi2Status status, const char *format, ...) {
@@ -114,8 +63,8 @@ static fmi2Status say(const Instance *i, fmi2Status status, const char *format, 
     char text[256];
     va_list arguments;
     int shown = status != fmi2OK || (i->logging && i->shown[category]);
-    if (i->fault == CATEGORY && i->logging) shown = 1;
-    if (i->fault == LOG_OFF) shown = 1;
+    if (IS(CATEGORY) && i->logging) shown = 1;
+    if (IS(LOG_OFF)) shown = 1;
     if (!shown) return status;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
@@ -131,7 +80,7 @@ static fmi2Status say(const Instance *i, fmi2Status status, const char *format, 
 /* ---- equations ------------------------------------------------------------------------- */
 
 static double acceleration(const Instance *i, double x, double v) {
-    const double damping = i->fault == DISAGREE && !i->model ? 1.2 * C : C;
+    const double damping = IS(DISAGREE) && !i->model ? 1.2 * C : C;
     return i->now->gain * i->now->u - K * x - damping * v;
 }
 
@@ -151,30 +100,28 @@ static void integrate(const Instance *i, double length) {
 
 static double real(const Instance *i, fmi2ValueReference r) {
     Now copy = *i->now, *n = &copy;
-    if (i->fault == STALE && n->phase == RUNNING && !i->model && n->time > 0.0) {
+    if (IS(STALE) && n->phase == RUNNING && !i->model && n->time > 0.0) {
         n->time = n->before[0];
         n->x = n->before[1];
         n->v = n->before[2];
     }
     const double values[N_REALS] = {n->u, n->w, n->gain, n->x, n->v, acceleration(i, n->x, n->v),
-                                    n->x + 0.5 * n->w + (i->fault == RANGE ? 50.0 : 0.0),
+                                    n->x + 0.5 * n->w + (IS(RANGE) ? 50.0 : 0.0),
                                     n->x, n->v, n->v, acceleration(i, n->x, n->v), n->time};
-    if (n->poison && r == POSITION) return i->fault == NAN_LATER ? NAN : INFINITY;
+    if (n->poison && r == POSITION) return IS(NAN_LATER) ? NAN : INFINITY;
     return values[r];
 }
 
 /* ---- instances ------------------------------------------------------------------------- */
 
-static int read_fault(const char *location) {
+static void read_fault(Instance *i, const char *location) {
     char path[1024];
-    int fault = NONE;
     const char *folder = strncmp(location, "file://", 7) == 0 ? location + 7 : location;
     snprintf(path, sizeof path, "%s/fault.txt", folder);
     FILE *file = fopen(path, "r");
-    if (file == NULL) return NONE;
-    if (fscanf(file, "%d", &fault) != 1) fault = NONE;
+    if (file == NULL) return;
+    if (fscanf(file, "%31s", i->fault) != 1) i->fault[0] = 0;
     fclose(file);
-    return fault;
 }
 
 static void start(Instance *i) {
@@ -183,7 +130,7 @@ static void start(Instance *i) {
     i->now->phase = INSTANTIATED;
     i->now->gain = 2.0;
     i->now->x = 0.01;
-    if (i->fault == RESET) i->now->v = v;
+    if (IS(RESET)) i->now->v = v;
     i->terminates = 0;
     i->first_step = 0.0;
 }
@@ -196,8 +143,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                               fmi2Boolean visible, fmi2Boolean loggingOn) {
     static int made;
     Instance *i = calloc(1, sizeof *i);
-    i->fault = read_fault(fmuResourceLocation);
-    i->now = i->fault == SHARED ? &shared : &i->own;
+    read_fault(i, fmuResourceLocation);
+    i->now = IS(SHARED) ? &shared : &i->own;
     i->logger = functions->logger;
     i->environment = functions->componentEnvironment;
     i->name = strcpy(malloc(strlen(instanceName) + 1), instanceName);
@@ -206,9 +153,9 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     for (int k = 0; k < N_CATEGORIES; k++) i->shown[k] = 1;
     start(i);
     i->now->v = 0.0;
-    if (i->fault == LEAK) memset(taken = malloc(1 << 16), 1, 1 << 16);
-    const int second = i->fault == ONLY_ONCE && made++ > 0;
-    if (second || (i->fault != ANY_GUID && strcmp(fmuGUID, i->fault == OTHER_GUID ? "{other}" : MODEL_GUID))) {
+    if (IS(LEAK)) memset(taken = malloc(1 << 16), 1, 1 << 16);
+    const int second = IS(ONLY_ONCE) && made++ > 0;
+    if (second || (!IS(ANY_GUID) && strcmp(fmuGUID, IS(OTHER_GUID) ? "{other}" : MODEL_GUID))) {
         say(i, fmi2Error, "the library is not that of this GUID.");
         free(i->name);
         free(i);
@@ -220,7 +167,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 void fmi2FreeInstance(fmi2Component c) {
     Instance *i = c;
     if (i == NULL) return;
-    if (i->fault == FREE_CRASH) raise(SIGSEGV);
+    if (IS(FREE_CRASH)) raise(SIGSEGV);
     free(i->name);
     free(i);
 }
@@ -243,18 +190,22 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
     return fmi2OK;
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-    Instance *i = c;
-    REQUIRE(i, INSTANTIATED);
-    i->now->phase = INITIALIZATION;
-    return fmi2OK;
-}
+#define CHANGE_PHASE(name, from, to)     \
+    fmi2Status name(fmi2Component c) {   \
+        Instance *i = c;                 \
+        REQUIRE(i, from);                \
+        i->now->phase = to;              \
+        return fmi2OK;                   \
+    }
+CHANGE_PHASE(fmi2EnterInitializationMode, INSTANTIATED, INITIALIZATION)
+CHANGE_PHASE(fmi2EnterEventMode, CONTINUOUS, RUNNING)
+CHANGE_PHASE(fmi2EnterContinuousTimeMode, RUNNING, CONTINUOUS)
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *i = c;
     REQUIRE(i, INITIALIZATION);
-    if (i->fault == INITIALIZATION_ERROR && !i->model) return REFUSE(i, "there are no consistent values.");
-    if (i->fault == NOT_RESET_BY_ANYONE) i->now->v += 0.01 * kept;
+    if (IS(INITIALIZATION_ERROR) && !i->model) return REFUSE(i, "there are no consistent values.");
+    if (IS(NOT_RESET_BY_ANYONE)) i->now->v += 0.01 * kept;
     i->now->moving = i->now->x > THRESHOLD;
     i->now->phase = RUNNING;
     return say(i, fmi2OK, "initialized at t = %g s", i->now->time);
@@ -263,7 +214,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 fmi2Status fmi2Terminate(fmi2Component c) {
     Instance *i = c;
     REQUIRE(i, RUNNING | CONTINUOUS);
-    if (i->fault == TERMINATE_CRASH && !i->model) raise(SIGSEGV);
+    if (IS(TERMINATE_CRASH) && !i->model) raise(SIGSEGV);
     i->now->phase = TERMINATED;
     return fmi2OK;
 }
@@ -302,8 +253,8 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
     for (size_t k = 0; k < n; k++) {
         double *place = settable(i->now, r[k]);
         if (place == NULL) return REFUSE(i, "the Real variable %u cannot be set now.", r[k]);
-        if (!isfinite(value[k]) && i->fault == NAN_CRASH) raise(SIGSEGV);
-        if (!isfinite(value[k]) && i->fault != NAN_ACCEPTED)
+        if (!isfinite(value[k]) && IS(NAN_CRASH)) raise(SIGSEGV);
+        if (!isfinite(value[k]) && !IS(NAN_ACCEPTED))
             return say(i, fmi2Discard, "%g is no value of the Real variable %u.", value[k], r[k]);
         *place = value[k];
         i->now->last_set = (int)r[k];
@@ -340,7 +291,7 @@ WITHOUT_GET(String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
     const Instance *i = c;
-    if (*state == NULL || i->fault == STATE_NOT_REUSED) *state = malloc(sizeof(Now));
+    if (*state == NULL || IS(STATE_NOT_REUSED)) *state = malloc(sizeof(Now));
     memcpy(*state, i->now, sizeof(Now));
     return fmi2OK;
 }
@@ -349,12 +300,12 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     Instance *i = c;
     const double x = i->now->x;
     memcpy(i->now, state, sizeof(Now));
-    if (i->fault == NOT_RESTORED) i->now->x = x;
+    if (IS(NOT_RESTORED)) i->now->x = x;
     return fmi2OK;
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
-    if (((Instance *)c)->fault == FREE_STATE_CRASH) raise(SIGSEGV);
+    if (!strcmp(((Instance *)c)->fault, "FREE_STATE_CRASH")) raise(SIGSEGV);
     free(*state);
     *state = NULL;
     return fmi2OK;
@@ -368,8 +319,8 @@ static unsigned sum(const Now *now) {
 }
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
-    const int fault = ((Instance *)c)->fault;
-    *size = fault == STATE_SIZE ? (size_t)1 << 60 : fault == STATE_EMPTY ? 0 : sizeof(Bytes);
+    const Instance *i = c;
+    *size = IS(STATE_SIZE) ? (size_t)1 << 60 : IS(STATE_EMPTY) ? 0 : sizeof(Bytes);
     return fmi2OK;
 }
 
@@ -379,7 +330,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
     if (size < sizeof whole) return REFUSE(i, "there is no room for a state.");
     memset(&whole, 0, sizeof whole);
     memcpy(&whole.now, state, sizeof(Now));
-    if (i->fault == NOT_SERIALIZED) whole.now.v = 0.0;
+    if (IS(NOT_SERIALIZED)) whole.now.v = 0.0;
     whole.magic = MAGIC;
     whole.check = sum(&whole.now);
     memcpy(bytes, &whole, sizeof whole);
@@ -392,7 +343,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     if (size != sizeof whole) return REFUSE(i, "%u bytes are no state.", (unsigned)size);
     memcpy(&whole, bytes, sizeof whole);
     if (whole.magic != MAGIC || whole.check != sum(&whole.now)) {
-        if (i->fault == DAMAGED_CRASH) raise(SIGSEGV);
+        if (IS(DAMAGED_CRASH)) raise(SIGSEGV);
         return REFUSE(i, "these bytes are no state.");
     }
     if (*state == NULL) *state = malloc(sizeof(Now));
@@ -403,7 +354,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 /* ---- derivatives ----------------------------------------------------------------------- */
 
 static double partial(const Instance *i, fmi2ValueReference unknown, fmi2ValueReference known) {
-    const double by_u = i->fault == DERIVATIVE ? 1.05 * i->now->gain : i->now->gain;
+    const double by_u = IS(DERIVATIVE) ? 1.05 * i->now->gain : i->now->gain;
     if (unknown == ACCELERATION || unknown == DER_V)
         return known == U ? by_u : known == X ? -K : known == V ? -C : known == GAIN ? i->now->u : 0.0;
     if (unknown == TOTAL) return known == W ? 0.5 : known == X ? 1.0 : 0.0;
@@ -416,7 +367,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         fmi2Real value[]) {
     Instance *i = c;
     REQUIRE(i, INITIALIZATION | RUNNING | CONTINUOUS);
-    if (i->fault == DERIVATIVE_CRASH) raise(SIGSEGV);
+    if (IS(DERIVATIVE_CRASH)) raise(SIGSEGV);
     for (size_t k = 0; k < n; k++) {
         value[k] = 0.0;
         for (size_t j = 0; j < m; j++) value[k] += partial(i, unknowns[k], knowns[j]) * seed[j];
@@ -436,7 +387,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     const double v = i->now->v, a = acceleration(i, i->now->x, v);
     for (size_t k = 0; k < n; k++) {
         value[k] = order[k] > 1 ? 0.0 : r[k] == SPEED ? a : r[k] == ACCELERATION ? -K * v - C * a : v;
-        if (i->fault == OUTPUT_DERIVATIVE) value[k] = 2.0 * value[k] + 10.0;
+        if (IS(OUTPUT_DERIVATIVE)) value[k] = 2.0 * value[k] + 10.0;
     }
     return fmi2OK;
 }
@@ -444,63 +395,61 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 /* ---- co-simulation --------------------------------------------------------------------- */
 
 /* What a step does that it should not. */
-static fmi2Status misbehave(Instance *i, double end) {
+static fmi2Status misbehave(Instance *i) {
     Now *n = i->now;
     struct timespec now;
     volatile double *fresh;
-    switch (i->fault) {
-        case SEGFAULT: raise(SIGSEGV); break;
-        case HANG:
-            for (;;) spins++;
-        case EXIT: exit(0);
-        case ABORT: abort();
-        case NAN_LATER:
-        case INFINITE_LATER: n->poison = 1; break;
-        case NEGATIVE_STATUS: return (fmi2Status)-1;
-        case PENDING: return fmi2Pending;
-        case ASKS_TO_END: i->terminates = 1; return say(i, fmi2Discard, "it is over at t = %g s.", n->time);
-        case CLOCK:
-            clock_gettime(CLOCK_REALTIME, &now);
-            n->v += 1e-6 * ((double)now.tv_nsec / 1e9);
-            break;
-        case SECONDS: n->v += 1e-8 * (double)(time(NULL) % 101); break;
-        case ADDRESS: n->v += 1e-6 * (double)((uintptr_t)i % 4099U) / 4099.0; break;
-        case UNINITIALIZED:
-            fresh = taken = malloc(40);
-            if (fabs(fresh[3]) < 100.0) n->v += 1e-6 * fresh[3];
-            free((void *)fresh);
-            break;
-        case MEMORY:
-            if ((taken = malloc(1 << 24)) == NULL) return REFUSE(i, "out of memory.");
-            memset(taken, 1, 1 << 24);
-            break;
-        case NOT_RESET_BY_ANYONE: kept = 1.0; break;
-        default: break;
+    if (IS(SEGFAULT)) raise(SIGSEGV);
+    if (IS(EXIT)) exit(0);
+    if (IS(ABORT)) abort();
+    while (IS(HANG)) spins++;
+    if (IS(NAN_LATER) || IS(INFINITE_LATER)) n->poison = 1;
+    if (IS(NEGATIVE_STATUS)) return (fmi2Status)-1;
+    if (IS(PENDING)) return fmi2Pending;
+    if (IS(ASKS_TO_END)) {
+        i->terminates = 1;
+        return say(i, fmi2Discard, "it is over at t = %g s.", n->time);
     }
-    (void)end;
+    if (IS(CLOCK)) {
+        clock_gettime(CLOCK_REALTIME, &now);
+        n->v += 1e-6 * ((double)now.tv_nsec / 1e9);
+    }
+    if (IS(SECONDS)) n->v += 1e-8 * (double)(time(NULL) % 101);
+    if (IS(ADDRESS)) n->v += 1e-6 * (double)((uintptr_t)i % 4099U) / 4099.0;
+    if (IS(UNINITIALIZED)) {
+        fresh = taken = malloc(40);
+        if (fabs(fresh[3]) < 100.0) n->v += 1e-6 * fresh[3];
+        free((void *)fresh);
+    }
+    if (IS(MEMORY)) {
+        if ((taken = malloc(1 << 24)) == NULL) return REFUSE(i, "out of memory.");
+        memset(taken, 1, 1 << 24);
+    }
+    if (IS(NOT_RESET_BY_ANYONE)) kept = 1.0;
     return fmi2OK;
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boolean noReturn) {
     Instance *i = c;
     Now *n = i->now;
-    if (i->fault == PHASE_CRASH && n->phase == INSTANTIATED) raise(SIGSEGV);
-    if (i->fault == PHASE_ACCEPTED && n->phase == TERMINATED) return fmi2OK;
+    if (IS(PHASE_CRASH) && n->phase == INSTANTIATED) raise(SIGSEGV);
+    if (IS(PHASE_ACCEPTED) && n->phase == TERMINATED) return fmi2OK;
     REQUIRE(i, RUNNING);
     if (!(length > 0.0) || fabs(time - n->time) > 1e-6 * length)
         return REFUSE(i, "a step from t = %g s by %g s is none.", time, length);
     if (i->first_step == 0.0) i->first_step = length;
-    if (i->fault == SPLIT_REFUSED && length < 0.0099) return REFUSE(i, "the step size is 0.01 s.");
-    if (i->fault == PRINTS) printf("a step to t = %g s\n", time + length);
-    if (i->fault == THREADS) {
+    if (IS(SPLIT_REFUSED) && length < 0.0099) return REFUSE(i, "the step size is 0.01 s.");
+    if (IS(PRINTS)) printf("a step to t = %g s\n", time + length);
+    if (IS(SLOW)) usleep(50000);
+    if (IS(THREADS)) {
         scratch = n->v;
         usleep(20);
         n->v = scratch;
     }
-    if (i->fault == ORDER && n->last_set == U) n->v += 1e-3;
-    if (i->fault == STEP_SIZE && length < 0.0099) n->v *= 1.01;
+    if (IS(ORDER) && n->last_set == U) n->v += 1e-3;
+    if (IS(STEP_SIZE) && length < 0.0099) n->v *= 1.01;
     if (time + length > LATER) {
-        const fmi2Status status = misbehave(i, time + length);
+        const fmi2Status status = misbehave(i);
         if (status != fmi2OK) return status;
     }
     n->before[0] = n->time;
@@ -514,16 +463,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boole
 
 fmi2Status fmi2CancelStep(fmi2Component c) { return REFUSE((Instance *)c, "no step is pending."); }
 
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) { return fmi2Discard; }
-
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
     if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
     *value = ((Instance *)c)->now->time;
     return fmi2OK;
-}
-
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
-    return fmi2Discard;
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
@@ -532,31 +475,19 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
     return fmi2OK;
 }
 
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
-    return fmi2Discard;
-}
+#define NO_STATUS(name, type) \
+    fmi2Status fmi2Get##name(fmi2Component c, const fmi2StatusKind kind, type *value) { return fmi2Discard; }
+NO_STATUS(Status, fmi2Status)
+NO_STATUS(IntegerStatus, fmi2Integer)
+NO_STATUS(StringStatus, fmi2String)
 
 /* ---- model exchange -------------------------------------------------------------------- */
-
-fmi2Status fmi2EnterEventMode(fmi2Component c) {
-    Instance *i = c;
-    REQUIRE(i, CONTINUOUS);
-    i->now->phase = RUNNING;
-    return fmi2OK;
-}
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     Instance *i = c;
     REQUIRE(i, RUNNING);
     memset(info, 0, sizeof *info);
     i->now->moving = i->now->x > THRESHOLD;
-    return fmi2OK;
-}
-
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
-    Instance *i = c;
-    REQUIRE(i, RUNNING);
-    i->now->phase = CONTINUOUS;
     return fmi2OK;
 }
 
@@ -586,7 +517,7 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx) {
     Instance *i = c;
     REQUIRE(i, INITIALIZATION | RUNNING | CONTINUOUS);
-    if (i->fault == MODEL_CRASH) raise(SIGSEGV);
+    if (IS(MODEL_CRASH)) raise(SIGSEGV);
     derivatives[0] = real(i, DER_X);
     derivatives[1] = real(i, DER_V);
     return fmi2OK;

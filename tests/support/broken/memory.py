@@ -53,6 +53,7 @@ def _fails(fault: str, check: str, what: str, verdict: Verdict = Verdict.FAILED)
     return Broken(name, what, f"sanitizer.{check}", _built(fault, name), verdict=verdict)
 
 
+# fmt: off
 MEMORY: list[Broken] = [
     _fails("HEAP_OVERRUN", "address", "`fmi2SetReal` writes behind allocated memory"),
     _fails("STACK_OVERRUN", "address", "`fmi2DoStep` writes behind a local array"),
@@ -69,3 +70,4 @@ MEMORY: list[Broken] = [
     _fails("MISALIGNED", "undefined", "an int is written to an odd address", Verdict.WARNING),
     _fails("SHIFT", "undefined", "an int is shifted by 32 bits", Verdict.WARNING),
 ]
+# fmt: on

@@ -10,7 +10,7 @@ import fmpy
 from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
 from tests.support.broken.broken import Broken
-from tests.support.handwritten_fmu import compile_library
+from tests.support.hand_written_fmus import compile_library
 
 _FOLDER = Path(__file__).parent
 _GUID = "{31de0000-0000-4000-8000-000000000000}"
@@ -194,6 +194,7 @@ def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken
     )
 
 
+# fmt: off
 WIDE: list[Broken] = [
     _fails("version", "1.0", "binaries.version", "`fmi2GetVersion` returns 1.0"),
     _fails("start", "k", "values.start", "a Real parameter starts with another value than declared"),
@@ -225,12 +226,8 @@ WIDE: list[Broken] = [
     _fails("instantiate:file", "", "process.resources", "each instance leaves a file open"),
     _fails("instantiate:thread", "", "process.resources", "each instance leaves a thread behind"),
     _fails("instantiate:child", "", "process.resources", "each instance leaves a child process behind"),
-    _fails(
-        "instantiate:orphan",
-        "",
-        "process.resources",
-        "each instance leaves a process in another session behind",
-    ),
+    _fails("instantiate:orphan", "", "process.resources",
+        "each instance leaves a process in another session behind"),
     _fails("step:term_itself", "", "run.completes", "`fmi2DoStep` sends SIGTERM to its process"),
     _fails("step:kill_group", "", "run.completes", "`fmi2DoStep` sends SIGKILL to its process group"),
     _fails("step:kill_parent", "", "run.completes", "`fmi2DoStep` sends SIGKILL to the parent process"),
@@ -275,10 +272,10 @@ WIDE: list[Broken] = [
     _lacks("echo", "label", "a dependency on a String is missing in Outputs alone", later=True),
     _lacks("mode_2", "mode_p", "a dependency on an Enumeration is not declared"),
     _fails("y_of_name", "", "dependencies.observed", "a Real depends on a String, and does not declare it"),
-    _fails(
-        "text_of_on", "", "dependencies.observed", "a String depends on a Boolean, and does not declare it"
-    ),
+    _fails("text_of_on", "", "dependencies.observed",
+        "a String depends on a Boolean, and does not declare it"),
     _fails("unused", "n", "exchange.inputs", "one of several inputs is not used", Verdict.PASSED),
     _warns("step_double", "", "steps.integrate", "steps are twice as long as they should be"),
 ]
+# fmt: on
 """Some of the faults, of each class."""

@@ -7,11 +7,7 @@
 #include <signal.h>
 #include <stdint.h>
 #include <sys/mman.h>
-#include <sys/resource.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/time.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 /* Another value of the variable. */
@@ -25,15 +21,7 @@ static void change(Values *n) {
 
 /* An output depends on what its dependencies do not name. */
 static void hide_dependency(Values *n) {
-    if (is("y_of_latch")) n->r[Y] += n->b[LATCH];
-    if (is("y_of_n")) n->r[Y] += n->i[N];
-    if (is("y_of_mode")) n->r[Y] += n->i[MODE_P];
     if (is("y_of_name")) n->r[Y] += strlen(n->s[NAME]);
-    if (is("sum_of_w")) n->i[SUM] += n->r[W] > 0.5;
-    if (is("sum_of_on")) n->i[SUM] += n->b[ON];
-    if (is("flag_of_enabled")) n->b[FLAG] = n->b[FLAG] && !n->b[ENABLED];
-    if (is("flag_of_n")) n->b[FLAG] = n->b[FLAG] && n->i[N] == 1;
-    if (is("mode_of_p") && n->i[P] != 5) n->i[MODE] = 2;
     if (is("text_of_on") && !n->b[ON]) n->s[TEXT][0] = '-';
 }
 
@@ -66,25 +54,20 @@ static void misbehave_with_value(char type, int reference, void *value, double t
     if (type == 's' && is("one_buffer")) *(char **)value = text_in_one_buffer(*(char **)value);
     if (target[0] != type || atoi(target + 1) != reference) return;
     if (is("number_42")) *(int *)value = *number ? 42 : 0;
-    if (is("number_minus_1")) *(int *)value = *number ? -1 : 0;
     if (is("number_256")) *(int *)value = *number ? 256 : 0;
     if (is("number_7_later") && time > 0.5) *(int *)value = 7;
     if (is("number_0_later") && time > 0.5) *(int *)value = 0;
-    if (is("number_3")) *(int *)value = 3;
     if (type != 's') return;
-    static char latin[] = "na\xefve", cut[] = "caf\xc3", surrogate[] = "\xed\xa0\x80", overlong[] = "\xc0\xaf";
+    static char latin[] = "na\xefve", cut[] = "caf\xc3", surrogate[] = "\xed\xa0\x80";
     char **text = value;
     if (is("null")) *text = NULL;
     if (is("null_later") && time > 0.5) *text = NULL;
     if (is("latin")) *text = latin;
-    if (is("latin_later") && time > 0.5) *text = latin;
     if (is("cut")) *text = cut;
     if (is("surrogate")) *text = surrogate;
-    if (is("overlong")) *text = overlong;
     if (is("freed")) *text = text_freed(*text);
     if (is("unmapped")) *text = text_unmapped(*text);
     if (is("on_the_stack")) *text = text_on_the_stack(*text);
-    if (is("wild")) *text = (char *)(uintptr_t)0x10;
 }
 
 /* ---- the process ----------------------------------------------------------------------- */
@@ -95,7 +78,6 @@ static void *wait_for_ever(void *nothing) {
 }
 
 static void ignore(int number) { (void)number; }
-static void end_badly(void) { abort(); }
 
 static void write_file(const char *place, const char *name) {
     char path[1200];
@@ -131,14 +113,12 @@ static const char *victim(void) {
 }
 
 static const char *home(void) { return getenv("HOME") ? getenv("HOME") : "."; }
-static const char *temporary(void) { return getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp"; }
 
-static void leave_child(int session, int seconds) {
+static void leave_child(int session) {
     if (fork() != 0) return;
     if (session) setsid();
     if (session && fork() != 0) _exit(0);
     alarm(60);
-    if (seconds) _exit(0);
     wait_for_ever(NULL);
 }
 
@@ -146,83 +126,37 @@ static void flood(FILE *stream, int lines) {
     for (int k = 0; k < lines; k++) fputs("a line that has to do with nothing at all\n", stream);
 }
 
-static struct itimerval in_an_hour = {{0, 0}, {3600, 0}};
-static struct rlimit few_files = {40, 40};
-
-
 /* Does what the fault says if this is when. Faults are named by when they happen: "step:chdir". */
 static void misbehave_at(const char *when) {
     const size_t length = strlen(when);
     const char *what = fault + length + 1;
     pthread_t thread;
-    sigset_t signals;
-    int pair[2];
     if (strncmp(fault, when, length) != 0 || fault[length] != ':') return;
 #define DO(name, action) \
     if (strcmp(what, name) == 0) { action; }
     DO("file", (void)!open("/dev/null", O_RDONLY))
-    DO("pipe", (void)!pipe(pair))
-    DO("socket", (void)!socketpair(AF_UNIX, SOCK_STREAM, 0, pair))
     DO("thread", pthread_create(&thread, NULL, wait_for_ever, NULL))
-    DO("detached", pthread_create(&thread, NULL, wait_for_ever, NULL); pthread_detach(thread))
-    DO("child", leave_child(0, 0))
-    DO("orphan", leave_child(1, 0))
-    DO("zombie", leave_child(0, 1))
-    DO("temporary", char path[1200]; snprintf(path, sizeof path, "%s/left-XXXXXX", temporary());
-       close(mkstemp(path)))
+    DO("child", leave_child(0))
+    DO("orphan", leave_child(1))
     DO("chdir", (void)!chdir("/"))
-    DO("umask", umask(0777))
     DO("locale", setlocale(LC_ALL, "C.UTF-8"))
-    DO("locale_numbers", setlocale(LC_NUMERIC, "C.UTF-8"))
     DO("round", fesetround(FE_UPWARD))
-    DO("round_zero", fesetround(FE_TOWARDZERO))
 #ifdef __x86_64__
     DO("flush", __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8040))
 #endif
     DO("traps", feenableexcept(FE_DIVBYZERO))
-    DO("traps_invalid", feenableexcept(FE_INVALID))
     DO("handler", signal(SIGUSR2, ignore))
-    DO("handler_crash", signal(SIGSEGV, ignore))
-    DO("ignore_pipe", signal(SIGPIPE, SIG_IGN))
-    DO("default_interrupt", signal(SIGINT, SIG_DFL))
-    DO("mask", sigemptyset(&signals); sigaddset(&signals, SIGUSR1); sigprocmask(SIG_BLOCK, &signals, NULL))
-    DO("environment", setenv("LD_PRELOAD", "other.so", 1))
-    DO("environment_less", unsetenv("PATH"))
-    DO("limit", setrlimit(RLIMIT_NOFILE, &few_files))
-    DO("priority", setpriority(PRIO_PROCESS, 0, 19))
-    DO("timer", setitimer(ITIMER_REAL, &in_an_hour, NULL))
-    DO("alarm", alarm(3600))
-    DO("close_input", close(0))
-    DO("close_errors", close(2))
-    DO("redirect", int nowhere = open("/dev/zero", O_WRONLY); dup2(nowhere, 1); close(nowhere))
-    DO("flood_output", flood(stdout, 1000))
     DO("flood_errors", flood(stderr, 1000))
-    DO("print", flood(stdout, 1))
-    DO("exit_0", exit(0))
-    DO("exit_1", _exit(1))
     DO("abort", abort())
-    DO("crash", raise(SIGSEGV))
-    DO("divide", raise(SIGFPE))
-    DO("at_exit", atexit(end_badly))
     DO("hang", wait_for_ever(NULL))
-    DO("end_thread", pthread_exit(NULL))
     DO("term_itself", kill(getpid(), SIGTERM))
-    DO("kill_itself", kill(getpid(), SIGKILL))
-    DO("stop_itself", kill(getpid(), SIGSTOP))
-    DO("interrupt_itself", kill(getpid(), SIGINT))
-    DO("hang_up_itself", kill(getpid(), SIGHUP))
     DO("kill_group", kill(0, SIGKILL))
-    DO("term_group", kill(0, SIGTERM))
     DO("kill_parent", kill(getppid(), SIGKILL))
     DO("kill_all", kill(-1, SIGKILL))
     DO("write_home", write_file(home(), ".fmu_log"))
     DO("write_working", write_file(".", "fmu_log.txt"))
     DO("write_own", write_file(folder, "resources/log.txt"))
-    DO("write_library", write_file(folder, "binaries/log.txt"))
-    DO("write_folder", mkdir("results", 0777))
     DO("remove_home", remove_all(home()))
-    DO("remove_working", remove_all("."))
-    DO("remove_own", char path[1200]; snprintf(path, sizeof path, "%s/documentation/index.html", folder); remove(path))
     DO("write_victim", FILE *file = fopen(victim(), "w"); if (file) fclose(file))
     DO("remove_victim", remove(victim()))
     DO("move_victim", rename(victim(), "stolen"))

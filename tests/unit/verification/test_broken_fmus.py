@@ -1,23 +1,20 @@
-"""FMUs with one thing wrong: the check for it says so, what needs that is skipped, and all others pass.
+"""FMUs with one fault: the check for it reports it, what needs that check is skipped, and all others pass."""
 
-Every check of every FMU: EMLA_ALL_CHECKS=1 pytest -m slow tests/unit/verification/test_broken_fmus.py
-"""
-
-import os
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-import emla_cosim as ec
 from emla_cosim.verification.catalogue import CHECKS
-from emla_cosim.verification.catalogue import DYNAMIC as DYNAMIC_CHECKS
 from emla_cosim.verification.findings import Examined, Finding
+from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
 from tests.support.broken.clocked import CLOCKED, INTERVAL
-from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu
+from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import good_bytes
+from tests.support.broken.examining import CALLING, examine
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
 from tests.support.broken.third import THIRD
@@ -25,9 +22,9 @@ from tests.support.broken.wide import WIDE, build_wide_fmu
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
-ALL = bool(os.environ.get("EMLA_ALL_CHECKS"))
-SLOW = ["instance.cycles", "instance.threads", "instance.independent", "instance.reset", "run.deterministic"]
-WORSE = (Verdict.FAILED, Verdict.WARNING)
+LONG = ("instance.cycles", "instance.threads", "run.deterministic", "state.freed", "process", "sanitizer")
+"""Checks that take longest."""
+
 SANITIZER = {c.name for c in CHECKS if c.group == "sanitizer"}
 MAY_BE_SKIPPED = {
     "serializes-nothing": {"state.restored"},  # is not claimed then
@@ -47,7 +44,7 @@ MAY_BE_SKIPPED = {
     "third-build": {"sources.compile", *SANITIZER},
     "third-platform": {"binaries.symbols"},
 }
-"""Checks that say themselves why they cannot be done on an FMU, by its name."""
+"""Checks that say themselves why they cannot run on an FMU, by its name."""
 
 SHOWS_ELSEWHERE = {
     "UnmappedText": {"exchange.inputs", "exchange.interpolation"},  # they read Strings, too
@@ -61,142 +58,146 @@ SHOWS_ELSEWHERE = {
 }
 """Other checks that the same fault fails, by the name of the FMU."""
 
+WORDS = {
+    "Segfault": ["fmi2DoStep at t = 0.5 s", "SIGSEGV"],
+    "Exit": ["fmi2DoStep at t = 0.5 s", "exit code 0"],
+    "TerminateCrash": ["fmi2Terminate", "SIGSEGV"],
+    "Pending": ["fmi2DoStep at t = 0.5 s", "fmi2Pending"],
+    "Hang": ["It did not return from fmi2DoStep at t = 0.5 s within 1.5 s."],
+    "AsksToEnd": ["50 of 100 steps"],
+    "StateSize": [f"returned {2**60} bytes, which is not a plausible size"],
+    "StateEmpty": ["returned 0 bytes, which is not a plausible size"],
+    "StepTermItself": ["fmi2DoStep at t = 0 s", "SIGTERM"],
+}
+"""What the message of an FMU has: the call, the time, and how it ended."""
 
-Request, Folders = pytest.FixtureRequest, pytest.TempPathFactory
+NEEDS_AN_EXAMINER = ("StepKillParent", "StepKillGroup", "Leak", "StateNotReused")
+"""FMUs that would end the process of the tests, or leave memory behind: it shows in a small process only."""
+
+SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "run", "process", "binaries")]
+"""FMUs that do no harm until their check calls them."""
+
+FIRST = {b.check: b for b in reversed(BROKEN)}
+IN_MEMORY = [
+    b for b in (*STATIC, *THIRD) if b.check not in CALLING | {"sources.compile"} and b.name != "bomb"
+]
+"""FMUs that are made and examined without a compiler, and without a call."""
+
+BY_DEFAULT = [
+    *(b for b in BROKEN if b in IN_MEMORY or b.name in WORDS),
+    *(b for b in FIRST.values() if b not in IN_MEMORY and b.name not in WORDS and b.check not in SANITIZER),
+]
+"""All of those, and one for each check, except where it takes a build with sanitizers."""
+
+ORIGINS = ("Clocked", CLOCKED), ("Toy3", THIRD), ("Toy", STATIC), ("Wide", WIDE), ("Good", BROKEN)
 
 
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: Folders) -> dict[str, Examined]:
-    """What is found about the FMUs that were broken, before they were: by the name of the file."""
+@pytest.fixture(scope="session")
+def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Broken]:
+    """Return the FMUs before they were broken, by name."""
     folder = tmp_path_factory.mktemp("good")
     (folder / "Toy.fmu").write_bytes(good_bytes())
     (folder / "Toy3.fmu").write_bytes(good_bytes(fmi=3))
     (folder / "Clocked.fmu").write_bytes(good_bytes(fmi=3, clock=INTERVAL))
-    names = ("Toy.fmu", "Toy3.fmu", "Clocked.fmu")
-    report = ec.verify([*(folder / name for name in names), build_good_fmu(folder), build_wide_fmu(folder)])
-    return {one.path.stem: one for one in report.examined}
+    build_good_fmu(folder)
+    build_wide_fmu(folder)
+    return {p.stem: Broken(p.stem, "", "", lambda _, p=p: p) for p in folder.iterdir()}
 
 
-@pytest.fixture(scope="module")
-def asked_one(request: Request, tmp_path_factory: Folders) -> dict[str, Examined]:
-    """What its check, and what that needs, find about each broken FMU, by the FMU's name."""
-    asked = [(b, replace(b.settings, only=(b.check,))) for b in _broken(request, "asked_one")]
-    return examined_all(asked, tmp_path_factory.mktemp("one"))
-
-
-@pytest.fixture(scope="module")
-def asked_all(request: Request, tmp_path_factory: Folders) -> dict[str, Examined]:
-    """What all checks find."""
-    asked = [(b, replace(b.settings, skip=_skipped(b))) for b in _broken(request, "asked_all")]
-    return examined_all(asked, tmp_path_factory.mktemp("all"))
-
-
-def _broken(request: Request, fixture: str) -> list[Broken]:
-    """Broken FMUs that the selected tests of a fixture are to look at."""
-    found = {}
-    for item in request.session.items:
-        if item.path == request.path and fixture in getattr(item, "fixturenames", ()):
-            broken: Broken = item.callspec.params["broken"]  # type: ignore[attr-defined]
-            found[broken.name] = broken
-    return list(found.values())
-
-
-def _skipped(broken: Broken) -> list[str]:
-    """Slow checks of runs, where a run is that of the good FMU: all are done with EMLA_ALL_CHECKS=1."""
-    if ALL:
-        return []
-    if broken in STATIC:
-        return [g for g in {c.group for c in DYNAMIC_CHECKS} if g not in ("instance", "run")] + SLOW
-    return [] if broken.check in SLOW else ["instance.cycles"]
-
-
-def _is_told(finding: Finding) -> bool:
-    """Whether a check fails, warns, or passes with a note."""
+def _is_reported(finding: Finding) -> bool:
+    """Return whether a check fails, warns, or passes with a remark."""
     noted = finding.verdict == Verdict.PASSED and finding.sentence in finding.outcome.gaps
-    return noted or finding.verdict in WORSE
+    return noted or finding.verdict in (Verdict.FAILED, Verdict.WARNING)
 
 
-def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
-    """The toy draws its noise once per step, so that half steps and Model Exchange differ; that is said."""
-    told = {name: [f.check for f in one.findings if _is_told(f)] for name, one in good.items()}
-    noisy = ["steps.split", "model_exchange.agrees"]
-    assert told == {"Toy": noisy, "Toy3": noisy, "Clocked": [], "Good": [], "Wide": []}
-    assert not any(one.of(Verdict.FAILED) for one in good.values())
+def _reported(examined: Examined) -> dict[str, str]:
+    return {f.check: f.sentence for f in examined.findings if _is_reported(f)}
 
 
-FIRST = list({b.check: b for b in reversed(BROKEN)}.values())
-"""One broken FMU for each check."""
-
-FIRST_OF_VERSION = list({(b.check, b in (*THIRD, *CLOCKED)): b for b in reversed(BROKEN)}.values())
-"""One broken FMU for each check and version of FMI."""
+NOISY = ["steps.split", "model_exchange.agrees"]
+"""The toy draws its noise once per step, so that half steps and Model Exchange differ."""
 
 
-@pytest.mark.parametrize("broken", mostly_slow(BROKEN, FIRST), ids=lambda broken: broken.name)
-def test_a_fault_is_told_by_its_check(broken: Broken, asked_one: dict[str, Examined]) -> None:
-    found = asked_one[broken.name]
-    told = {f.check: f.sentence for f in found.findings if _is_told(f)}
-    assert list(told) == [broken.check], told
-    assert found[broken.check].verdict == broken.verdict
-    assert told[broken.check].endswith(".") and "itself has an error" not in told[broken.check]
-
-
-FEW = [
-    next(b for b in BROKEN if b.check.startswith(f"{group}."))
-    for group in ("archive", "binaries", "description", "variables", "run", "state", "derivatives")
-]
-"""One broken FMU for each of the groups of checks that say most."""
+NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dependencies.elements", "run")
 
 
 @pytest.mark.parametrize(
-    "broken", mostly_slow(BROKEN if ALL else FIRST_OF_VERSION, FEW), ids=lambda broken: broken.name
+    ("name", "only", "skipped"),
+    mostly_slow(
+        [
+            *((name, (), ()) for name, _ in ORIGINS),
+            *((name, (), LONG) for name in ("Good", "Wide")),
+            ("Clocked", NEW_IN_FMI_3, LONG),
+        ],
+        [("Good", (), LONG), ("Wide", (), LONG), ("Clocked", NEW_IN_FMI_3, LONG)],
+    ),
 )
-def test_one_fault_is_told_by_no_other_check(
-    broken: Broken, asked_all: dict[str, Examined], good: dict[str, Examined]
+def test_good_fmus_pass(
+    name: str, only: tuple[str, ...], skipped: tuple[str, ...], good: dict[str, Broken], tmp_path: Path
 ) -> None:
-    found = asked_all[broken.name]
-    before = good[
-        "Clocked"
-        if broken in CLOCKED
-        else "Toy3"
-        if broken in THIRD
-        else "Toy"
-        if broken in STATIC
-        else "Wide"
-        if broken in WIDE
-        else "Good"
-    ]
-    told = {
+    settings = Settings(only=only, skip=skipped)
+    examined = examine(good[name].build(tmp_path), settings=settings, apart=() if skipped else CALLING)
+    assert list(_reported(examined)) == (NOISY if name.startswith("Toy") else [])
+    assert examined.passed
+
+
+@pytest.mark.parametrize("broken", mostly_slow(BROKEN, BY_DEFAULT), ids=lambda broken: broken.name)
+def test_fault_is_reported_by_its_check(broken: Broken, tmp_path: Path) -> None:
+    if broken.name in NEEDS_AN_EXAMINER:
+        settings = replace(broken.settings, only=(broken.check,))
+        examined = examined_all([(broken, settings)], tmp_path)[broken.name]
+    else:
+        apart = CALLING if broken not in SAFE_TO_RUN else (broken.check,) if broken.check in CALLING else ()
+        examined = examine(broken.build(tmp_path), broken.check, settings=broken.settings, apart=apart)
+    reported = _reported(examined)
+    assert list(reported) == [broken.check], reported
+    assert examined[broken.check].verdict == broken.verdict
+    message = reported[broken.check]
+    assert message.endswith(".") and "itself has an error" not in message
+    assert all(words in message for words in WORDS.get(broken.name, [])), message
+
+
+SAMPLE = [FIRST[check] for check in ("archive.format", "variables.attributes", "structure.dependencies")]
+FEW = [FIRST[check] for check in ("run.finite", "values.start", "state.restored", "derivatives.directional")]
+FIRST_OF_VERSION = list({(b.check, b in (*THIRD, *CLOCKED)): b for b in reversed(BROKEN)}.values())
+
+
+def _arguments(broken: Broken) -> pytest.param:
+    return pytest.param(broken, marks=pytest.mark.slow if broken in FEW else pytest.mark.nightly)
+
+
+@pytest.mark.parametrize(
+    "broken", [*SAMPLE, *map(_arguments, FIRST_OF_VERSION)], ids=lambda broken: broken.name
+)
+def test_fault_is_reported_by_no_other_check(
+    broken: Broken, good: dict[str, Broken], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """In the default tier, by no check of the file alone."""
+    origin = good[next(name for name, members in ORIGINS if broken in members)]
+    if request.node.get_closest_marker("slow") or request.node.get_closest_marker("nightly"):
+        settings = replace(broken.settings, skip=tuple({"instance.cycles"} - {broken.check}))
+        found = examined_all([(broken, settings), (origin, settings)], tmp_path)
+        examined, before = found[broken.name], found[origin.name]
+    else:
+        settings = Settings(skip=tuple(CALLING))
+        examined, before = (examine(b.build(tmp_path), settings=settings) for b in (broken, origin))
+    reported = {
         f.check: f.sentence
-        for f in found.findings
-        if _is_told(f) and (f.verdict != before[f.check].verdict or not _is_told(before[f.check]))
+        for f in examined.findings
+        if _is_reported(f) and (f.verdict != before[f.check].verdict or not _is_reported(before[f.check]))
     }
-    assert told.keys() - SHOWS_ELSEWHERE.get(broken.name, set()) == {broken.check}, told
-    for finding in found.findings:
+    assert reported.keys() - SHOWS_ELSEWHERE.get(broken.name, set()) == {broken.check}, reported
+    for finding in examined.findings:
         assert "has an error" not in finding.sentence
         if finding.verdict == Verdict.SKIPPED and before[finding.check].verdict != Verdict.SKIPPED:
             may = finding.check in MAY_BE_SKIPPED.get(broken.name, ())
             assert may or finding.sentence.startswith("It needs "), finding
 
 
-@pytest.mark.parametrize(
-    "broken", [b for b in BROKEN if b.name in ("StateSize", "StateEmpty")], ids=lambda broken: broken.name
-)
-def test_a_size_that_no_state_has_is_told(broken: Broken, asked_one: dict[str, Examined]) -> None:
-    size = {"StateSize": 2**60, "StateEmpty": 0}[broken.name]
-    sentence = asked_one[broken.name]["state.serialized"].sentence
-    assert f"returned {size} bytes, which is not a plausible size" in sentence
-
-
-def test_there_are_many_ways_to_be_wrong() -> None:
-    names = [broken.name for broken in BROKEN]
-    assert len(set(names)) == len(names) >= 90
-    assert len([b for b in BROKEN if b.verdict == Verdict.FAILED]) >= 70
-    assert len(DYNAMIC) == len({*Fault} - {Fault.ONLY_ONCE})  # which is no fault where it is said
-
-
 def test_every_check_that_can_fail_has_an_fmu_that_fails_it() -> None:
-    """Else nobody knows whether it says anything; these only warn, of what the standard allows."""
-    only_warn = {
+    names = [broken.name for broken in BROKEN]
+    assert len(set(names)) == len(names)
+    only_warn = {  # of what the standard allows
         "archive.layout",
         "binaries.imports",
         "description.experiment",
@@ -206,6 +207,6 @@ def test_every_check_that_can_fail_has_an_fmu_that_fails_it() -> None:
     assert {c.name for c in CHECKS} - {b.check for b in BROKEN} == only_warn
 
 
-def test_the_documentation_lists_them() -> None:
+def test_documentation_lists_the_broken_fmus() -> None:
     page = (ROOT / "docs" / "verify.md").read_text(encoding="utf-8")
     assert table() in page, "python -m tests.support.broken.table writes it"

@@ -4,50 +4,50 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from typer.testing import CliRunner
 
 import emla_cosim as ec
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS
-from emla_cosim.verification.findings import Finding
+from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import DESCRIPTION, good_bytes, read_files, setting, with_tree, written
+from tests.support.broken.examining import examine
 from tests.support.c_programs import needs_cc
-from tests.support.commands import Emla
 from tests.support.hand_written_fmus import build_event_fmu
-from tests.support.tiers import mostly_slow
 
 CLOCKED = ["EmlaObserver", "FocController", "RsbaController"]
 """Models to build with a clock."""
 
 
-@pytest.mark.parametrize("model", mostly_slow(MODELS, ["FocController"]))
-def test_our_fmus_pass(model: str, emla: Emla, tmp_path: Path) -> None:
-    built = emla(
-        "build", model, "--fmi", "3", "--output", str(tmp_path), "--platform", fmpy.platform, "--overwrite"
-    )
-    assert built.exit_code == 0, built.output
+@pytest.mark.slow
+@pytest.mark.parametrize("model", MODELS)
+def test_our_fmus_pass(model: str, tmp_path: Path) -> None:
+    options = ["--output", str(tmp_path), "--platform", fmpy.platform, "--fmi", "3"]
+    assert CliRunner().invoke(app, ["build", model, *options]).exit_code == 0
     one = ec.verify(tmp_path / model / f"{model}.fmu").examined[0]
     assert one.passed, one.of(Verdict.FAILED)
     assert one.of(Verdict.WARNING) == []
     assert one["reference.agrees"].verdict == Verdict.PASSED  # of the result in the FMU
     both = "ModelExchange" in one.facts["kinds"]
     assert one["model_exchange.runs"].verdict == (Verdict.PASSED if both else Verdict.SKIPPED)
-    assert all(f.clause.document != "FMI 2.0.4" for f in one.findings)
-    assert not any(
-        "fmi2" in text for f in one.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)
+
+
+def test_messages_are_in_terms_of_fmi_3(tmp_path: Path) -> None:
+    (path := tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3))
+    one = examine(
+        path, "archive", "description", "variables", "structure", "run", "calls.arguments", apart=()
     )
+    assert one.passed and all(f.clause.document != "FMI 2.0.4" for f in one.findings)
+    texts = [text for f in one.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)]
+    assert not any("fmi2" in text for text in texts)
 
 
-def _found(path: Path, check: str) -> Finding:
-    return ec.verify(path, only=[check]).examined[0][check]
-
-
-@pytest.mark.parametrize(
-    "model", mostly_slow(["EmlaObserver", "FocController", "RsbaController"], ["FocController"])
-)
-def test_our_fmus_with_a_clock_pass(model: str, emla: Emla, tmp_path: Path) -> None:
-    options = ["--fmi", "3", "--clock", "1e-3", "--platform", fmpy.platform]
-    built = emla("build", model, "--output", str(tmp_path), *options)
-    assert built.exit_code == 0, built.output
+@pytest.mark.slow
+@pytest.mark.parametrize("model", CLOCKED)
+def test_our_fmus_with_a_clock_pass(model: str, tmp_path: Path) -> None:
+    options = ["--output", str(tmp_path), "--platform", fmpy.platform, "--fmi", "3", "--clock", "1e-3"]
+    assert CliRunner().invoke(app, ["build", model, *options]).exit_code == 0
     one = ec.verify(tmp_path / model / f"{model}.fmu").examined[0]
     assert one.passed, one.of(Verdict.FAILED)
     assert one.of(Verdict.WARNING) == []
@@ -59,24 +59,24 @@ def test_our_fmus_with_a_clock_pass(model: str, emla: Emla, tmp_path: Path) -> N
 def test_clocks_of_all_kinds_tick(clock: str, tmp_path: Path) -> None:
     """The FMU refuses ticks at other times, and steps over a tick."""
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock=clock)
-    (one,) = ec.verify(path, only=["run", "state", "steps.events", "clocks"]).examined
+    one = examine(path, "run.completes", "state.serialized", "clocks", apart=())
     assert one["state.serialized"].verdict == Verdict.PASSED, one.of(Verdict.FAILED)
     assert one["clocks.ticks"].verdict == Verdict.PASSED
     silent = any("did not tick" in gap for gap in one["run.completes"].outcome.gaps)
     assert silent == (clock == "countdown")  # its state never reaches the threshold
 
 
-def test_a_clock_within_steps_that_cannot_vary_is_said(tmp_path: Path) -> None:
+def test_clock_within_steps_that_cannot_vary_is_reported(tmp_path: Path) -> None:
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock="periodic", varies=False, early=False)
     files, experiment = read_files(path.read_bytes()), b'<DefaultExperiment stepSize="0.03"/>'
     files[DESCRIPTION] = files[DESCRIPTION].replace(b"<ModelVariables>", experiment + b"<ModelVariables>")
     written(path, files.items())
-    (one,) = ec.verify(path, only=["run"]).examined
+    one = examine(path, "run")
     assert one["run.completes"].verdict == Verdict.SKIPPED
     assert not one.passed and any("cannot vary its step size" in text for text in one.objections)
 
 
-def test_an_fmu_with_clocks_but_no_event_mode_is_not_called(tmp_path: Path) -> None:
+def test_fmu_with_clocks_but_no_event_mode_is_not_called(tmp_path: Path) -> None:
     build = with_tree(
         lambda root: root.find("ModelVariables").append(
             root.makeelement(
@@ -85,20 +85,21 @@ def test_an_fmu_with_clocks_but_no_event_mode_is_not_called(tmp_path: Path) -> N
         ),
         fmi=3,
     )
-    (one,) = ec.verify(build(tmp_path), only=["instance.created", "run"]).examined
+    one = examine(build(tmp_path), "instance.created", "run")
     assert one["run.completes"].verdict == Verdict.SKIPPED
     assert any("It has Clocks" in text for text in one.not_examined)
     assert not one.passed and any("It has Clocks" in text for text in one.objections)
 
 
-def test_an_fmu_with_clocks_from_outside_is_not_called(tmp_path: Path) -> None:
+def test_fmu_with_clocks_from_outside_is_not_called(tmp_path: Path) -> None:
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock="triggered")
-    (one,) = ec.verify(path, only=["instance.created", "run"]).examined
+    one = examine(path, "instance.created", "run")
     assert one["run.completes"].verdict == Verdict.SKIPPED
     assert not one.passed and any("triggered from outside" in text for text in one.objections)
 
 
 @needs_cc
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [None, 0.025])
 def test_sources_of_fmi_3_run_with_sanitizers(clock: float | None, tmp_path: Path) -> None:
     (tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3, clock=clock))
@@ -107,9 +108,9 @@ def test_sources_of_fmi_3_run_with_sanitizers(clock: float | None, tmp_path: Pat
     assert not any(f.outcome.gaps for f in one.findings)
 
 
-def test_a_check_of_fmi_3_must_not_be_missing_where_it_must_run(tmp_path: Path) -> None:
+def test_check_of_fmi_3_that_must_run_is_missing_in_fmi_2(tmp_path: Path) -> None:
     (tmp_path / "Toy.fmu").write_bytes(good_bytes())
-    (one,) = ec.verify(tmp_path / "Toy.fmu", only=["archive", "calls"], must_run=["calls.arguments"]).examined
+    one = examine(tmp_path / "Toy.fmu", "archive", settings=Settings(must_run=("calls.arguments",)))
     assert not one.passed
     assert "FMI 2.0 does not have" in one.objections[-1]
     assert "calls.arguments" not in {f.check for f in one.findings}
@@ -138,10 +139,10 @@ def test_a_check_of_fmi_3_must_not_be_missing_where_it_must_run(tmp_path: Path) 
         ),
     ],
 )
-def test_a_reference_to_nothing_is_told_by_its_number(
+def test_unknown_value_reference_is_named(
     path: str, attributes: dict[str, str], check: str, words: str, tmp_path: Path
 ) -> None:
-    finding = _found(setting(path, fmi=3, **attributes)(tmp_path), check)
+    finding = examine(setting(path, fmi=3, **attributes)(tmp_path), check)[check]
     assert finding.verdict == Verdict.FAILED
     assert words.rstrip(".") in finding.sentence
     assert finding.clause.document == "FMI 3.0.2"
@@ -159,7 +160,7 @@ def test_values_that_no_check_reads_are_named(tmp_path: Path) -> None:
         ),
         fmi=3,
     )
-    (one,) = ec.verify(build(tmp_path), only=["description", "variables"]).examined
+    one = examine(build(tmp_path), "description", "variables")
     assert not one.of(Verdict.FAILED)
     assert "Values of Binary variables were not examined: blob." in one.not_examined
     assert "Other values of structural parameters were not examined: n." in one.not_examined

@@ -1,4 +1,4 @@
-"""What checks leave out is said under *Not examined*, and what the standard forbids a host is not done."""
+"""What checks leave out is reported under *Not examined*, and no call follows a fatal error."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -47,7 +47,7 @@ def test_strings_beyond_the_most_are_left_out(tmp_path: Path, monkeypatch: Monke
     assert outcome.gaps == ("Only 2 of 6 variables of type String were read.",)
 
 
-def test_values_that_the_fmu_refuses_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
+def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
     """Here all but the first two."""
 
     def accept_two(do: Any, subject: Subject, changes: Mapping[str, Any]) -> list[Any]:
@@ -92,7 +92,7 @@ def test_nothing_is_called_after_a_fatal_error(tmp_path: Path, monkeypatch: Monk
 
 
 @pytest.mark.parametrize(("status", "clause"), [(-1, RETURNS), (1151195056, RETURNS), (3, None)])
-def test_an_answer_that_is_no_status_breaks_the_section_on_statuses(
+def test_invalid_status_violates_the_section_on_statuses(
     monkeypatch: Monkey, status: int, clause: Clause | None
 ) -> None:
     """Another clause that the check names has nothing to do with it."""

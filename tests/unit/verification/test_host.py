@@ -16,6 +16,7 @@ from scipy.linalg import expm
 from emla_cosim.fmu.elements import ElementVariable
 from emla_cosim.fmu.unpack import unpack
 from emla_cosim.sandbox import child
+from emla_cosim.verification.checks._sameness import compare_runs
 from emla_cosim.verification.examination import examine_fmu
 from emla_cosim.verification.host.experiment import Experiment, make_experiment
 from emla_cosim.verification.host.fresh_process import EndedError, in_fresh_process
@@ -26,11 +27,12 @@ from emla_cosim.verification.host.other_values import other_of
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
-from tests.support.broken.dynamic import Fault, build_good_fmu
+from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.examining import examine, list_problems
 from tests.support.hand_written_fmus import build_trigger_fmu
 
 
-def _subject(folder: Path, fault: Fault = Fault.NONE) -> Subject:
+def _subject(folder: Path, fault: str = "") -> Subject:
     path = build_good_fmu(folder, fault)
     unpack(path, folder / "fmu")
     return Subject(path, (folder / "fmu").resolve())
@@ -101,7 +103,7 @@ def _exact(course: Experiment) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
-def test_a_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
+def test_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
     """Inputs reach the FMU at the right times, and outputs are those of the end of each step."""
     subject = _subject(tmp_path)
     course = make_experiment(subject)
@@ -110,21 +112,19 @@ def test_a_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(found.values[:, :2], _exact(course), atol=2e-7)
 
 
-def test_a_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
+def test_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
     """The step that it did not do has no row."""
-    found = run_alone(_subject(tmp_path, Fault.ASKS_TO_END))
+    found = run_alone(_subject(tmp_path, "ASKS_TO_END"))
     assert found.times[-1] == pytest.approx(0.5)
 
 
-def test_an_error_comes_back_from_another_process(tmp_path: Path) -> None:
-    """With its sentence, its call and its status; what it logged is heard where nobody else listens."""
+def test_error_comes_back_from_another_process(tmp_path: Path) -> None:
     with pytest.raises(CallError, match="fmi2ExitInitializationMode answered fmi2Error") as caught:
-        run_alone(_subject(tmp_path, Fault.INITIALIZATION_ERROR))
+        run_alone(_subject(tmp_path, "INITIALIZATION_ERROR"))
     assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
 
 
-def test_the_end_of_another_process_is_told() -> None:
-    """By the signal that ended it."""
+def test_signal_that_ends_another_process_is_named() -> None:
     with pytest.raises(EndedError) as caught:
         in_fresh_process(_end)
     assert caught.value.how == "SIGKILL"
@@ -196,21 +196,21 @@ def test_time_events_happen_when_they_are_due() -> None:
     assert model.x == pytest.approx(0.35 - 0.25 + 0.4, abs=1e-9)
 
 
-def test_state_events_are_found() -> None:
+def test_state_events_happen_where_they_are() -> None:
     """Up to the top, and down again."""
     model = _Model([], top=0.7)
     _integration(model).step(0.0, 1.0)
     assert model.x == pytest.approx(0.7 - 0.3, abs=1e-6)
 
 
-def test_a_refused_call_is_told_as_such() -> None:
+def test_refused_call_is_reported_as_such() -> None:
     """Not as what the solver makes of it."""
     with pytest.raises(FMICallException) as caught:
         _integration(_Model([], refuses=3)).step(0.0, 1.0)
     assert caught.value.function == "fmi2GetDerivatives"
 
 
-def test_events_without_end_are_told() -> None:
+def test_endless_events_raise() -> None:
     """Where each event asks for one at the same time again."""
     model = _Model([])
     model.newDiscreteStates = lambda: (False, False, False, False, True, 0.0)  # type: ignore[method-assign]
@@ -218,15 +218,55 @@ def test_events_without_end_are_told() -> None:
         _integration(model).step(0.0, 1.0)
 
 
-def test_a_run_can_be_cut() -> None:
-    """To its first rows."""
+def test_run_can_be_cut() -> None:
     run = OutputTrajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
     assert run.until(2).values.tolist() == [[0.0], [1.0]]
 
 
-def test_checks_go_to_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_checks_run_in_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows, where processes cannot divide."""
     monkeypatch.setattr(child, "_CONTEXT", multiprocessing.get_context("spawn"))
     settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
     found = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
     assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)
+
+
+def _run(values: list[list[float]]) -> OutputTrajectory:
+    rows = np.array(values)
+    return OutputTrajectory(np.arange(len(rows), dtype=float), ["y", "z"], rows)
+
+
+def test_runs_that_differ_by_rounding_only_warn() -> None:
+    """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
+    wanted = _run([[0.0, 1.0], [1.0, 1.0]])
+    assert compare_runs(wanted, wanted, "It").verdict == Verdict.PASSED
+    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), wanted, "It")
+    assert rounded.verdict == Verdict.WARNING
+    assert "from y at t = 1 s on" in rounded.sentence
+    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
+    shorter = compare_runs(_run([[0.0, 1.0]]), wanted, "It")
+    assert (shorter.verdict, shorter.sentence) == (Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s.")
+    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), wanted, "It")
+    assert (negative.verdict, negative.sentence) == (Verdict.PASSED, "It gave the same 2 x 2 values.")
+    spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
+    assert compare_runs(spoiled, wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
+
+
+def test_difference_is_relative_to_the_range_of_an_output() -> None:
+    """A difference of 0.001 is much where an output moves by 0.01, and little where it moves by 100."""
+    one, other = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
+    np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])
+
+
+def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> None:
+    """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
+    names = (
+        "instance.created",
+        "instance.independent",
+        "instance.reset",
+        "values",
+        "state",
+        "process.unload",
+    )
+    assert list_problems(examine(build_good_fmu(tmp_path, "ONLY_ONCE"), *names)) == {}

@@ -21,7 +21,7 @@ def saved(given: Report, folder: Path) -> Any:
     return json.loads(path.read_bytes().decode("ascii"), parse_constant=refuse)
 
 
-def test_what_programs_find(tmp_path: Path) -> None:
+def test_keys_of_a_report(tmp_path: Path) -> None:
     given = ordinary()
     found = saved(given, tmp_path)
     assert found == given.as_dict()
@@ -48,7 +48,7 @@ def test_what_programs_find(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_signals_are_numbers_and_no_arrays(tmp_path: Path) -> None:
+def test_signals_have_numbers_instead_of_arrays(tmp_path: Path) -> None:
     inside, outside, _ = saved(ordinary(), tmp_path)["examined"][0]["findings"][-1]["comparisons"]
     assert set(inside) == {"signal", "unit", "inside", "worst", "worst_at", "left_at", "tube"}
     assert (inside["signal"], inside["unit"], inside["inside"], inside["left_at"]) == ("x", "m", True, None)
@@ -57,7 +57,7 @@ def test_signals_are_numbers_and_no_arrays(tmp_path: Path) -> None:
     assert not outside["inside"] and 2 < outside["left_at"] < 3 < outside["worst_at"]
 
 
-def test_what_json_has_not(tmp_path: Path) -> None:
+def test_values_that_json_lacks(tmp_path: Path) -> None:
     figures = {"nan": np.float64("nan"), "inf": -np.inf, "int": np.int64(3), "array": np.arange(2.0),
                "nested": ({"a": np.float32(0.5)}, Path("/x"), None, np.bool_(True))}  # fmt: skip
     given = report(examined("a.fmu", [finding("a.b", passed("It is.", figures=figures))]))
@@ -66,7 +66,7 @@ def test_what_json_has_not(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_hostile_texts_come_through_as_they_are(tmp_path: Path) -> None:
+def test_hostile_texts_are_unchanged(tmp_path: Path) -> None:
     given = hostile()
     found = saved(given, tmp_path)["examined"]
     for one, finds in zip(given.examined, found, strict=True):
@@ -75,7 +75,7 @@ def test_hostile_texts_come_through_as_they_are(tmp_path: Path) -> None:
     assert found[0]["seconds"] is None
 
 
-def test_order_and_counts_of_nothing(tmp_path: Path) -> None:
+def test_empty_report(tmp_path: Path) -> None:
     assert saved(report(), tmp_path)["counts"] == {"passed": 0, "warning": 0, "failed": 0, "skipped": 0}
     only_failed = report(examined("a.fmu", [finding("a.b", failed("No."))]))
     assert saved(only_failed, tmp_path)["examined"][0]["passed"] is False

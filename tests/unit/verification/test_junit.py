@@ -1,4 +1,4 @@
-"""The report as JUnit XML, by the structure that Jenkins' schema junit-10 gives it."""
+"""The report as JUnit XML, against the structure of Jenkins' schema junit-10."""
 
 import re
 from pathlib import Path
@@ -35,7 +35,7 @@ def saved(given: Report, folder: Path) -> Any:
 
 
 @pytest.mark.parametrize("make", [ordinary, hostile, report])
-def test_it_is_as_the_schema_has_it(make: Any, tmp_path: Path) -> None:
+def test_report_follows_the_schema(make: Any, tmp_path: Path) -> None:
     root = saved(make(), tmp_path)
     assert root.tag == "testsuites"
     for element in root.iter():
@@ -46,7 +46,7 @@ def test_it_is_as_the_schema_has_it(make: Any, tmp_path: Path) -> None:
             assert re.fullmatch(r"(([0-9]{0,3},)*[0-9]{3}|[0-9]{0,3})*(\.[0-9]*)?", element.get("time"))
 
 
-def test_a_suite_per_fmu_and_a_case_per_check(tmp_path: Path) -> None:
+def test_suite_per_fmu_and_case_per_check(tmp_path: Path) -> None:
     root = saved(ordinary(), tmp_path)
     assert dict(root.attrib) == {
         "name": "emla verify",
@@ -78,14 +78,14 @@ def test_a_suite_per_fmu_and_a_case_per_check(tmp_path: Path) -> None:
     assert {case.get("classname") for case in other.iter("testcase")} == {"other.Plant"}
 
 
-def test_control_characters_are_shown(tmp_path: Path) -> None:
+def test_control_characters_are_escaped(tmp_path: Path) -> None:
     text = (tmp_path / "r.xml", saved(hostile(), tmp_path))[0].read_text(encoding="utf-8")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202e]", text)
     assert r"bell\x07 nul\x00 escape\x1b[31m" in text
     assert r"half\udc80" in text
 
 
-def test_fmus_are_called_apart() -> None:
+def test_short_names_are_unique() -> None:
     paths = ["a/x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
     assert shorten_names(paths) == ["x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
     assert shorten_names(["P.fmu", "P.fmu"]) == ["P.fmu", "P.fmu"]

@@ -1,4 +1,4 @@
-"""FMUs that other tools make are told the truth: what they fail, the standard forbids."""
+"""FMUs of other tools: checks that fail name what the standard forbids."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from pythonfmu import FmuBuilder
 from emla_cosim.verification.catalogue import STATIC
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import good_bytes
-from tests.support.broken.examining import examined_here
+from tests.support.broken.examining import examine
 from tests.support.hand_written_fmus import build_faulty_fmu, build_handwritten_fmu
 from tests.support.paths import FOREIGN_PLANT
 
@@ -53,17 +53,19 @@ def foreign_plant(folder: Path) -> Path:
     return build_handwritten_fmu(folder / "ForeignPlant.fmu", FOREIGN_PLANT / "foreign_plant.c")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", [container, foreign_plant, build_faulty_fmu], ids=lambda b: b.__name__)
-def test_fmu_is_only_warned_of(build: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fmu_gets_no_failure(build: object, tmp_path: Path) -> None:
     assert callable(build)
-    report = examined_here(build(tmp_path), NAMES, monkeypatch)
+    report = examine(build(tmp_path), *NAMES)
     assert {f.check: f.sentence for f in report.of(Verdict.FAILED)} == {}
     assert {f.check for f in report.of(Verdict.WARNING)} <= {"binaries.imports"}
 
 
-def test_python_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_python_fmu(tmp_path: Path) -> None:
     """An Integer without variability is continuous, which none can be; and initial unknowns are lacking."""
-    report = examined_here(python_fmu(tmp_path), NAMES, monkeypatch)
+    report = examine(python_fmu(tmp_path), *NAMES)
     assert {f.check: f.sentence for f in report.of(Verdict.FAILED)} == {
         "variables.attributes": "n is continuous, but of type Integer; only a Real can be.",
         "structure.initial_unknowns": "InitialUnknowns lacks y, n.",

@@ -1,4 +1,4 @@
-"""The report as a page: what it says, that it is HTML, and that nothing in it does harm."""
+"""The report as a page: its content, valid HTML, and harmless texts."""
 
 import json
 import re
@@ -38,7 +38,7 @@ def text_of(element: Any) -> str:
 
 
 @pytest.mark.parametrize("make", [ordinary, hostile, report])
-def test_it_is_html5(make: Any) -> None:
+def test_page_is_html5(make: Any) -> None:
     root = parsed(render_page(make()))
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
@@ -49,7 +49,7 @@ def test_it_is_html5(make: Any) -> None:
             assert control.get("aria-controls") in ids
 
 
-def test_it_says_what_was_found() -> None:
+def test_page_shows_the_findings() -> None:
     root = parsed(render_page(ordinary()))
     assert text_of(elements(root, "h1")[0]) == "1 of 2 FMUs failed"
     assert [text_of(h) for h in elements(root, "h2")] == ["build/Plant.fmu", "other/Plant.fmu"]
@@ -93,7 +93,7 @@ def test_the_matrix_has_every_fmu_and_group() -> None:
         ([], "All 0 FMUs passed"),
     ],
 )
-def test_systems_are_called_so(paths: list[str], headline: str) -> None:
+def test_headline_names_fmus_or_systems(paths: list[str], headline: str) -> None:
     given = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
     assert text_of(elements(parsed(render_page(given)), "h1")[0]) == headline
 
@@ -112,7 +112,7 @@ def test_hostile_texts_make_no_elements() -> None:
     assert len(text_of(elements(root, "h2")[1])) < 200 and text_of(elements(root, "h2")[1]).endswith("xx.fmu")
 
 
-def test_it_reaches_for_nothing() -> None:
+def test_page_loads_nothing() -> None:
     root = parsed(render_page(ordinary()))
     policy = elements(root, "meta", http_equiv="Content-Security-Policy")[0].get("content")
     assert policy.startswith("default-src 'none';") and "http" not in policy
@@ -147,7 +147,7 @@ def test_thinning_keeps_extremes_and_gaps() -> None:
     assert list(thin_points(curve[:800])) == list(range(800))
 
 
-def test_curves_are_as_they_were_where_it_can_be_seen() -> None:
+def test_curves_are_accurate_to_a_pixel() -> None:
     time = np.linspace(0, 100, 700)
     values = 1e4 + np.sin(time)
     band = Band("tube", time, values - 1e-6, values + 1e-6)
@@ -157,7 +157,7 @@ def test_curves_are_as_they_were_where_it_can_be_seen() -> None:
     assert found["y"][0] < 9999 < 10001 < found["y"][1]
 
 
-def test_times_that_are_not_even() -> None:
+def test_uneven_times() -> None:
     time = np.sort(np.concatenate([np.linspace(0, 1, 50), np.linspace(1e-4, 2e-4, 7), [0.5]]))
     found = drawn(Plot("", (Line("a", time, time),)))["lines"][0]["x"]
     assert np.allclose(found, time, rtol=0, atol=1e-6)
@@ -165,7 +165,7 @@ def test_times_that_are_not_even() -> None:
     assert np.allclose(drawn(Plot("", (Line("a", late, late),)))["lines"][0]["x"], late, rtol=0, atol=1e-5)
 
 
-def test_differences_are_right_however_many_points_there_are() -> None:
+def test_differences_of_long_curves() -> None:
     """They are taken before points are left out: neither curve alone knows what the other was."""
     time = np.linspace(0, 100, 200_000)
     reference = np.sin(40 * time)
@@ -184,7 +184,7 @@ def test_differences_are_right_however_many_points_there_are() -> None:
     assert len(line["x"]) <= 2402 and found["base"] == "reference"
 
 
-def test_a_line_that_runs_away_does_not_hide_the_rest() -> None:
+def test_range_ignores_a_diverging_line() -> None:
     time = np.linspace(0, 1, 50)
     band = Band("tube", time, np.full(50, -1.0), np.full(50, 1.0))
     runaway = np.where(time > 0.5, 1e6, 0.0)
@@ -193,7 +193,7 @@ def test_a_line_that_runs_away_does_not_hide_the_rest() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.7e308, -1.7e308])
-def test_what_no_axis_can_show_is_left_out(value: float) -> None:
+def test_values_beyond_any_axis_are_left_out(value: float) -> None:
     time = np.arange(4.0)
     found = drawn(Plot("", (Line("a", time, np.array([0.0, value, 1.0, 2.0])),), mark=(1.0, "worst")))
     assert (found["lines"][0]["y"], found["lines"][0]["missing"]) == ([0, None, 1, 2], 1)
@@ -217,7 +217,7 @@ def test_plots_of_one_shape_share_a_figure() -> None:
     assert re.findall(r'id="(figure[^"]*)"', str(plots.scripts())) == ["figure-1-0-0", "figure-2-0-0"]
 
 
-def test_a_page_without_plots_has_no_library() -> None:
+def test_page_without_plots_has_no_library() -> None:
     text = render_template("emla_cosim.verification", "page.html", Plots(), **_empty())
     assert "Anaconda" not in text and len(text) < 40_000
 
@@ -232,7 +232,7 @@ def _empty() -> dict[str, Any]:
 # ---- texts -----------------------------------------------------------------------------------------
 
 
-def test_texts_and_numbers_for_people() -> None:
+def test_texts_and_numbers() -> None:
     assert make_visible("a\x1b[31m\u202eb\udc80\tc\r\nd") == "a\\x1b[31m\\u202eb\\udc80\tc\n\nd"
     assert make_visible("µ עברית 你好") == "µ עברית 你好"
     assert shorten_text("abc" * 100, 20) == "abcabcabcabcabc … bcabc"

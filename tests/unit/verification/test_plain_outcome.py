@@ -20,7 +20,7 @@ from emla_cosim.verification.subprocess_run import run_in_subprocess
 from emla_cosim.verification.verdict import RETURNS, CheckOutcome, Verdict, failed, passed
 
 
-def test_an_outcome_is_read_as_it_was() -> None:
+def test_outcome_survives_writing_and_reading() -> None:
     values = np.array([0.1, np.nan, -np.inf, 5e-324])
     outside = Comparison(
         "x\udc80", "m", values, values, values, values, values, values, Tube(0.1, 0.2), 1 / 3, np.inf, None
@@ -49,7 +49,7 @@ def test_an_outcome_is_read_as_it_was() -> None:
     "text",
     [b"", b"{}", b"[" * 100_000, b"\xff", b'{"verdict": "good", "sentence": ""}', pickle.dumps(passed("!"))],
 )
-def test_nothing_else_is_an_outcome(text: bytes) -> None:
+def test_invalid_outcomes(text: bytes) -> None:
     with pytest.raises(ValueError):
         read_outcome(text)
 
@@ -83,7 +83,7 @@ def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
-def test_what_a_process_sends_is_not_executed(tmp_path: Path) -> None:
+def test_answer_of_a_process_is_not_executed(tmp_path: Path) -> None:
     found = run_in_subprocess(_send_a_program, (_open_files(), tmp_path / "here"), 20.0, 2**31)
     assert not (tmp_path / "here").exists()
     assert found.verdict == Verdict.FAILED
@@ -97,7 +97,7 @@ def _begin_an_answer(others: set[int]) -> CheckOutcome:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
-def test_an_answer_that_never_ends_is_a_time_out() -> None:
+def test_unfinished_answer_times_out() -> None:
     began = time.monotonic()
     found = run_in_subprocess(_begin_an_answer, (_open_files(),), 1.0, 2**31)
     assert time.monotonic() - began < 20.0
@@ -131,7 +131,7 @@ channel.send(run_in_subprocess(list_shared, (), 60.0, 2**31).sentence)
 
 
 @pytest.mark.skipif(not Path("/dev/fd").exists(), reason="Open files are not listed there.")
-def test_a_check_has_no_pipe_to_the_parent_of_its_examiner() -> None:
+def test_check_has_no_pipe_to_the_parent_of_its_examiner() -> None:
     """The parent unpickles what it gets."""
     words = [sys.executable, "-c", _EXAMINER]
     done = subprocess.run(words, input=b"", capture_output=True, check=True, timeout=120.0)

@@ -1,4 +1,4 @@
-"""FMUs held against reference files: ours, made ones, and files that are wrong in every way."""
+"""FMUs against reference files: next to them, in them, in another folder, and invalid ones."""
 
 import shutil
 import zipfile
@@ -11,15 +11,18 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.verification.findings import Finding
 from emla_cosim.verification.references.reference_files import find_solution, read_reference
+from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.examining import examine
 from tests.support.paths import ROOT
 
 FMUS = ROOT / "fmus"
 
 
-def held(fmu: Path, reference: Path, **options: object) -> Finding:
-    report = ec.verify(fmu, reference=reference, only="reference.agrees", **options)  # type: ignore[arg-type]
-    return report[fmu]["reference.agrees"]
+def compare(fmu: Path, reference: Path | None = None, **tolerance: ec.Tolerance) -> Finding:
+    """Compare an FMU with references in a folder, by default those next to the FMU or in it."""
+    settings = Settings(reference=reference, tolerance=tolerance)
+    return examine(fmu, "reference.agrees", settings=settings, apart=())["reference.agrees"]
 
 
 def beside_reference(fmu_folder: Path, folder: Path) -> Path:
@@ -41,8 +44,8 @@ def changed(path: Path, column: str, by: np.ndarray | float) -> None:
     np.savetxt(path, rows, delimiter=",", header=",".join(rows.dtype.names), comments="", fmt="%.17g")
 
 
-def test_the_file_beside_the_fmu_is_taken(plant: Path) -> None:
-    assert ec.verify(plant, only="reference")[plant]["reference.agrees"].verdict == Verdict.PASSED
+def test_reference_next_to_the_fmu(plant: Path) -> None:
+    assert compare(plant).verdict == Verdict.PASSED
 
 
 # ---- results inside the FMU ---------------------------------------------------------------------
@@ -67,24 +70,20 @@ def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
     return path
 
 
-def own_result(fmu: Path) -> Finding:
-    return ec.verify(fmu, only="reference")[fmu]["reference.agrees"]
-
-
-def test_the_result_in_the_fmu_is_taken(plant: Path, tmp_path: Path) -> None:
-    found = own_result(alone(plant, tmp_path))
+def test_result_in_the_fmu(plant: Path, tmp_path: Path) -> None:
+    found = compare(alone(plant, tmp_path))
     assert found.verdict == Verdict.PASSED and "i_q" in {c.signal for c in found.outcome.comparisons}
 
 
-def test_another_result_in_the_fmu_is_found(plant: Path, tmp_path: Path) -> None:
+def test_another_result_in_the_fmu_fails(plant: Path, tmp_path: Path) -> None:
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", 1.0)
-    found = own_result(alone(plant, tmp_path, ref=(tmp_path / "EmlaPlant_ref.csv").read_text()))
+    found = compare(alone(plant, tmp_path, ref=(tmp_path / "EmlaPlant_ref.csv").read_text()))
     assert found.verdict == Verdict.FAILED and found.sentence.startswith("i_q left its tube")
 
 
-def test_files_beside_the_fmu_count_more_than_those_in_it(plant: Path, tmp_path: Path) -> None:
+def test_files_next_to_the_fmu_override_those_in_it(plant: Path, tmp_path: Path) -> None:
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", 1.0)
-    assert own_result(plant).verdict == Verdict.FAILED
+    assert compare(plant).verdict == Verdict.FAILED
 
 
 @pytest.mark.parametrize(
@@ -94,10 +93,10 @@ def test_files_beside_the_fmu_count_more_than_those_in_it(plant: Path, tmp_path:
         ({"ref": "time,i_q\n0,false\n1,true\n"}, "The result in the FMU is no reference: "),
     ],
 )
-def test_a_result_that_cannot_be_compared_is_not_examined(
+def test_result_that_cannot_be_compared_is_skipped(
     changes: dict[str, str | None], words: str, plant: Path, tmp_path: Path
 ) -> None:
-    found = own_result(alone(plant, tmp_path, **changes))
+    found = compare(alone(plant, tmp_path, **changes))
     assert found.verdict == Verdict.SKIPPED and found.sentence.startswith(words)
     assert "The result in the FMU was not compared." in found.outcome.gaps
 
@@ -114,33 +113,33 @@ def test_a_result_that_cannot_be_compared_is_not_examined(
         "",
     ],
 )
-def test_related_files_that_are_no_results_do_not_count(related: str, plant: Path, tmp_path: Path) -> None:
+def test_related_files_that_are_not_results(related: str, plant: Path, tmp_path: Path) -> None:
     shutil.copy(plant.with_name("EmlaPlant_ref.csv"), tmp_path / "outside_ref.csv")
-    found = own_result(alone(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>"))
+    found = compare(alone(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>"))
     assert (found.verdict, found.sentence) == (
         Verdict.SKIPPED,
         "There is no Renamed_ref.csv next to the FMU, and no result in it.",
     )
 
 
-def test_a_list_of_related_files_that_is_no_xml_fails(plant: Path, tmp_path: Path) -> None:
-    found = own_result(alone(plant, tmp_path, manifest="<fmiReferences>"))
+def test_list_of_related_files_that_is_not_xml_fails(plant: Path, tmp_path: Path) -> None:
+    found = compare(alone(plant, tmp_path, manifest="<fmiReferences>"))
     assert found.verdict == Verdict.FAILED and f"'{MANIFEST}' is not valid XML" in found.sentence
 
 
-def test_a_folder_that_was_named_and_has_none_is_a_warning(plant: Path, tmp_path: Path) -> None:
+def test_named_folder_without_reference_is_skipped(plant: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    found = held(plant, tmp_path / "empty")
+    found = compare(plant, tmp_path / "empty")
     assert found.verdict == Verdict.SKIPPED and found.outcome.blocked
     assert found.sentence == f"There is no EmlaPlant_ref.csv in {tmp_path / 'empty'}."
 
 
-def test_a_drift_of_a_ten_thousandth_is_found_where_tubes_are_narrow(plant: Path, tmp_path: Path) -> None:
+def test_drift_of_a_ten_thousandth_leaves_a_narrow_tube(plant: Path, tmp_path: Path) -> None:
     clean = read_reference(tmp_path / "EmlaPlant_ref.csv")
     time, i_q = clean.solution["time"], clean.solution["i_q"]
     drift = 1e-4 * np.ptp(i_q) * time / time[-1]
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", drift)
-    found = held(plant, tmp_path)
+    found = compare(plant, tmp_path)
     assert found.verdict == Verdict.FAILED
     assert found.sentence.startswith("i_q left its tube at t = ")
     (left,) = [c for c in found.outcome.comparisons if not c.inside]
@@ -149,22 +148,22 @@ def test_a_drift_of_a_ten_thousandth_is_found_where_tubes_are_narrow(plant: Path
     # the file allows 1e-7 of the range, which the drift passes in the first step or two
     assert left.left_at is not None and left.left_at < 0.002
     # by default it would be within the tube, which is 1e-3 of the range
-    assert held(plant, tmp_path, tolerance={"*": ec.Tolerance(1e-3, time=0.0)}).verdict == Verdict.PASSED
-    assert held(plant, tmp_path, tolerance={"i_q": 1.1e-4}).verdict == Verdict.PASSED
-    assert held(plant, tmp_path, tolerance={"i_q": 0.9e-4}).verdict == Verdict.FAILED
+    assert compare(plant, tmp_path, **{"*": ec.Tolerance(1e-3, time=0.0)}).verdict == Verdict.PASSED
+    assert compare(plant, tmp_path, i_q=ec.Tolerance(1.1e-4)).verdict == Verdict.PASSED
+    assert compare(plant, tmp_path, i_q=ec.Tolerance(0.9e-4)).verdict == Verdict.FAILED
 
 
-def test_inputs_that_differ_are_not_forgiven(plant: Path, tmp_path: Path) -> None:
+def test_other_inputs_fail(plant: Path, tmp_path: Path) -> None:
     changed(tmp_path / "EmlaPlant_in.csv", "F_L", 100.0)
-    found = held(plant, tmp_path)
+    found = compare(plant, tmp_path)
     assert found.verdict == Verdict.FAILED
     assert found.sentence.startswith("a_L left its tube at t = 0 s")
 
 
-def test_start_values_come_from_the_file_beside_the_reference(plant: Path, tmp_path: Path) -> None:
+def test_start_values_come_from_the_file_next_to_the_reference(plant: Path, tmp_path: Path) -> None:
     about = tmp_path / "EmlaPlant_ref.toml"
     about.write_text(about.read_text().replace("[set]", '[set]\n"motor.R_s" = 0.15'))
-    found = held(plant, tmp_path)
+    found = compare(plant, tmp_path)
     assert found.verdict == Verdict.FAILED
     assert "left its tube" in found.sentence
 
@@ -186,46 +185,37 @@ WRONG = [
     ("ref.toml", "[set]", '[set]\n"motor.R_s" = -1', "is out of range"),
     ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
 ]
-"""Of a reference: the file, what stands there, what somebody wrote in its place, and what is said of it."""
+"""The file of a reference, the text to replace, the new text, and the message."""
 
 
-@pytest.fixture(scope="module")
-def held_wrong(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Finding]:
-    """What is found about the plant beside each wrong reference, by its number."""
-    folder, paths = tmp_path_factory.mktemp("wrong"), {}
-    for number, (file, old, new, _) in enumerate(WRONG):
-        place = folder / str(number)
-        place.mkdir()
-        paths[str(number)] = beside_reference(fmu_folder, place)
-        path = place / f"EmlaPlant_{file}"
-        text = path.read_text()
-        assert old in text
-        path.write_text(text.replace(old, new, 1))
-    report = ec.verify(paths, only="reference.agrees")
-    return {one.name: one["reference.agrees"] for one in report.examined}
-
-
-@pytest.mark.parametrize("number", range(len(WRONG)), ids=lambda number: WRONG[number][3])
-def test_files_that_are_wrong_are_told_in_a_sentence(number: int, held_wrong: dict[str, Finding]) -> None:
-    found = held_wrong[str(number)]
+@pytest.mark.parametrize(("file", "old", "new", "message"), WRONG, ids=[row[3] for row in WRONG])
+def test_invalid_reference_files(
+    file: str, old: str, new: str, message: str, plant: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / f"EmlaPlant_{file}"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    found = compare(plant)
     assert found.verdict == Verdict.FAILED
-    assert WRONG[number][3] in found.sentence
-    assert found.sentence[-1] in ".?"
+    assert message in found.sentence and found.sentence[-1] in ".?"
     assert found.hint == "Correct the reference files."
 
 
-def test_options_may_have_comments_and_names_that_are_not_ours(plant: Path, tmp_path: Path) -> None:
+def test_options_may_have_comments_and_unknown_names(plant: Path, tmp_path: Path) -> None:
     options = tmp_path / "EmlaPlant_ref.opt"
     options.write_text(
         "StartTime, 0.0         // in seconds\nStopTime, 0.18\nStepSize, 0.0005 // s\n"
         "RelTol, 0.0001\nSolverType, FixedStep\n\n"
     )
-    assert held(plant, tmp_path).verdict == Verdict.PASSED
+    assert compare(plant, tmp_path).verdict == Verdict.PASSED
 
 
 def test_without_options_times_are_those_of_the_rows(plant: Path, tmp_path: Path) -> None:
     (tmp_path / "EmlaPlant_ref.opt").unlink()
-    found = held(plant, tmp_path, tolerance=1e-3)  # steps are the FMU's own, inputs linear between rows
+    found = compare(
+        plant, tmp_path, **{"*": ec.Tolerance(1e-3)}
+    )  # steps are the FMU's own, inputs linear between rows
     assert {c.signal: c.time[-1] for c in found.outcome.comparisons}["x_L"] == pytest.approx(0.18)
 
 
@@ -236,7 +226,7 @@ def test_names_with_commas_and_quotes_are_names(tmp_path: Path) -> None:
     assert (found.start, found.stop, found.step) == (0.0, 1.0, None)
 
 
-def test_a_folder_may_have_references_of_many(tmp_path: Path) -> None:
+def test_folder_with_references_of_several_fmus(tmp_path: Path) -> None:
     (tmp_path / "M").mkdir()
     (tmp_path / "M" / "M_ref.csv").touch()
     solution = tmp_path / "M" / "M_ref.csv"
@@ -245,6 +235,6 @@ def test_a_folder_may_have_references_of_many(tmp_path: Path) -> None:
     assert find_solution(Path("/elsewhere/N.fmu"), tmp_path) is None
 
 
-def test_a_folder_that_is_not_there_is_a_wrong_command(plant: Path, tmp_path: Path) -> None:
+def test_missing_folder_is_an_invalid_command(plant: Path, tmp_path: Path) -> None:
     with pytest.raises(CommandError, match=r"the folder of references '.*nowhere' does not exist"):
         ec.verify(plant, reference=tmp_path / "nowhere")

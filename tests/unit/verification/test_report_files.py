@@ -1,4 +1,4 @@
-"""Reports go where they were sent, whole, or one sentence says why not."""
+"""Reports are written completely, or one error message says why not."""
 
 import os
 from collections.abc import Callable
@@ -20,7 +20,7 @@ def form(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
-def test_places_where_no_file_can_be(form: str, tmp_path: Path) -> None:
+def test_invalid_paths(form: str, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "endless").symlink_to("endless")
     wrong = {
@@ -37,7 +37,7 @@ def test_places_where_no_file_can_be(form: str, tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_a_full_disk_leaves_the_earlier_report(form: str, tmp_path: Path) -> None:
+def test_full_disk_keeps_the_earlier_report(form: str, tmp_path: Path) -> None:
     path = tmp_path / "r"
     FORMS[form](ordinary(), path)
     before = path.read_bytes()
@@ -50,7 +50,7 @@ def test_a_full_disk_leaves_the_earlier_report(form: str, tmp_path: Path) -> Non
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
 
 
-def test_what_a_link_leads_to_is_not_written(form: str, tmp_path: Path) -> None:
+def test_target_of_a_link_is_not_written(form: str, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to("real")
     with pytest.raises(CommandError, match="it is a symbolic link"):
         FORMS[form](ordinary(), tmp_path / "link", overwrite=True)
@@ -58,7 +58,7 @@ def test_what_a_link_leads_to_is_not_written(form: str, tmp_path: Path) -> None:
     assert not (tmp_path / "real").exists()
 
 
-def test_a_report_replaces_reports_of_its_kind_only(form: str, tmp_path: Path) -> None:
+def test_report_replaces_reports_of_its_kind_only(form: str, tmp_path: Path) -> None:
     for other, save in FORMS.items():
         save(ordinary(), tmp_path / other)
     for other in FORMS:

@@ -1,4 +1,4 @@
-"""Sanitizers: sound sources pass, reports are read, and what was not examined is said."""
+"""Sanitizers: sound sources pass, reports are read, and gaps are reported."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -54,6 +54,7 @@ def subject_of(path: Path, settings: Settings | None = None) -> Subject:
     return Subject(path, folder, settings or Settings(seconds=60.0))
 
 
+@pytest.mark.slow
 def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     if not compiling.list_compilers()[0].has_address:
         pytest.skip("There is no compiler with AddressSanitizer.")
@@ -66,7 +67,7 @@ def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     assert found.judges_leaks
 
 
-def test_an_overrun_is_told_with_its_line_and_the_function_of_the_standard() -> None:
+def test_overrun_has_its_line_and_the_function_of_the_standard() -> None:
     fault = read_memory_error(OVERRUN, SOURCES)
     assert fault is not None
     assert fault.sentence == (
@@ -75,7 +76,7 @@ def test_an_overrun_is_told_with_its_line_and_the_function_of_the_standard() -> 
     assert read_memory_error("nothing", SOURCES) is None
 
 
-def test_a_wrong_free_and_an_error_outside_of_the_sources_are_told() -> None:
+def test_double_free_and_error_outside_of_the_sources() -> None:
     twice = read_memory_error(
         "==7==ERROR: AddressSanitizer: attempting double-free on 0x60 in thread T0:\n", SOURCES, "fmi2Reset"
     )
@@ -104,7 +105,7 @@ def test_undefined_behavior_is_read_from_gcc_and_zig() -> None:
     ]
 
 
-def test_a_machine_without_sanitizers_says_so(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_machine_without_sanitizers_skips(tmp_path: Path, monkeypatch: Patch) -> None:
     lacking = compiling.Compiler(("false",), (), has_address=True)
     monkeypatch.setattr(run, "list_compilers", lambda: [lacking])
     outcome = sanitizer.address.examine(subject_of(build_memory_fmu(tmp_path)))
@@ -123,7 +124,7 @@ def test_zig_judges_only_what_is_undefined(tmp_path: Path, monkeypatch: Patch) -
     assert sanitizer.undefined.advisory  # so that it only warns
 
 
-def test_what_does_not_run_does_not_pass(monkeypatch: Patch, tmp_path: Path) -> None:
+def test_sources_that_do_not_run_are_skipped(monkeypatch: Patch, tmp_path: Path) -> None:
     still = run.SanitizedRun(has_address=True, gaps=("CoSimulation: fmi2Instantiate answered NULL.",))
     monkeypatch.setattr(sanitizer, "run_sanitized", lambda _: still)
     outcome = sanitizer.address.examine(Subject(tmp_path / "X.fmu", tmp_path))
@@ -140,7 +141,7 @@ def test_sources_that_do_not_compile_in_time_are_not_examined(tmp_path: Path) ->
     assert outcome.gaps
 
 
-def test_a_build_description_lists_sources_and_macros(tmp_path: Path) -> None:
+def test_build_description_lists_sources_and_macros(tmp_path: Path) -> None:
     subject = subject_of(build_memory_fmu(tmp_path))
     text = (
         '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="Memory">'

@@ -56,14 +56,14 @@ def test_counts_and_failures_are_shown() -> None:
         "@everyone :tada: https://example.com",
     ],
 )
-def test_texts_are_shown_as_they_are(odd: str) -> None:
+def test_texts_are_escaped(odd: str) -> None:
     page = shown(format_ci_summary(report(odd, odd, "failed")))
     plain = shown(format_ci_summary(report("plain", "plain", "failed")))
     assert page.count("<") == plain.count("<")  # no element more
     assert unescape(page).count(" ".join(odd.split())) == 3
 
 
-def test_a_large_report_stays_below_what_github_takes() -> None:
+def test_large_report_stays_below_the_limit_of_github() -> None:
     large = report(sentence="long " * 1000, verdicts="failed " * 500)
     large["examined"] *= 500
     text = format_ci_summary(large)

@@ -28,7 +28,7 @@ def against(values: np.ndarray, reference: np.ndarray, tolerance: Tolerance, ste
 def test_edges_are_the_extremes_of_the_reference_within_the_time(
     values: list[float], width: float, gaps: list[int]
 ) -> None:
-    """Dense sampling, a second and stupid way, is never outside, and reaches the edges."""
+    """Dense sampling, an independent way, is never outside, and reaches the edges."""
     time, reference = np.cumsum(gaps[: len(values)]).astype(float), np.array(values)
     at = np.linspace(time[0] - 1.0, time[-1] + 1.0, 23)
     lower, upper = Tube(0.0, width).edges(at, time, reference)
@@ -58,7 +58,7 @@ def test_edges_are_those_of_pyfunnel(dt: float, dy: float, tmp_path: Path) -> No
         assert found[inside] == pytest.approx(edge[inside], abs=1e-12)
 
 
-def test_a_jump_may_come_earlier_or_later() -> None:
+def test_jump_may_come_earlier_or_later() -> None:
     time, reference = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 1.0, 1.0])
     at = np.linspace(0.0, 2.0, 41)
     for shift, inside in ((0.09, True), (-0.09, True), (0.16, False), (-0.16, False)):
@@ -68,7 +68,7 @@ def test_a_jump_may_come_earlier_or_later() -> None:
 
 
 @given(values=values, shift=st.floats(-0.05, 0.05))
-def test_what_is_shifted_within_the_tube_stays_inside(values: list[float], shift: float) -> None:
+def test_shift_within_the_tube_stays_inside(values: list[float], shift: float) -> None:
     reference = np.array(values)
     time = 0.1 * np.arange(len(reference))
     moved = np.interp(time - shift, time, reference)
@@ -76,7 +76,7 @@ def test_what_is_shifted_within_the_tube_stays_inside(values: list[float], shift
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_the_tube_is_as_wide_as_it_is_said_to_be(factor: float) -> None:
+def test_width_of_the_tube(factor: float) -> None:
     reference = np.sin(np.linspace(0.0, 6.0, 61))
     wrong = reference.copy()
     wrong[40] += factor * 1e-3 * np.ptp(reference)
@@ -87,7 +87,7 @@ def test_the_tube_is_as_wide_as_it_is_said_to_be(factor: float) -> None:
     assert found.left_at == (None if factor < 1.0 else pytest.approx(4.0))
 
 
-def test_a_drift_is_told_when_it_leaves_and_where_it_is_worst() -> None:
+def test_drift_has_the_time_it_leaves_and_its_maximum() -> None:
     reference = np.sin(np.linspace(0.0, 6.0, 601))
     found = against(reference * (1.0 + 1e-4 * np.arange(601) / 600.0), reference, Tolerance(2e-5, time=0.0))
     assert found.left_at is not None and found.left_at < found.worst_at
@@ -99,7 +99,7 @@ def test_a_drift_is_told_when_it_leaves_and_where_it_is_worst() -> None:
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_outside(wrong: float) -> None:
+def test_values_that_are_not_finite_are_outside(wrong: float) -> None:
     reference = np.linspace(0.0, 1.0, 11)
     values = reference.copy()
     values[7] = wrong
@@ -108,14 +108,14 @@ def test_what_is_no_number_is_outside(wrong: float) -> None:
     assert found.worst == np.inf
 
 
-def test_a_reference_that_is_no_number_says_nothing() -> None:
+def test_nan_in_a_reference_is_ignored() -> None:
     reference = np.linspace(0.0, 1.0, 11)
     gap = reference.copy()
     gap[3:5] = np.nan
     assert against(reference, gap, EXACT).inside
 
 
-def test_only_the_common_time_counts() -> None:
+def test_only_the_common_time_is_compared() -> None:
     reference = np.linspace(0.0, 1.0, 11)
     assert against(reference[:4], reference, EXACT).inside
     assert against(np.append(reference, 99.0), reference, EXACT).inside
@@ -124,17 +124,17 @@ def test_only_the_common_time_counts() -> None:
 @pytest.mark.parametrize(
     ("constant", "off", "inside"), [(5.0, 4e-3, True), (5.0, 6e-3, False), (0.0, 1e-13, True)]
 )
-def test_a_constant_signal_is_judged_by_its_value(constant: float, off: float, inside: bool) -> None:
+def test_constant_signal_is_relative_to_its_value(constant: float, off: float, inside: bool) -> None:
     reference = np.full(5, constant)
     assert against(reference + off, reference, EXACT).inside == inside
 
 
-def test_one_point_is_a_reference_too() -> None:
+def test_reference_of_one_point() -> None:
     assert against(np.array([1.0]), np.array([1.0]), EXACT).inside
     assert not against(np.array([1.1]), np.array([1.0]), EXACT).inside
 
 
-def test_the_first_that_left_comes_first() -> None:
+def test_first_departure_comes_first() -> None:
     reference = np.zeros(11)
     found = []
     for k in (7, 2, 5):
@@ -145,7 +145,7 @@ def test_the_first_that_left_comes_first() -> None:
     assert [c.left_at for c in select_outside(found)] == pytest.approx([0.2, 0.5, 0.7])
 
 
-def test_later_tolerances_fill_and_replace_what_earlier_ones_say() -> None:
+def test_later_tolerances_override_earlier_ones() -> None:
     given = read_tolerances(["1e-4", "a.*=time:0,absolute:1e-9", "a.x=1e-6"])
     assert find_tolerance("b", given) == Tolerance(1e-4)
     assert find_tolerance("a.y", given) == Tolerance(1e-4, 1e-9, 0.0)
@@ -154,18 +154,18 @@ def test_later_tolerances_fill_and_replace_what_earlier_ones_say() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "x=", "=1", "x=relativ:1", "x=1,,", "q", "x=1e-3;time:0"])
-def test_a_tolerance_that_cannot_be_read_is_told(text: str) -> None:
+def test_unreadable_tolerance(text: str) -> None:
     with pytest.raises(CommandError, match=r"cannot be read\. Write NUMBER"):
         read_tolerances([text])
 
 
 @pytest.mark.parametrize("text", ["-1", "x=nan", "inf", "x=time:-1"])
-def test_a_tolerance_that_is_none_is_told(text: str) -> None:
+def test_invalid_tolerance(text: str) -> None:
     with pytest.raises(CommandError, match="must be 0 or a positive number"):
         read_tolerances([text])
 
 
-def test_a_file_may_give_numbers_and_parts() -> None:
+def test_tolerances_of_a_file() -> None:
     found = parse_tolerances({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
     assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
     with pytest.raises(CommandError, match=r"'x' in 'tolerance' of 'f' is .*; it must be a number, or"):
