@@ -3,7 +3,7 @@
 import ctypes
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,8 @@ from emla_cosim.fmu.models import MODELS, fmu_path
 from tests.support.c_programs import Build, build
 from tests.support.joint_run import STEP, Case, moving_joint, study_joint
 from tests.support.tiers import mostly_slow
+
+Compile = Callable[..., Build]
 
 VARIANTS = {
     "study-native": (study_joint, "native", 500),
@@ -62,27 +64,15 @@ def unpacked_fmus(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 
 @pytest.fixture(scope="session")
-def plain_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """host.c without instrumentation."""
-    return build("none", ["host"], [], tmp_path_factory.mktemp("plain")).programs["host"]
-
-
-@pytest.fixture(scope="session")
-def address_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """Everything with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, for all processes."""
-    folder = _shared_folder(tmp_path_factory) / "address"
-    folder.mkdir(exist_ok=True)
-    with FileLock(f"{folder}.lock"):
-        return build("address", ["host", "fuzz"], unpacked_fmus.values(), folder)
-
-
-@pytest.fixture(scope="session")
-def thread_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """The host and the FMUs with ThreadSanitizer."""
-    return build("thread", ["host"], unpacked_fmus.values(), tmp_path_factory.mktemp("thread"))
-
-
-def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that all processes of a test run have in common."""
+def compiled(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Compile:
+    """Return a function that compiles our C programs and FMUs with a sanitizer, for all processes of a run."""
     base = tmp_path_factory.getbasetemp()
-    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def call(sanitizer: str, program: str, models: Iterable[str] = ()) -> Build:
+        folder = shared / sanitizer
+        folder.mkdir(exist_ok=True)
+        with FileLock(f"{folder}.lock"):
+            return build(sanitizer, [program], [unpacked_fmus[model] for model in models], folder)
+
+    return call

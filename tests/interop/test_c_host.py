@@ -13,7 +13,8 @@ from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
-from tests.support.c_programs import Build, host_plan, needs_cc, run_program
+from tests.interop.conftest import Compile
+from tests.support.c_programs import host_plan, needs_cc, run_program
 from tests.support.simulated import simulated
 
 pytestmark = [needs_cc, pytest.mark.slow]
@@ -22,6 +23,11 @@ LIFT = load("lift").system
 """The lift joint of the study: all five models, with the study's start values."""
 STEP = 1e-4
 Fmus = dict[str, FmuFile]
+
+
+@pytest.fixture
+def plain_host(compiled: Compile) -> Path:
+    return compiled("none", "host").programs["host"]
 
 
 def write_plan(
@@ -90,10 +96,10 @@ def test_error_status_ends_the_host(plain_host: Path, unpacked_fmus: Fmus, tmp_p
     [("address", 100), ("thread", 50), pytest.param("address", 1000, marks=pytest.mark.nightly)],
 )
 def test_sanitizers_report_nothing(
-    sanitizer: str, cycles: int, request: pytest.FixtureRequest, unpacked_fmus: Fmus, tmp_path: Path
+    sanitizer: str, cycles: int, compiled: Compile, unpacked_fmus: Fmus, tmp_path: Path
 ) -> None:
     """Instantiated, run and freed many times, in two threads; leaks and undefined behaviour, too."""
-    build: Build = request.getfixturevalue(f"{sanitizer}_build")
+    build = compiled(sanitizer, "host", {c.model for c in LIFT.components})
     plan = write_plan(tmp_path / "plan", unpacked_fmus, 5, build.libraries)
     run_program(build.programs["host"], "-c", str(cycles), "-t", "2", plan, tmp_path / "results")
 

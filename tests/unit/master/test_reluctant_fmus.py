@@ -132,9 +132,8 @@ def test_terminal_and_record_show_lost_values(reluctant: Path, tmp_path: Path) -
     assert record["components"]["Reluctant"]["not_taken"]["share"]["read"] == 0.0
 
 
-@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
-def test_the_tolerance_of_the_experiment_is_passed(reluctant: Path, isolate: bool) -> None:
-    with ec.load(str(reluctant), **_options({}, isolate=isolate)).prepare() as simulation:
+def test_the_tolerance_of_the_experiment_is_passed(reluctant: Path) -> None:
+    with ec.load(str(reluctant), **_options({})).prepare() as simulation:
         for chosen, right in ((None, 1e-5), (1e-8, 1e-8), (None, 1e-5)):
             result = simulation.run(fmi_tolerance=chosen)
             assert result["Reluctant.tolerance"].tolist() == [right] * 9
