@@ -30,7 +30,7 @@ def drive(controller: str, fmus: Path) -> LinearDrive:
     return LinearDrive(controller, v, i_q, i_d)
 
 
-@pytest.mark.parametrize("controller", GAINS)
+@pytest.mark.parametrize("controller", mostly_slow(GAINS, ["rsba"]))
 def test_loop_gain_of_a_joint_equals_its_equations(controller: str, fmu_folder: Path) -> None:
     places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
     result = ec.linearize(
@@ -54,12 +54,14 @@ def test_loop_gain_of_a_joint_equals_its_equations(controller: str, fmu_folder: 
         assert found.gain_up_dB == pytest.approx(margins.gain_up_dB, abs=0.05)
         assert found.gain_down_dB == pytest.approx(margins.gain_down_dB, abs=0.05)
         assert found.Ms == pytest.approx(margins.Ms, rel=0.01)
+        if opened_at == POSITION:  # a pulse of metres saturates everything, and is linear only in itself
+            assert result.responses[name].amplitude < 1e-5  # m
 
 
 @pytest.mark.parametrize("controller", GAINS)
 def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controller: str) -> None:
     """The viscous friction and the back-EMF, which do not change with the inertia, are small."""
-    frequency = np.geomspace(20.0, 4999.0, 4000)
+    frequency = np.geomspace(20.0, 4999.0, 2000)
     loop = LinearDrive(controller, 0.05, 33.0, 0.0)
     margins = compute_margins(frequency, loop.loop_gain(POSITION, frequency))
     for margin in (margins.gain_up_dB, margins.gain_down_dB):
@@ -74,7 +76,7 @@ def test_integral_of_current_controllers_reduces_margins(
 ) -> None:
     """A model of others, without this integral, has the first figures for `tuned` of FOC."""
     monkeypatch.setitem(GAINS_OF_MODEL["foc"], "w_i", w_i)
-    frequency = np.geomspace(20.0, 4999.0, 4000)
+    frequency = np.geomspace(20.0, 4999.0, 2000)
     margins = compute_margins(frequency, LinearDrive("foc", 0.05, 33.0, 0.0).loop_gain(POSITION, frequency))
     found = margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB
     assert found == pytest.approx((phase, up, down), abs=0.1)
@@ -83,7 +85,7 @@ def test_integral_of_current_controllers_reduces_margins(
 @pytest.mark.parametrize("opened_at", PLACES)
 def test_python_control_finds_the_same_margins(opened_at: str) -> None:
     control = pytest.importorskip("control", reason="python-control is not installed.")
-    frequency = np.geomspace(20.0, 4999.0, 4000)
+    frequency = np.geomspace(20.0, 4999.0, 2000)
     L = LinearDrive("rsba", 0.05, 33.0, 0.0).loop_gain(opened_at, frequency)
     response = ec.FrequencyResponse(opened_at, frequency, L, np.zeros(len(L)), STEP, "1")
     gains, phases, distances, *_ = control.stability_margins(response.to_control(), returnall=True)
@@ -147,7 +149,8 @@ def _move(time: np.ndarray, force: np.ndarray, fmus: Path) -> np.ndarray:
     return scenario.prepare().run()[POSITION_OUT]
 
 
-@pytest.mark.parametrize("joint", mostly_slow(("lift", "tilt", "telescope"), ("lift",)))
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["lift", "tilt", "telescope"])
 def test_damped_gains_have_their_margins(joint: str, fmu_folder: Path) -> None:
     """Of the position loop and of the current loop, with one sample of computing delay."""
     loops = [joint, f"{joint}.controller.u_q -> {joint}.plant.u_q"]
@@ -160,31 +163,12 @@ def test_damped_gains_have_their_margins(joint: str, fmu_folder: Path) -> None:
         assert margins.gain_up_dB >= 6.0 and margins.gain_down_dB <= -6.0
 
 
-def test_pulses_are_small(fmu_folder: Path) -> None:
-    """A pulse of metres saturates everything, and is linear only in itself."""
-    found = ec.linearize(
-        "lift",
-        gains="compensated",
-        set=DELAY,
-        open="lift",
-        at=AT,
-        duration=0.1,
-        stop_time=0.5,
-        fmus=fmu_folder,
-    )
-    (measured,) = found.responses.values()
-    assert measured.amplitude < 1e-5  # m
-
-
 SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
 
 
 def test_joint_is_opened_at_its_current_reference_by_default(fmu_folder: Path) -> None:
-    by_default, asked = (
-        ec.linearize("lift", **SHORT, **of, fmus=fmu_folder) for of in ({}, {"open": PLACES[CURRENT]})
-    )
-    assert list(by_default.margins) == [PLACES[CURRENT]]
-    assert by_default.margins == asked.margins
+    result = ec.linearize("lift", **SHORT, fmus=fmu_folder)
+    assert list(result.margins) == [PLACES[CURRENT]]
 
 
 def test_all_joints_are_opened_by_default() -> None:

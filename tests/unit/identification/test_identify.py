@@ -50,7 +50,7 @@ FORCE = 3.0 * np.sign(np.sin(5.0 * TIME)) + TIME
 TRUE = {"m": 1.3, "b": 0.7, "c": 0.4}
 
 
-STEP = 1e-3
+STEP = 2e-3
 HELD = np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, FORCE)
 """The force as the FMU gets it after the table has made its step: that of the end of the step."""
 
@@ -68,7 +68,7 @@ def motion(m: float, b: float, c: float, held: np.ndarray = HELD) -> np.ndarray:
         k3 = slope(rows[-1] + 0.5 * STEP * k2, force)
         k4 = slope(rows[-1] + STEP * k3, force)
         rows.append(rows[-1] + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
-    return np.array(rows)[::10, 0]
+    return np.array(rows)[:: round(0.01 / STEP), 0]
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def data(x: np.ndarray, force: np.ndarray = FORCE) -> dict[str, Any]:
     }
 
 
-RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 1e-3}
+RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": STEP}
 RANGES = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.c": "0:5"}
 
 Identify = Callable[..., ec.IdentificationResult]
@@ -146,13 +146,13 @@ def test_held_out_experiments_run_once(identify: Identify) -> None:
 
 
 def test_batches_do_not_change_estimates(identify: Identify, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run of 2001 rows and two columns has 32 kB; two batches of eight points are the smallest."""
+    """A run of 1001 rows and two columns has 16 kB; two batches of eight points are the smallest."""
     from emla_cosim.identification import prediction
 
     ranges = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     given = {"set": {"Cart.c": TRUE["c"]}, **data(noisy())}
     at_once = identify(ranges, **given)
-    monkeypatch.setattr(prediction, "_MEMORY", 10_000)
+    monkeypatch.setattr(prediction, "_MEMORY", 5_000)
     in_batches = identify(ranges, **given)
     for name in ranges:
         assert (in_batches[name].value, in_batches[name].error) == (at_once[name].value, at_once[name].error)
@@ -201,7 +201,7 @@ def test_experiments_are_ranked_by_information(identify: Identify) -> None:
 
     columns = np.column_stack([derivative("m"), derivative("b")])
     errors = 1.96 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
-    rows = 2001 / 201  # a planned experiment has a sample for each row of its table
+    rows = (2.0 / STEP + 1) / 201  # a planned experiment has a sample for each row of its table
     assert [strong.intervals[n] for n in vary] == pytest.approx(errors / np.sqrt(rows), rel=0.05)
 
 
@@ -368,7 +368,7 @@ def test_command_writes_a_scenario_that_runs(
     Path("plan.toml").write_text(f"""
         scenario = "{fmu}"
         stop_time = 2.0
-        step_size = 1e-3
+        step_size = {STEP}
         [vary]
         "Cart.m" = "0.2 kg:10 kg"
         "Cart.b" = "0:5"
