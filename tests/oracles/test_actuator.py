@@ -1,4 +1,4 @@
-"""An actuator from its data sheets: what follows from every entry, and what is message of wrong ones.
+"""Start values of an actuator follow from its data sheet; invalid sheets give one error message.
 
 The motor is Tolomatic's MV43, of a family that the paper does not have; the file says where it is from.
 """

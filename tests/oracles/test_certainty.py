@@ -1,4 +1,4 @@
-"""Certainty of estimates against closed forms of linear regression, and what data do not tell."""
+"""Certainty of estimates equals closed forms of linear regression; unidentifiable parameters are named."""
 
 import numpy as np
 import pytest

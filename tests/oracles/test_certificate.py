@@ -1,4 +1,4 @@
-"""What the certificate of a scenario predicts holds in the run that it stands beside."""
+"""Runs keep the bounds that their certificate predicts."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The prototype's experiments: what they ask for, and that Table VIII is beaten."""
+"""Experiments of the prototype have the published motion and load, and errors below Table VIII."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Margins of a joint, compared with its equations, and frequency responses with an injected sine."""
+"""Margins of a joint equal those of its equations, and frequency responses those of an injected sine."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sizing: against hand calculations, published examples of catalogues, and independent solvers."""
+"""Sizing equals hand calculations, published examples of catalogues and independent solvers."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""State matrices, poles and steady states of systems that run as Model Exchange, against closed forms."""
+"""State matrices, poles and steady states of Model Exchange equal closed forms."""
 
 import json
 from pathlib import Path

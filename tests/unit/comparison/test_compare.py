@@ -1,4 +1,4 @@
-"""Controllers side by side: the figures of runs one by one, under the circumstances that are named."""
+"""Comparisons of controllers have the figures of single runs, under the same conditions."""
 
 import json
 import math

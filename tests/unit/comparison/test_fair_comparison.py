@@ -1,4 +1,4 @@
-"""Controllers meet on equal terms: recommended gains, held-out seeds, equal reserves, clear winners."""
+"""Comparisons are fair: recommended gains, held-out seeds, equal reserves, winners beyond the spread."""
 
 import itertools
 import json
@@ -307,7 +307,7 @@ class Proportional(Block):
 
 
 def test_controllers_of_users_are_compared(fmu_folder: Path) -> None:
-    """On another scenario, whose controllers sample at 1 kHz; what cannot be set is message."""
+    """On another scenario, whose controllers sample at 1 kHz; what cannot be set is reported."""
     fmu = str(build("FocController", "native", [], fmu_folder))
     controllers = ["rsba", fmu, Proportional]
     result = ec.compare(

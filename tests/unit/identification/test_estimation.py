@@ -1,4 +1,4 @@
-"""The search: minima with SciPy's, values whose runs fail, narrow valleys, weights, sensors."""
+"""Searches find the minima of SciPy, also with failing runs, narrow valleys, weights and sensors."""
 
 import struct
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""`identify` and `emla identify` with FMUs: against SciPy on the same equations, wrong data, files."""
+"""`identify` and `emla identify` estimate the same as SciPy, refuse invalid data and write their files."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Entries of data sheets as unknown parameters: the start values that follow, wrong entries, the estimate."""
+"""Entries of data sheets can be estimated: derived start values, invalid entries, estimates."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Margins of `emla linearize` in the record and the report of a run."""
+"""Runs show the margins of `emla linearize` in record and report."""
 
 import json
 from pathlib import Path

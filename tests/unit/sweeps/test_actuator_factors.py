@@ -1,4 +1,4 @@
-"""Data sheets and their entries as factors, against runs with edited files."""
+"""Data sheets and their entries vary like edited files."""
 
 from pathlib import Path
 from typing import Any

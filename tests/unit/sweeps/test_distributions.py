@@ -1,4 +1,4 @@
-"""Distributions: against SciPy's own, at their bounds, and as plans and the command line write them."""
+"""Distributions equal those of SciPy, keep their bounds, and have the same short and long forms."""
 
 import math
 import pickle

@@ -1,4 +1,4 @@
-"""What is kept of a variant: names, expressions over signals, functions."""
+"""Metrics of variants can be names, expressions over signals and functions."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Pictures of sweeps: what they show, against NumPy, and that nasty sweeps draw too."""
+"""Pictures of sweeps show what NumPy computes, and can be drawn for unusual sweeps."""
 
 from itertools import combinations
 from pathlib import Path

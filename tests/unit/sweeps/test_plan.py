@@ -1,4 +1,4 @@
-"""Plans, and what is given beside them."""
+"""Overrides of a plan are merged into it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is wrong with a plan is message in one sentence before anything runs, and leaves nothing behind."""
+"""Invalid plans give one error message before any run, and leave no files."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Samplings: their sizes, their order, their distributions, and that a seed says everything."""
+"""Samplings have their size, order and distribution, and depend only on the seed."""
 
 import itertools
 import warnings

@@ -1,4 +1,4 @@
-"""Sensitivities against closed forms and SciPy."""
+"""Sensitivities equal closed forms and those of SciPy."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The plan that is shipped: `emla sweep study-robustness`."""
+"""The built-in plan `study-robustness` varies the study within the limits of its FMUs."""
 
 import math
 from pathlib import Path

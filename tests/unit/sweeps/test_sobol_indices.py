@@ -1,4 +1,4 @@
-"""Sobol indices that are public, and the warning that failed variants bias them: Sobol's g-function."""
+"""Sobol indices are stored, and failed variants that bias them cause a warning (Sobol's g-function)."""
 
 import json
 import warnings

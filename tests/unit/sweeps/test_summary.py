@@ -1,4 +1,4 @@
-"""What the terminal says of a sweep."""
+"""The terminal shows counts, figures, worst variants and sensitivities of a sweep."""
 
 from collections.abc import Sequence
 from dataclasses import replace

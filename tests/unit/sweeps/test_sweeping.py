@@ -1,4 +1,4 @@
-"""A sweep gives what running its variants one by one gives, however it is given out."""
+"""Variants of a sweep equal single runs, in this process and on a cluster."""
 
 import itertools
 import json

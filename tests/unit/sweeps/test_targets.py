@@ -1,4 +1,4 @@
-"""Where the values of a variant go, and the command that brings them there."""
+"""Values of a variant become options, components, start values and a command."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a sweep says of its variants: done is no verdict, and none is held that metrics do not call so."""
+"""Sweeps report for each variant whether its joints are held; metrics decide it."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""`emla trajectory` and `ec.trajectory`: the motion as a file, its pictures, and what is refused."""
+"""`emla trajectory` and `ec.trajectory` write the optimal motion, draw it and refuse invalid problems."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A tuning finds what can be computed by hand, however it is given out, and says what does not hold."""
+"""Tunings find minima that are known by hand, and report conditions that are not met."""
 
 import json
 import math
