@@ -282,10 +282,10 @@ def test_killed_parent_ends_its_children(isolated: bool, package: Path, tmp_path
         [
             ({}, ["lift.plant", "lift.controller"]),
             ({"algorithm": "jacobi", "extrapolation": "fmu"}, ["lift.plant"]),
-            ({"algorithm": "strong"}, ["lift.plant"]),
+            ({"algorithm": "strong", "stop_time": 0.002}, ["lift.plant"]),
             ({"flavour": "python", "stop_time": 0.002}, ["lift.plant"]),
         ],
-        [({"algorithm": "strong"}, ["lift.plant"])],
+        [({"algorithm": "strong", "stop_time": 0.002}, ["lift.plant"])],
     ),
 )
 def test_isolation_changes_no_bit(

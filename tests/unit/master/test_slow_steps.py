@@ -41,7 +41,7 @@ def _pair(fmu: Path) -> System:
     return System(parts, (Connection("a", "x", "b", "u"),))
 
 
-@pytest.mark.parametrize("way", mostly_slow(WAYS, ["one thread", "error control"]))
+@pytest.mark.parametrize("way", mostly_slow(WAYS, ["one thread"]))
 def test_stretch_of_steps_is_limited_in_time(way: str, reluctant: Path) -> None:
     options: dict[str, Any] = {"stop_time": 100.0, "step_size": 1e-4, **WAYS[way]}
     with ec.load(_pair(reluctant), **options).prepare() as simulation:

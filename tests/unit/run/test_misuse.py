@@ -247,6 +247,7 @@ def test_forked_process_cannot_use_isolated_fmus(fmu_folder: Path) -> None:
     assert done.stdout == "the FMU of lift.plant belongs to another process. Prepare it in this process.\n"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="Windows has no `setitimer`.")
 def test_late_answer_of_an_isolated_fmu_is_ignored(faulty_fmu: Path) -> None:
     """What is raised while an FMU's process is at work leaves its answer in the pipe."""
