@@ -322,6 +322,6 @@ CHECKED = (
 @needs_cc
 @pytest.mark.slow
 def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
-    counts = call_at_random(host, tmp_path, 5000, TIME + 1, 0, X, POWER)
+    counts = call_at_random(host, tmp_path, 20_000, TIME + 1, 0, X, POWER)
     for function in CHECKED:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function

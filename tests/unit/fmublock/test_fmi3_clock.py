@@ -242,7 +242,7 @@ CHECKED = ("DoStep", "GetFloat64", "SetFloat64", "SetClock", "UpdateDiscreteStat
 @needs_cc
 @pytest.mark.slow
 def test_random_calls_do_no_harm(hosts: list[Host], tmp_path: Path) -> None:
-    counts = call_at_random(hosts[0], tmp_path, 5000, CLOCK, 1)
+    counts = call_at_random(hosts[0], tmp_path, 20_000, CLOCK, 1)
     for function in CHECKED:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
 
