@@ -65,7 +65,7 @@ def unpacked_fmus(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.fixture(scope="session")
 def compiled(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Compile:
-    """Return a function that compiles our C programs and FMUs with a sanitizer, for all processes of a run."""
+    """Return a function that compiles our C programs and FMUs with a sanitizer, once per run."""
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
