@@ -127,7 +127,7 @@ def check(at: At, data: st.DataObject) -> None:
 
 @pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
-@examples(2, 25)
+@examples(3, 25)
 def test_derivatives_in_initialization_are_those_of_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
@@ -138,7 +138,7 @@ def test_derivatives_in_initialization_are_those_of_differences(
 
 @pytest.mark.parametrize("model", WITH_STATES)
 @given(data=st.data())
-@examples(2, 25)
+@examples(3, 25)
 def test_derivatives_in_continuous_time_are_those_of_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
