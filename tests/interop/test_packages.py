@@ -181,8 +181,10 @@ def test_manipulator_loads_and_diverges_without_strong_coupling(fmu_folder: Path
 OUTPUTS = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]
 
 
-@pytest.mark.parametrize("host", ["libcosim", "Ecos", "Ecos with FMI 3.0"])
-@pytest.mark.parametrize("name", ["lift", "hdrm-coupled"])
+@pytest.mark.parametrize(
+    ("name", "host"),
+    [("lift", "libcosim"), ("lift", "Ecos"), ("lift", "Ecos with FMI 3.0"), ("hdrm-coupled", "libcosim")],
+)
 def test_system_as_one_fmu_has_the_bits_of_our_run(
     name: str, host: str, fmu_folder: Path, tmp_path: Path
 ) -> None:
