@@ -105,10 +105,14 @@ class Task:
 
 
 class Bench:
-    """Opens systems for runs; a system that is opened in a way stays open for other runs."""
+    """Opens systems for runs; a system that is opened in a way stays open for other runs.
+
+    `parts` is the folder with FMUs and data, to which paths in options are relative.
+    """
 
     def __init__(self, folder: Path, fmus: Path) -> None:
-        self.folder, self.fmus = folder, fmus
+        self.folder, self.fmus, self.parts = folder, fmus, folder / "parts"
+        self.parts.mkdir()
         self.stack = ExitStack()
         self.scenario = cache(self._scenario)
         self.simulation = cache(self.prepare)
@@ -116,19 +120,18 @@ class Bench:
 
     def _scenario(self, system: str, kind: int | str, flavour: str = "native") -> ec.Scenario:
         """Return a scenario whose FMUs have a version of FMI, or are of PythonFMU."""
-        folder = self.folder / "parts"
-        folder.mkdir(exist_ok=True)
-        entry, parts = Task(system, "").entry, Parts(folder, self.fmus, kind)
+        entry, parts = Task(system, "").entry, Parts(self.parts, self.fmus, kind)
         source = entry.build(parts)
         more: dict[str, Any] = {}
         if isinstance(source, str):
             more = {"fmus": self.fmus, "flavour": flavour, "replace": parts.replacements(source)}
         stop = Task(system, "").time(entry.steps)
-        with chdir(folder):
+        with chdir(self.parts):
             return ec.load(source, step_size=entry.step, stop_time=stop, **more | entry.options)
 
     def prepare(self, system: str, kind: int | str = 2, flavour: str = "native") -> ec.Simulation:
-        with chdir(self.folder / "parts") if (self.folder / "parts").exists() else chdir(self.folder):
+        """Open a system anew; `simulation` opens it once."""
+        with chdir(self.parts):
             return self.stack.enter_context(self.scenario(system, kind, flavour).prepare())
 
     @contextmanager
@@ -136,7 +139,7 @@ class Bench:
         """Open a system with all components, or its first one, in processes of their own."""
         scenario = self.scenario(system, 2)
         isolate = [scenario.system.components[0].name] if first_alone else True
-        with chdir(self.folder / "parts"), scenario.prepare(isolate=isolate) as simulation:
+        with chdir(self.parts), scenario.prepare(isolate=isolate) as simulation:
             yield simulation
 
     def _reference(self, task: Task) -> Outcome:
@@ -204,7 +207,7 @@ def run_isolated(bench: Bench, task: Task, first_alone: bool) -> Outcome:
 
 def export(bench: Bench, task: Task, file: str, kind: int | str = 2, **options: Any) -> Path:
     path = bench.path(file)
-    with chdir(bench.folder / "parts"):
+    with chdir(bench.parts):
         bench.scenario(task.system, kind).export(path, outputs=["*"], **task.options(), **options)
     return path
 
@@ -221,7 +224,8 @@ def run_container(bench: Bench, task: Task, fmi: int, kind: int = 2) -> Outcome:
 def run_container_in_a_system(bench: Bench, task: Task) -> Outcome:
     fmu, entry = export(bench, task, "container.fmu", fmi=3), task.entry
     times = {"start_time": task.start, "stop_time": task.time(entry.steps), "step_size": entry.step}
-    with ec.load(ec.System.of({"m": fmu}), **times).prepare() as simulation:
+    system = ec.System.of({"m": fmu})
+    with ec.load(system, **times, output_interval=entry.step).prepare() as simulation:
         result = simulation.run()
     return Outcome({name.removeprefix("m."): result[name] for name in result.names})
 
@@ -263,6 +267,7 @@ class Stepper:
 VERSIONS = {"blocks", "scenario", "Model Exchange"}
 WHOLE = {"failure", "error control"}
 HALVES = {"failure", "free rows", "Model Exchange"}  # integrators restart at each checkpoint
+OLD = {"lines", "array loop"}  # FMI 3.0 has no derivatives of inputs, and dependencies of whole arrays only
 ONE_FMU = {*WHOLE, "Model Exchange", "events"}
 
 STEPPERS: dict[str, Stepper] = {
@@ -275,15 +280,13 @@ STEPPERS: dict[str, Stepper] = {
         partial(run_with_few_rows, interval=2, compiled=False), lacks=WHOLE, is_compiled=False
     ),
     "in parts": Stepper(run_in_parts, lacks=WHOLE),
-    "checkpoint of Python": Stepper(
-        partial(resume, before=False, after=True), lacks={"failure", "free rows"}
-    ),
+    "checkpoint of Python": Stepper(partial(resume, before=False, after=True), lacks=HALVES),
     "checkpoint of compiled code": Stepper(
         partial(resume, before=True, after=False), lacks=HALVES, is_compiled=False
     ),
     "isolated": Stepper(
         partial(run_isolated, first_alone=False),
-        lacks={"isolation"},
+        lacks={"grouped"},
         is_compiled=False,
         by_default=[
             ("multirate", "strong, lines"),
@@ -296,13 +299,12 @@ STEPPERS: dict[str, Stepper] = {
     ),
     "one isolated": Stepper(
         partial(run_isolated, first_alone=True),
-        lacks={"isolation"},
+        lacks={"grouped"},
         is_compiled=False,
         by_default=[("factors, late start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
     ),
-    # FMUs of FMI 3.0 take no derivatives of inputs
-    "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks={"lines"}, needs=VERSIONS),
-    "parts of both versions": Stepper(partial(run, kind="mixed"), lacks={"lines"}, needs=VERSIONS),
+    "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks=OLD, needs=VERSIONS),
+    "parts of both versions": Stepper(partial(run, kind="mixed"), lacks=OLD, needs=VERSIONS),
     # without directional derivatives, which strong coupling uses, and without derivatives of inputs
     "parts of PythonFMU": Stepper(
         partial(run, flavour="python"),
@@ -324,7 +326,7 @@ STEPPERS: dict[str, Stepper] = {
     ),
     "container of parts of FMI 3.0": Stepper(
         partial(run_container, fmi=3, kind=3),
-        lacks={*ONE_FMU, "lines"},
+        lacks={*ONE_FMU, *OLD},
         needs=VERSIONS,
         is_compiled=None,
         by_default=(),

@@ -377,7 +377,9 @@ SYSTEMS: dict[str, Entry] = {
     "types of FMI 2.0": Entry(fmi_2_types, step=0.01, has={"libraries"}, is_interpreted=True),
     "events": Entry(events, step=0.125, has={"events"}, is_interpreted=True),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),
-    "integrated together": Entry(model_exchange, **ME, lacks={"error control", "isolation"}),
+    "integrated together": Entry(
+        model_exchange, **{**ME, "has": {"Model Exchange", "grouped"}}, lacks={"error control"}
+    ),
     "lift": Entry(lambda parts: "lift", **LIFT, has={"scenario"}),
     "lift, sampled": Entry(
         lambda parts: "lift",
@@ -394,7 +396,10 @@ SYSTEMS: dict[str, Entry] = {
         lacks={"error control"},
     ),
     "machine": Entry(
-        lambda parts: "hdrm-coupled", **LIFT, has={"scenario", "slow"}, lacks={"explicit", "error control"}
+        lambda parts: "hdrm-coupled",
+        **LIFT,
+        has={"scenario", "slow", "array loop"},
+        lacks={"explicit", "error control"},
     ),
 }
 
@@ -455,7 +460,7 @@ FAILING: dict[str, Entry] = {
         unsolvable,
         steps=12,
         has={"failure"},
-        lacks={"explicit", "error control"},
+        lacks={"explicit", "error control", "extrapolation"},
         fails="does not converge on the step from t = 0.259979248 s of 3.05e-05 s",
     ),
     "FMI 3.0: discards": fails_in_fmi_3("with fmi3Discard", {"b.fault": 1, "b.end": 0.5}),

@@ -2,7 +2,7 @@
 
 import itertools
 import random
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ SPECIAL = {name for name, stepper in STEPPERS.items() if stepper.by_default is n
 """Steppers that compile each case, or start processes for it; few cases of them will do."""
 
 
-def cover_pairs(cases: Sequence[Case], seen: Collection[tuple[str, str]] = ()) -> list[Case]:
+def cover_pairs(cases: Sequence[Case], seen: Iterable[tuple[str, str]] = ()) -> list[Case]:
     """Return cases in which each two of a stepper, a system and an algorithm meet, if they ever do."""
     met, chosen = set(seen), list[Case]()
     for least in (3, 2, 1):  # cases with the most new pairs first
@@ -30,7 +30,9 @@ def cover_pairs(cases: Sequence[Case], seen: Collection[tuple[str, str]] = ()) -
 
 
 def select(systems: Collection[str], coupled: bool = True) -> list:
-    """Return the cases: by default all pairs, of special steppers few; in the slow tier all pairs twice.
+    """Return the cases: by default all pairs, of special steppers few.
+
+    In the slow tier all pairs again, and each special stepper with each algorithm.
 
     Args:
         systems: The systems.
@@ -44,7 +46,10 @@ def select(systems: Collection[str], coupled: bool = True) -> list:
     special = {(name, *pair) for name in SPECIAL for pair in STEPPERS[name].by_default or ()}
     assert all(can_step(*case) for case in special)
     by_default += [case for case in cases if case in special]
-    slow = cover_pairs([case for case in cases[::-1] if case not in set(by_default)])
+    rest = [case for case in cases[::-1] if case not in set(by_default)]
+    slow = cover_pairs([case for case in rest if case[0] not in SPECIAL])
+    known = itertools.chain(itertools.product(SPECIAL, systems), itertools.product(systems, ALGORITHMS))
+    slow += cover_pairs([case for case in rest if case[0] in SPECIAL], known)
     return mostly_slow([*by_default, *slow], by_default)
 
 
