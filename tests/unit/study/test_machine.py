@@ -235,13 +235,8 @@ def test_trajectory_path_is_relative_to_the_scenario_file(tmp_path: Path) -> Non
     assert start == pytest.approx(STUDY["lift"].start.x_L + 0.02)
 
 
-LONG = json.dumps(
-    {
-        "degree": 1,
-        "knots": [0.0, *np.linspace(0.0, 1.0, 60), 1.0],
-        "coefficients": dict.fromkeys(JOINTS, 60 * [0.3]),
-    }
-)
+KNOTS = [0.0, *np.linspace(0.0, 1.0, 60).tolist(), 1.0]
+LONG = json.dumps({"degree": 1, "knots": KNOTS, "coefficients": dict.fromkeys(JOINTS, 60 * [0.3])})
 """A trajectory with more knots than the FMU has room for."""
 
 

@@ -1,4 +1,4 @@
-"""What is drawn of the manipulator is the manipulator: its actuators, its reach, its payload."""
+"""The drawn manipulator has the actuators, the reach and the payload of the kinematics."""
 
 import math
 from dataclasses import replace
@@ -29,7 +29,7 @@ def middle(line: np.ndarray) -> np.ndarray:
     return line.min(axis=0) / 2 + line.max(axis=0) / 2
 
 
-@pytest.mark.parametrize("q", STROKES[:8].tolist())
+@pytest.mark.parametrize("q", STROKES[:3].tolist())
 def test_actuators_are_as_long_as_their_pins_are_apart(q: list[float]) -> None:
     drawn = build_shapes(HDRM, q)
     for joint, number, rest in (("lift", 1, HDRM.lift_L_0), ("tilt", 2, HDRM.tilt_L_0)):
@@ -42,7 +42,7 @@ def test_actuators_are_as_long_as_their_pins_are_apart(q: list[float]) -> None:
         assert max(math.dist(a, b) for a in housing for b in housing) == pytest.approx(rest + 0.12, abs=2e-3)
 
 
-@pytest.mark.parametrize("q", STROKES[:8].tolist())
+@pytest.mark.parametrize("q", STROKES[:3].tolist())
 def test_the_payload_is_at_the_tip(q: list[float]) -> None:
     box = build_shapes(HDRM, q, 470.0)["payload"]
     assert box.mean(axis=0) == pytest.approx(tip(HDRM, q), abs=1e-12)
@@ -56,13 +56,7 @@ def test_the_box_grows_with_the_payload() -> None:
     assert sides[2] == pytest.approx(2.0 * sides[1])
 
 
-def test_every_posture_has_the_same_parts() -> None:
-    first, *others = (build_shapes(HDRM, q) for q in [HDRM.q_LB, HDRM.q_UB, *STROKES.tolist()])
-    assert all(list(other) == list(first) for other in others)
-    assert all(np.isfinite(line).all() for line in first.values())
-
-
-def test_what_is_fixed_does_not_move() -> None:
+def test_base_does_not_move() -> None:
     bases = [build_shapes(HDRM, q)["base"] for q in STROKES[:5].tolist()]
     assert all(np.array_equal(base, bases[0]) for base in bases)
 
@@ -99,7 +93,7 @@ def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
         assert off.min() < 2e-3
 
 
-def test_the_line_is_closed_by_its_ends() -> None:
+def test_outline_of_the_workspace_is_closed() -> None:
     line = outline_workspace(HDRM)
     steps = np.hypot(*np.diff(line, axis=0, append=line[:1]).T)
     assert steps.max() < 0.15

@@ -1,4 +1,4 @@
-"""Whether a joint is held, and its figures, against definitions worked out in full and closed forms."""
+"""Whether a joint is held, and its metrics, against the definitions and closed forms."""
 
 import json
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from emla_cosim.study.metrics import JointMetrics
 from emla_cosim.study.registration import register
 from tests.support.joint_data import EMLAS
 from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
 
 SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
 NAMES = [*(f"j.{name}" for name in SIGNALS), "j.observer.x_hat", "j.controller.saturated"]
@@ -134,7 +135,7 @@ def by_definition(rows: np.ndarray, window: float, dwell: float) -> dict[str, An
     window=st.sampled_from([1e-3, 2.5e-4]),
     again=st.booleans(),
 )
-def test_figures_are_those_of_the_definition_however_rows_come(
+def test_metrics_match_their_definitions_for_any_blocks(
     seed: int, start: float, offset: float, decay: float, noise: float, count: int, sizes: list[int],
     window: float, again: bool,
 ) -> None:  # fmt: skip
@@ -183,16 +184,16 @@ def test_maxima_depend_neither_on_the_start_error_nor_on_the_stop_time(
     assert later["excursions"]["count"] == 1 and 1.45 < later["excursions"]["time_s"] < 1.55
 
 
-def test_a_start_on_the_reference_has_settled_at_0() -> None:
+def test_start_on_the_reference_settles_at_0() -> None:
     t = np.arange(0.0, 2.0, 1e-3)
     found = judged(rows_of(t, 12e-6 * np.sin(t)))
     assert found["held"] is True and found["settling_time_s"] == 0.0
     assert found["position_error_m"] == pytest.approx(12e-6, rel=1e-3)
 
 
-@pytest.mark.parametrize("start", [0.0, 0.1, 1.5, -0.25, 10.0])
+@pytest.mark.parametrize("start", [0.0, 0.1, -0.25, 10.0])
 @pytest.mark.parametrize("step", [1e-4, 1e-2])
-def test_a_run_is_judged_from_the_first_step_beyond_the_time_that_it_takes(start: float, step: float) -> None:
+def test_run_longer_than_the_minimum_is_judged(start: float, step: float) -> None:
     count = round(0.3 / step)
     for steps, is_judged in ((count - 1, False), (count, False), (count + 1, True)):
         found = judged(rows_of(start + step * np.arange(steps + 1), np.zeros(steps + 1)))
@@ -200,7 +201,7 @@ def test_a_run_is_judged_from_the_first_step_beyond_the_time_that_it_takes(start
         assert (found["reason"] or "").startswith("too short to judge") != is_judged
 
 
-def test_a_stay_that_is_too_short_is_none() -> None:
+def test_short_stay_in_the_window_is_not_settled() -> None:
     """An error that swings through the window is inside for less than the window time."""
     t = np.arange(0.0, 2.0, 1e-3)
     found = judged(rows_of(t, 4e-3 * np.sin(8.0 * t)))
@@ -212,7 +213,7 @@ def test_a_stay_that_is_too_short_is_none() -> None:
 
 
 @pytest.mark.parametrize("omega", [0.5, 2.0])
-def test_who_wanders_slowly_through_the_window_is_not_held(omega: float) -> None:
+def test_slow_crossing_of_the_window_is_not_held(omega: float) -> None:
     """An error of 4 mm that takes longer than the window time to cross the window of 1 mm."""
     t = np.arange(0.0, 10.0, 1e-3)
     found = judged(rows_of(t, 4e-3 * np.cos(omega * t)))
@@ -226,7 +227,7 @@ def test_who_wanders_slowly_through_the_window_is_not_held(omega: float) -> None
     sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5),
     again=st.booleans(),
 )
-def test_means_do_not_depend_on_where_a_run_was_interrupted(seed: int, sizes: list[int], again: bool) -> None:
+def test_means_do_not_depend_on_interruptions(seed: int, sizes: list[int], again: bool) -> None:
     """To the last bit, while the reference moves and while it rests."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, 1.0, 1e-3)
@@ -236,7 +237,7 @@ def test_means_do_not_depend_on_where_a_run_was_interrupted(seed: int, sizes: li
         assert whole[name] > 0.0 and parts[name] == whole[name]
 
 
-def test_a_run_that_ends_early_holds_nothing() -> None:
+def test_run_that_ends_early_is_not_held() -> None:
     metrics = JointMetrics(NAMES)
     t = np.arange(0.0, 2.0, 1e-3)
     metrics.write(rows_of(t, 0.0 * t))
@@ -264,8 +265,8 @@ def limit_cycle(hertz: float, swing: float) -> np.ndarray:
     return driven(0.5 * swing * np.sign(np.sin(2 * np.pi * hertz * T + 0.1)), 0.0 * T)
 
 
-@pytest.mark.parametrize(("hertz", "swing"), [(287.0, 356.0), (40.0, 150.0), (15.0, 400.0), (1000.0, 100.0)])
-def test_a_limit_cycle_is_found_with_its_frequency_and_its_swing(hertz: float, swing: float) -> None:
+@pytest.mark.parametrize(("hertz", "swing"), [(287.0, 356.0), (15.0, 400.0), (1000.0, 100.0)])
+def test_limit_cycle_with_frequency_and_swing(hertz: float, swing: float) -> None:
     for sizes in ([2000], [333, 1]):
         found = judged(limit_cycle(hertz, swing), sizes, parameters=PARAMETERS)
         assert found["held"] is False
@@ -274,7 +275,7 @@ def test_a_limit_cycle_is_found_with_its_frequency_and_its_swing(hertz: float, s
         assert f"at about {hertz:.3g} Hz" in found["reason"] or hertz > 999
 
 
-def test_chatter_on_noise_is_found_and_little_noise_is_not() -> None:
+def test_only_large_noise_is_an_oscillation() -> None:
     noise = np.random.default_rng(5).normal(size=len(T))
     for part, quiet in ((0.5, False), (0.2, False), (0.06, True), (0.0, True)):
         found = judged(driven(part * LIMIT * noise, 0.0 * T), parameters=PARAMETERS)
@@ -310,18 +311,18 @@ QUIET: dict[str, Callable[[], np.ndarray]] = {
 
 
 @pytest.mark.parametrize("name", QUIET)
-def test_what_is_no_sustained_oscillation_is_not_flagged(name: str) -> None:
+def test_other_torques_are_not_oscillations(name: str) -> None:
     found = judged(QUIET[name](), parameters=PARAMETERS)
     assert found["oscillation"] is None and found["held"] is True, found["reason"]
 
 
-def test_without_an_inertia_torque_and_acceleration_have_to_be_alike() -> None:
+def test_unknown_inertia_needs_similar_torque_and_acceleration() -> None:
     known = {name: value for name, value in PARAMETERS.items() if "J_m" not in name}
     assert judged(limit_cycle(287.0, 356.0), parameters=known)["held"] is False
     assert judged(QUIET["random force from outside"](), parameters=known)["held"] is True
 
 
-def test_an_oscillation_survives_a_checkpoint_and_counts_from_evaluation_on() -> None:
+def test_oscillation_after_a_checkpoint() -> None:
     rows = limit_cycle(120.0, 300.0)
     whole = judged(rows, parameters=PARAMETERS)
     parts = judged(rows, [777], again=True, parameters=PARAMETERS)
@@ -334,7 +335,7 @@ def test_an_oscillation_survives_a_checkpoint_and_counts_from_evaluation_on() ->
     assert judged(before, parameters=PARAMETERS)["held"] is True
 
 
-def test_a_script_that_asks_for_an_old_name_gets_the_new_one() -> None:
+def test_old_names_of_metrics_are_explained() -> None:
     register()
     metrics = JointMetrics(NAMES)
     figures = metrics.figures()["j"]
@@ -352,7 +353,7 @@ def test_a_script_that_asks_for_an_old_name_gets_the_new_one() -> None:
 # ---- criteria ----------------------------------------------------------------------------------------
 
 
-def test_criteria_have_units_and_a_joint_of_its_own_goes_before_all() -> None:
+def test_criteria_with_units_and_joints() -> None:
     given = {
         "a.position_window": "0.2 mm",
         "*.position_window": 5e-4,
@@ -401,7 +402,7 @@ def drive(fmu_folder: Path) -> Any:
         yield simulation
 
 
-def test_half_the_inertia_is_a_limit_cycle_that_the_spectrum_shows_too(drive: ec.Simulation) -> None:
+def test_half_the_inertia_is_a_limit_cycle(drive: ec.Simulation) -> None:
     result = drive.run(stop_time=2.0, set=halved("lift"), output_interval=1e-4)
     figures = result.metrics["joints"]["lift"]
     torque = result["lift.plant.tau_m"][result.time >= 1.0]
@@ -413,9 +414,7 @@ def test_half_the_inertia_is_a_limit_cycle_that_the_spectrum_shows_too(drive: ec
     assert result.metrics["joints"]["telescope"]["held"] is True
 
 
-def test_no_figure_depends_on_the_output_interval_or_a_checkpoint(
-    drive: ec.Simulation, tmp_path: Path
-) -> None:
+def test_metrics_do_not_depend_on_output_interval_or_checkpoint(drive: ec.Simulation, tmp_path: Path) -> None:
     how = {"stop_time": 0.8, "set": {"lift.plant.sensor.sigma": 1e-6}, "recorders": []}
     whole = drive.run(**how).metrics["joints"]
     rare = drive.run(**how, output_interval=0.05).metrics["joints"]
@@ -430,7 +429,8 @@ def test_no_figure_depends_on_the_output_interval_or_a_checkpoint(
             assert other["reason"] == figures["reason"]
 
 
-def test_errors_of_a_joint_that_comes_and_goes_are_those_of_its_table(fmu_folder: Path) -> None:
+@pytest.mark.slow
+def test_excursions_of_a_joint(fmu_folder: Path) -> None:
     """FOC on a tilt of half the flux: once it seemed to have converged at 9.4 s, with 201 µm of 6 mm."""
     flux = {"tilt.plant.motor.Phi_PM": 0.065}
     with ec.load("study-drive", controller="foc", gains="tuned", fmus=fmu_folder).prepare() as foc:
@@ -456,10 +456,8 @@ def test_errors_of_a_joint_that_comes_and_goes_are_those_of_its_table(fmu_folder
 SHEET = ROOT / "docs" / "actuator.toml"
 
 
-@pytest.mark.parametrize("start_error", [-4e-3, -54e-3, 54e-3])
-def test_the_position_error_of_a_far_start_is_that_of_the_motion(
-    start_error: float, fmu_folder: Path, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("start_error", mostly_slow([-4e-3, -54e-3, 54e-3], [-54e-3]))
+def test_position_error_after_a_far_start(start_error: float, fmu_folder: Path, tmp_path: Path) -> None:
     """An approach that takes longer than 0.3 s: 5 % of the first error were said of 2 µm."""
     sheet = tmp_path / "sheet.toml"
     sheet.write_text(SHEET.read_text().replace("efficiency = 0.85", "efficiency = 0.98"))

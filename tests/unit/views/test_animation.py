@@ -1,4 +1,4 @@
-"""Animations whatever they show: files, colours, an end from outside, and runs that have nothing to show."""
+"""Animations of any film: frames, progress, Ctrl-C, and missing signals."""
 
 import os
 import signal
@@ -28,7 +28,7 @@ class Square(Film):
         return frame
 
 
-def test_frames_come_out_as_they_went_in() -> None:
+def test_frames_in_the_file_equal_those_of_the_film() -> None:
     stream = BytesIO()
     write_gif(Square(), stream, Progress())
     with Image.open(stream) as found:
@@ -49,24 +49,24 @@ class Counted(Progress):
         self._each(self.count)
 
 
-def test_progress_is_told_of_every_frame() -> None:
-    told = Counted()
-    write_gif(Square(), BytesIO(), told)
-    assert told.count == 12
+def test_progress_counts_every_frame() -> None:
+    progress = Counted()
+    write_gif(Square(), BytesIO(), progress)
+    assert progress.count == 12
 
 
-def test_an_end_from_outside_ends_it_between_two_frames() -> None:
+def test_ctrl_c_ends_it_between_two_frames() -> None:
     def end(count: int) -> None:
         if count == 5:
             os.kill(os.getpid(), signal.SIGINT)
 
-    told = Counted(end)
+    progress = Counted(end)
     with pytest.raises(RunError, match="the animation was interrupted"):
-        write_gif(Square(), BytesIO(), told)
-    assert told.count == 5
+        write_gif(Square(), BytesIO(), progress)
+    assert progress.count == 5
 
 
-def test_signals_that_are_not_kept_are_named() -> None:
+def test_missing_signals_are_named() -> None:
     joints = ("lift", "tilt", "telescope")
     names = [f"{joint}.plant.x_L" for joint in joints]
     names += [f"machine.{x}[{i}]" for x in ("trajectory.x_d", "manipulator.F_L") for i in (1, 2, 3)]

@@ -1,4 +1,4 @@
-"""Panels as pictures: linear time, settling apart, limits where they matter, no room for what is constant."""
+"""Panels as pictures: time axes, limits near curves, constant signals, the worst of many joints."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -59,7 +59,7 @@ def resolved(curve: Curve, bound: RangeLimit | None = None, **known: Any) -> Plo
         ),
     ],
 )
-def test_curves_are_what_they_say(curve: Curve, expected: np.ndarray) -> None:
+def test_curves_are_differences_products_and_integrals(curve: Curve, expected: np.ndarray) -> None:
     assert resolved(curve).lines[0].values == pytest.approx(expected, abs=2e-4)
 
 
@@ -85,17 +85,6 @@ def test_time_is_linear_and_shared_by_rows_of_one_part() -> None:
     assert tops == sorted(tops, reverse=True)
 
 
-@pytest.mark.parametrize("since", [2.5, np.nan])
-def test_parts_meet_where_metrics_begin(since: float) -> None:
-    specs = tuple(PanelSpec("l", (Curve("", "F"),), part) for part in ("", "settling", "settled"))
-    time = 5.0 + TIME
-    result = Known({"joints": {"j": {"evaluated_from_s": 5.0 + since}}}, {"j.F": TIME})
-    found = Picture("p", specs, "joints").resolved(result, {"time": time, "j.F": TIME})  # pyright: ignore[reportArgumentType]
-    border = 5.0 + (0.3 if np.isnan(since) else since)
-    ends = [(one.lines[0].time[0], one.lines[0].time[-1]) for one in found]
-    assert ends == [(5.0, 15.0), (5.0, pytest.approx(border)), (pytest.approx(border), 15.0)]
-
-
 def test_a_legend_hides_no_curve() -> None:
     shown = Plot("x", (Line("one", TIME, MOVE), Line("two", TIME, -MOVE, dashed=True)), column="a")
     figure = draw_panels([shown, Plot("x", (Line("one", TIME, MOVE),), column="b")], "t", "r")
@@ -107,7 +96,7 @@ def test_a_legend_hides_no_curve() -> None:
     assert legends[1].get_window_extent().x1 <= figure.bbox.x1
 
 
-def test_every_extreme_of_both_parts_is_drawn() -> None:
+def test_every_extreme_is_drawn() -> None:
     values = np.zeros(200_000)
     values[1_234], values[150_000] = 1.0, -1.0
     time = np.linspace(0.0, 10.0, len(values))
@@ -119,14 +108,14 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
 
 
 @pytest.mark.parametrize(("high", "shaded"), [(1.1, 1), (0.9, 1), (5.0, 0)])
-def test_a_limit_is_shaded_where_a_curve_comes_near(high: float, shaded: int) -> None:
+def test_limit_near_a_curve_is_shaded(high: float, shaded: int) -> None:
     shown = panel(MOVE, limits=(Limit("largest", None, high),))
     (axes,) = draw_panels([shown], "t", "r").axes
     assert len(axes.patches) == shaded
     assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
 
 
-def test_what_does_not_change_takes_no_row() -> None:
+def test_constant_signals_take_no_row() -> None:
     rows = [[panel(MOVE, column=c), panel(np.full(2001, 57.0), "load force / kN", c)] for c in ("a", "b")]
     figure = draw_panels([row[i] for i in range(2) for row in rows], "t", "r")
     assert len(figure.axes) == 2
@@ -137,12 +126,12 @@ def test_what_does_not_change_takes_no_row() -> None:
 @pytest.mark.parametrize(
     "values", [np.full(2001, np.nan), np.full(2001, np.inf), 1e308 * MOVE, np.where(TIME > 1.0, np.nan, TIME)]
 )
-def test_odd_values_are_borne(values: np.ndarray) -> None:
+def test_non_finite_values_are_drawn(values: np.ndarray) -> None:
     shown = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
     assert draw_panels(shown, "t", "r").axes
 
 
-def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:
+def test_headline_has_names_of_files_without_folders(tmp_path: Path) -> None:
     data = [{"file": str(tmp_path / name), "signals": {}} for name in ("load.csv", "way.csv")]
     changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
     said = format_headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
@@ -197,7 +186,7 @@ WORST = Picture("Forces", (PanelSpec("F / N", (Curve("", "F"),)),), "joints", wo
         (60, ["j1", "j2", *(f"j{i}" for i in range(59, 53, -1))], "Forces: the 8 worst of 60 joints"),
     ],
 )
-def test_of_many_joints_the_worst_are_drawn(count: int, shown: list[str], title: str) -> None:
+def test_worst_of_many_joints_are_drawn(count: int, shown: list[str], title: str) -> None:
     """Those that are not held, then those without an error, then those with the largest one."""
     result: Any = many(count)
     assert list(WORST.signals(result)) == [f"{joint}.F" for joint in shown]
@@ -208,7 +197,7 @@ def test_of_many_joints_the_worst_are_drawn(count: int, shown: list[str], title:
     assert [axes.get_title() for axes in figure.axes] == shown
 
 
-def test_a_map_of_a_run_that_is_too_short_has_no_verdict() -> None:
+def test_map_of_a_short_run_has_no_verdict() -> None:
     result: Any = many(60)
     for figures in result.metrics["joints"].values():
         figures |= {"held": False, "reason": f"{TOO_SHORT}."}
@@ -218,7 +207,7 @@ def test_a_map_of_a_run_that_is_too_short_has_no_verdict() -> None:
     assert all(len(axes.lines[1].get_xdata()) == 0 for axes in figure.axes)  # type: ignore[arg-type]
 
 
-def test_a_map_shows_all_of_many_joints() -> None:
+def test_map_shows_all_joints() -> None:
     result: Any = many(60)
     assert JointMap().drawn(many(8), {"time": TIME}) is None  # type: ignore[arg-type]
     figure = JointMap().drawn(result, {"time": TIME})

@@ -61,7 +61,8 @@ def picture(figure: Figure) -> np.ndarray:
     return np.asarray(Image.open(content).convert("L")).astype(int)
 
 
-def test_a_picture_looks_as_with_the_scales_of_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_picture_has_the_scales_of_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few pixels differ, and these lie beside each other: labels are moved by less than two pixels."""
     found = picture(draw_panels(panels(), "Title", "run"))
 
