@@ -152,9 +152,9 @@ def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Sig
     assert process.stdout is not None
     _wait_until_it_hangs(process, tmp_path)
     process.send_signal(number)
-    said, _ = process.communicate(timeout=60)
-    assert process.returncode == 1, said
-    assert b"interrupted before all checks were done" in said
+    message, _ = process.communicate(timeout=60)
+    assert process.returncode == 1, message
+    assert b"interrupted before all checks were done" in message
     found = json.loads(files["json"].read_text())
     assert (found["complete"], found["passed"]) == (False, False)
     first, second = found["examined"]

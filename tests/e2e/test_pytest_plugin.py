@@ -156,7 +156,7 @@ def test_check_that_needs_a_failed_one_is_skipped(pytester: pytest.Pytester) -> 
 
 
 def test_check_whose_unselected_need_fails_fails(pytester: pytest.Pytester) -> None:
-    """Else it would be skipped, and nobody would learn that nothing was verified."""
+    """If it were skipped, pytest would pass although nothing was verified."""
     cut_fmu(pytester.path / "build")
     result = run_here(pytester, "--fmu", "build/*.fmu", "-k", "run.finite")
     assert result.ret == 1
@@ -260,7 +260,7 @@ def test_plugin_imports_little() -> None:
 
 @pytest.mark.slow
 def test_pytest_without_fmus(pytester: pytest.Pytester) -> None:
-    """FMUs that lie about are nobody's tests."""
+    """FMUs in the folder are not tests by themselves."""
     cut_fmu(pytester.path)
     pytester.makepyfile(test_own="import sys\ndef test_own(): assert 'numpy' not in sys.modules")
     result = run(pytester, "-p", "no:hypothesispytest")

@@ -67,7 +67,7 @@ def test_groups_and_patterns_select_checks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ([], "there is nothing to verify; name at least one FMU."),
         (["nowhere.fmu"], "the FMU file 'nowhere.fmu' does not exist."),
@@ -82,9 +82,9 @@ def test_groups_and_patterns_select_checks() -> None:
         (["PLANT", "--reference", "nowhere"], "the folder of references 'nowhere' does not exist."),
     ],
 )
-def test_invalid_arguments(arguments: list[str], said: str, plant: str, emla: Emla) -> None:
+def test_invalid_arguments(arguments: list[str], message: str, plant: str, emla: Emla) -> None:
     words = [plant if a == "PLANT" else a for a in arguments]
-    assert said in sentence(emla("verify", *words), 2)
+    assert message in sentence(emla("verify", *words), 2)
 
 
 def test_invalid_arguments_of_the_function(plant: str) -> None:
@@ -243,7 +243,7 @@ def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -
     fmu = Path(shutil.copy(plant, tmp_path / "x.fmu"))
     before = fmu.read_bytes()
     (tmp_path / "link.json").symlink_to(fmu)
-    for arguments, said in (
+    for arguments, message in (
         (("--json", "x.fmu"), "the JSON report 'x.fmu' is also the file to verify. Choose another file."),
         (("--html", "link.json"), "the page 'link.json' cannot be written: it is a symbolic link"),
         (("--junit", "r", "--json", "r"), "the JSON report 'r' is also the JUnit report"),
@@ -251,7 +251,7 @@ def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -
         (("--json", "."), "the JSON report '.' cannot be written"),
         (("--json", "/dev/null/x"), "cannot be written"),
     ):
-        assert said in sentence(emla("verify", "x.fmu", "--only", "archive", *arguments), 2)
+        assert message in sentence(emla("verify", "x.fmu", "--only", "archive", *arguments), 2)
     assert fmu.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["link.json", "x.fmu"]
 

@@ -19,7 +19,7 @@ FILE = ROOT / ".github" / "workflows" / "verify-fmus.yml"
 WORKFLOW = read_workflow(FILE.read_text(encoding="utf-8"))
 PROGRAMS = Path(sys.executable).parent
 FEW = "archive\nrun\nreference"
-"""Checks that are done where nothing else is said, for speed."""
+"""The checks of most tests: few, for speed."""
 
 CALLERS = [
     fence.content

@@ -52,7 +52,7 @@ static const char *const CATEGORIES[] = {"logEvents", "logStatusWarning", "logSt
 static Now shared;
 static double scratch, kept;
 static volatile unsigned spins;
-static void *volatile taken; /* so that no compiler thinks that nobody looks at what is allocated */
+static void *volatile taken; /* keeps the compiler from removing an allocation */
 
 #define IS(name) (strcmp(i->fault, #name) == 0)
 

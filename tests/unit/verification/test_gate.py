@@ -77,12 +77,13 @@ def test_warnings_and_skipped_checks_can_fail(tmp_path: Path) -> None:
     warns, skips = ("description.experiment",), ("reference.agrees", "archive")
 
     def passes(only: tuple[str, ...], fail_on: tuple[str, ...] = (), must_run: tuple[str, ...] = ()) -> bool:
-        return examine(path, *only, settings=Settings(fail_on=fail_on, must_run=must_run)).passed
+        settings = Settings(fail_on=fail_on, must_run=must_run)
+        return examine(path, *only, settings=settings, apart=()).passed
 
     assert passes(warns) and not passes(warns, ("warning",))
     assert passes(skips, ("warning",)) and not passes(skips, ("skip",))
     assert passes(skips, must_run=("archive",)) and not passes(skips, must_run=("reference",))
-    report = examine(path, *skips, settings=Settings(must_run=("reference",)))
+    report = examine(path, *skips, settings=Settings(must_run=("reference",)), apart=())
     assert "--must-run reference: reference.agrees was skipped." in report.objections[0]
 
 

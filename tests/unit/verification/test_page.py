@@ -70,7 +70,7 @@ def test_page_shows_the_findings() -> None:
     assert buttons == ["3 passed", "1 warning", "2 failed", "1 skipped"]
 
 
-def test_the_matrix_has_every_fmu_and_group() -> None:
+def test_matrix_has_every_fmu_and_group() -> None:
     matrix = elements(parsed(render_page(ordinary())), "table")[0]
     rows = [[text_of(cell) for cell in row] for row in elements(matrix, "tr")]
     assert rows == [

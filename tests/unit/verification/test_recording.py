@@ -95,8 +95,8 @@ def test_inputs_of_a_file_are_those_of_the_reference(toy_fmu: Path, tmp_path: Pa
 def test_existing_files_need_overwrite(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
     mine = tmp_path / "Toy_ref.opt"
     mine.write_text("mine")
-    said = sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
-    assert said == f"Error: '{mine}' already exists; to replace it, add --overwrite."
+    message = sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
+    assert message == f"Error: '{mine}' already exists; to replace it, add --overwrite."
     assert [p.name for p in tmp_path.iterdir()] == ["Toy_ref.opt"]
     assert emla("verify", str(toy_fmu), "--record", str(tmp_path), "--overwrite").exit_code == 0
     assert "StepSize" in mine.read_text()
@@ -137,8 +137,8 @@ def test_options_of_a_recording_need_one(toy_fmu: Path, emla: Emla) -> None:
 
 def test_two_fmus_of_one_name_cannot_be_recorded_at_once(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
     other = build_toy("native", tmp_path / "Toy.fmu")
-    said = sentence(emla("verify", str(toy_fmu), str(other), "--record", "new"), 2)
-    assert said == "Error: two FMUs have the name Toy; record one at a time."
+    message = sentence(emla("verify", str(toy_fmu), str(other), "--record", "new"), 2)
+    assert message == "Error: two FMUs have the name Toy; record one at a time."
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Links need special rights on Windows.")
@@ -153,8 +153,8 @@ def test_link_is_not_followed(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None
 
 
 def test_recording_into_a_file_fails(toy_fmu: Path, emla: Emla) -> None:
-    said = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
-    assert said == f"Error: the folder '{toy_fmu}' cannot be created: File exists."
+    message = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
+    assert message == f"Error: the folder '{toy_fmu}' cannot be created: File exists."
 
 
 LEVELS = SimpleNamespace(items=[SimpleNamespace(value=v) for v in (3, 5, 8)])

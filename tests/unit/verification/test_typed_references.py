@@ -75,7 +75,7 @@ def test_fmpy_computes_what_is_recorded(fmu: Path, tmp_path: Path, source: str) 
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "message"),
     [
         ("0,0,1.5,0,1", "the input i is 1.5 at t = 0 s; it is of type Integer and must be a whole number"),
         ("0,0,3e9,0,1", "the input i is 3e+09 at t = 0 s"),
@@ -83,12 +83,12 @@ def test_fmpy_computes_what_is_recorded(fmu: Path, tmp_path: Path, source: str) 
         ("0,0,1,nan,1", "the input b is nan at t = 0 s"),
     ],
 )
-def test_invalid_values_of_inputs(fmu: Path, tmp_path: Path, row: str, said: str) -> None:
+def test_invalid_values_of_inputs(fmu: Path, tmp_path: Path, row: str, message: str) -> None:
     given = tmp_path / "given.csv"
     given.write_text(f"time,u,i,b,e\n{row}\n2,0,1,0,1\n")
     with pytest.raises(ec.CommandError) as error:
         ec.verify(fmu, record=ec.Recording(tmp_path / "new", inputs=given))
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_folder_stands_for_its_fmus_and_git_lfs_pointers_are_named(fmu: Path, tmp_path: Path) -> None:
