@@ -54,7 +54,7 @@ def test_a_run_ends_at_the_first_point_that_meets_the_condition(
     assert not ended.metrics["joints"]["lift"]["held"]
 
 
-def test_steps_of_any_length_end_as_well(fmu_folder: Path) -> None:
+def test_error_control_ends_at_the_condition(fmu_folder: Path) -> None:
     ended = run(lift(fmu_folder, stop_when=[CONDITION], error_tolerance=1e-3, output_interval=1e-5))
     above = ended[SIGNAL] > LIMIT
     assert above[-1] and not above[:-1].any() and ended.end_s < STOP
@@ -72,7 +72,7 @@ def test_the_first_of_several_conditions_counts_and_others_change_nothing(fmu_fo
     np.testing.assert_array_equal(whole["lift.plant.x_L"], after["lift.plant.x_L"])
 
 
-def test_a_run_step_by_step_stays_where_it_ended(fmu_folder: Path) -> None:
+def test_run_in_single_steps_stays_at_its_end(fmu_folder: Path) -> None:
     with lift(fmu_folder, stop_when=[CONDITION]).prepare() as simulation:
         simulation.advance(0.01)
         reached, torque = simulation.time, simulation[SIGNAL]

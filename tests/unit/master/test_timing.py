@@ -48,7 +48,7 @@ def test_points_are_the_doubles_nearest_to_the_decimal_times(start: float, step:
 
 
 @given(st.integers(1, 900_000), st.integers(-9999, 9999), st.integers(0, 12), counts)
-def test_so_are_those_of_any_short_decimal_numbers(p: int, s: int, digits: int, k: int) -> None:
+def test_points_of_any_short_decimal_numbers_are_nearest(p: int, s: int, digits: int, k: int) -> None:
     start, step = s / 10**digits, p / 10**digits
     assert make_clock(start, step).point(k) == float(exact(start, step, k))
 
@@ -85,7 +85,7 @@ def test_a_point_and_the_step_from_it_are_the_next_point(step: float, k: int, mu
 
 
 @given(st.sampled_from(STARTS), st.sampled_from([1e-4, 5e-6, 3e-5, 1.0 / 3.0, 2.0**-13]), counts)
-def test_so_they_are_after_another_start(start: float, step: float, k: int) -> None:
+def test_steps_join_after_another_start(start: float, step: float, k: int) -> None:
     """Within a step of zero the difference has more digits than the numbers that it would have to join."""
     times = CommunicationPoints(start, step, 10**8)
     point, after = times.point(k), times.point(k + 1)
@@ -95,7 +95,7 @@ def test_so_they_are_after_another_start(start: float, step: float, k: int) -> N
         assert point + times.span(k, 1) == pytest.approx(after, rel=0.0, abs=1e-15 * step)
 
 
-# ---- what slaves are told ----------------------------------------------------------------------
+# ---- steps of instances ----------------------------------------------------------------------
 
 
 class Watch(FakeSlave):
@@ -143,7 +143,7 @@ def watches(**longest: float) -> tuple[list[Watch], Network]:
 
 @pytest.mark.parametrize(("start", "step"), [(0.1, 1e-4), (1.0 / 3.0, 3e-5), (0.0, 1e-4 / 3.0)])
 @pytest.mark.parametrize(("kind", "multiples"), [(Jacobi, {}), (GaussSeidel, {"b": 2, "c": 6})], ids=str)
-def test_the_steps_that_slaves_are_told_join(
+def test_steps_of_instances_join(
     kind: type[Explicit], multiples: Mapping[str, int], step: float, start: float
 ) -> None:
     """Also where slaves step more rarely: each step begins at the end of the one before, to the last bit."""
@@ -164,7 +164,7 @@ def test_the_steps_that_slaves_are_told_join(
 @pytest.mark.parametrize(
     ("kind", "extrapolation"), [(Jacobi, e) for e in EXTRAPOLATIONS] + [(GaussSeidel, "master")]
 )
-def test_compiled_code_tells_slaves_the_same(kind: type[Explicit], extrapolation: str) -> None:
+def test_compiled_code_makes_the_same_steps(kind: type[Explicit], extrapolation: str) -> None:
     """Across zero time, where a step may not join."""
     times = make_communication_points(0.003, 3e-5, -0.003)
     found = []
