@@ -9,7 +9,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
@@ -227,6 +227,7 @@ def test_slow_crossing_of_the_window_is_not_held(omega: float) -> None:
     sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5),
     again=st.booleans(),
 )
+@settings(max_examples=15)
 def test_means_do_not_depend_on_interruptions(seed: int, sizes: list[int], again: bool) -> None:
     """To the last bit, while the reference moves and while it rests."""
     random = np.random.default_rng(seed)
