@@ -270,33 +270,6 @@ def test_energy_balance_of_the_plant() -> None:
     assert abs(balance) < 1e-7 * min(map(abs, [*energy.values(), change]))
 
 
-@pytest.mark.parametrize(
-    ("cause", "size", "state", "sign"),
-    [
-        ("u_q", 50.0, "i_q", 1),
-        ("u_d", 50.0, "i_d", 1),
-        ("F_L", 1e4, "v_L", -1),
-        ("d_2", 0.8, "v_L", 1),
-        ("d_3", 0.42, "i_q", 1),
-        ("d_4", -0.15, "i_d", -1),
-    ],
-)
-def test_inputs_of_the_plant_act_in_the_right_direction(
-    cause: str, size: float, state: str, sign: int
-) -> None:
-    h = 1e-3
-    plant = Component(EmlaPlant(), {cause: size, "solver.internal_step": 1e-5}).begin()
-    plant.step(h)
-    u = paper.PlantInputs(**{cause: size})
-    start = np.array([0.24, 0.0, 0.0, 0.0])
-    rest = paper.solve(lambda t, x: paper.plant_rates(paper.Actuator(), x, u), start, [0.0, h])[-1] - start
-    moved = dict(zip(PLANT_STATES, plant.get(*PLANT_STATES) - start, strict=True))
-    assert math.copysign(1.0, moved[state]) == sign
-    # RK4 with 100 substeps leaves 1e-10; x_L near 0.24 m is rounded to 3e-17
-    for name, expected in zip(PLANT_STATES, rest, strict=True):
-        assert moved[name] == pytest.approx(expected, rel=1e-8, abs=1e-15)
-
-
 # ---- right-hand sides and outputs, point by point ----------------------------------------------
 
 

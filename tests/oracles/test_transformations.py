@@ -112,18 +112,23 @@ def network(
     return Network(slaves, [replace(link, factor=factor, offset=offset) for link, (factor, offset) in links])
 
 
-@all_pairs
+ON_LINKS = {
+    "all": [(RAD_S_PER_RPM, 0.0), (1.0, KELVIN), (-0.5, -1e-3), (0.0, 0.25)],
+    "one": [(1.0, 0.0), (1.0 / 3.0, 7.0), (1.0, 0.0), (1.0, 0.0)],
+}
+
+
 @pytest.mark.parametrize(
-    "transformations",
-    [
-        [(RAD_S_PER_RPM, 0.0), (1.0, KELVIN), (-0.5, -1e-3), (0.0, 0.25)],
-        [(1.0, 0.0), (1.0 / 3.0, 7.0), (1.0, 0.0), (1.0, 0.0)],
-    ],
-    ids=["all", "one"],
+    ("transformed", "way", "extrapolation"),
+    mostly_slow(
+        [(links, *pair) for links in ON_LINKS for pair in ALL_PAIRS],
+        [("one", "jacobi, compiled", "fmu"), *(("all", *pair) for pair in DEFAULT_PAIRS)],
+    ),
 )
 def test_transformation_on_a_link_or_in_its_target_is_the_same(
-    transformations: Sequence[Transformation], extrapolation: str, way: str
+    transformed: str, way: str, extrapolation: str
 ) -> None:
+    transformations = ON_LINKS[transformed]
     found = run(network(transformations), way, extrapolation)
     expected = run(network(NO_TRANSFORMATIONS, transformations), way, extrapolation)
     assert found.shape == expected.shape and (found == expected).all()
@@ -280,16 +285,6 @@ def test_factor_on_a_link_or_in_the_parameters_of_an_fmu_is_the_same(
         found = run(assembly.network, way, extrapolation)
     assert np.ptp(expected[:, 5]) > 0.1
     assert found.tobytes() == expected.tobytes()
-
-
-@pytest.mark.parametrize("way", ["gauss-seidel", "gauss-seidel, compiled", "strong"])
-@pytest.mark.parametrize(("factor", "offset"), [(RAD_S_PER_RPM, 0.0), (1.0, KELVIN), (0.0, 2.0), (-3.0, 0.1)])
-def test_fmu_gets_factor_and_offset(factor: float, offset: float, way: str, faulty_fmu: Path) -> None:
-    source, mirror = faulty("j.s", faulty_fmu, u=1.0), faulty("j.m", faulty_fmu, a=0.0, b=1.0)
-    with open_system(wired([source, mirror], "j.s.y -> j.m.u"), [(factor, offset)]) as assembly:
-        rows = run(assembly.network, way, "none")
-    assert rows[-1, 1] == pytest.approx(1.0)
-    assert rows[:, 3].tolist() == (factor * rows[:, 1] + offset).tolist()
 
 
 @pytest.mark.parametrize(

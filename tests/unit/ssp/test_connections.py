@@ -1,15 +1,20 @@
 """Connections of an SSP: what drives what, and the factor and offset of the value on the way."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from emla_cosim.study.loading import load
 from tests.support.ssp_documents import (
+    binding,
     component,
     connection,
     fake_fmu,
     linear,
+    packed,
     rooted,
+    ssv,
     system,
     understood,
 )
@@ -229,3 +234,33 @@ def test_conversion_of_units_is_not_stored_in_the_connection(tmp_path: Path, fmu
     found = {x.input: x.transformation for x in read.system.connections}
     assert found["u"] is None
     assert found["w"] is not None
+
+
+def gain(name: str, ports: str, b: float = 1.0, **values: Any) -> str:
+    """The faulty FMU as y = b u, which has no units."""
+    return component(name, "Faulty.fmu", ports, binding(ssv(a=0.0, b=b, **values)))
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "compiled"), [("jacobi", True), ("gauss-seidel", False), ("strong", False)]
+)
+def test_run_applies_conversions_and_transformations(
+    algorithm: str, compiled: bool, tmp_path: Path, faulty_fmu: Path
+) -> None:
+    inside = gain("gain", "u:input:K y:output:m", b=0.01), connection("in -> gain.u")
+    parts = (
+        gain("source", "y:output:degC", b=10.0, u=2.0),
+        system("s", *inside, connection("gain.y -> out"), ports="in:input:K out:output:m"),
+        gain("length", "u:input:mm"),
+        gain("plain", "u:input:mm"),
+        connection("s.in -> source.y"),
+        connection("s.out -> length.u", linear(-2.0, 1.0)),
+        connection("s.out -> plain.u", suppress_unit_conversion=True),
+    )
+    path = packed(tmp_path / "test.ssp", rooted(tmp_path, *parts, files={"Faulty__fmu": faulty_fmu}))
+    options = {"stop_time": 0.3, "step_size": 0.1, "algorithm": algorithm, "compiled": compiled}
+    with load(path, **options).prepare() as simulation:
+        result = simulation.run()
+    found = [result[name][-1] for name in ("source.y", "s.gain.y", "length.y", "plain.y")]
+    metres = 0.01 * (20.0 + 273.15)
+    assert found == pytest.approx((20.0, metres, -2.0 * 1000.0 * metres + 1.0, metres), rel=1e-12)

@@ -7,6 +7,7 @@ import pytest
 
 from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.study.loading import load
+from emla_cosim.views.output_folder import results_folder
 from fmublock.archive import write_archive
 from tests.support.ssp_documents import (
     binding,
@@ -258,3 +259,10 @@ def test_only_ids_of_the_top_level_are_names(tmp_path: Path, fmu: Path) -> None:
     found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
     names = [c.name for c in found.system.components]
     assert names == ["s.lift_plant", "s.b", "tilt_plant.a", "crane.pump"]
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"), [("study", "study"), ("../../x", "x"), ("/etc", "etc"), ("a b", "a_b"), ("..", "run")]
+)
+def test_name_of_a_document_gives_a_folder_below_results(name: str, folder: str) -> None:
+    assert results_folder(name) == Path("results") / folder

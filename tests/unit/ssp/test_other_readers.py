@@ -230,7 +230,7 @@ def prepared(case: str, folder: Path, **more: Any) -> ec.Scenario:
     return ec.load(name, **options, **more)
 
 
-BY_DEFAULT = ["study-compliant", "lift", "hdrm-coupled", "freeze fault", "commanded current", "input"]
+BY_DEFAULT = ["study-compliant", "lift", "freeze fault", "input"]
 
 
 @pytest.mark.parametrize("case", mostly_slow(CASES, BY_DEFAULT))

@@ -166,7 +166,7 @@ def written(path: Path, system: System, fmus: dict[str, Path]) -> dict[str, byte
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-@tiers.examples(30, 100, suppress_health_check=[HealthCheck.too_slow])
+@tiers.examples(15, 100, suppress_health_check=[HealthCheck.too_slow])
 @given(examples())
 def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
     files = {name: fmus[model] for name, model in example.models.items()}
@@ -206,7 +206,7 @@ def as_number(value: Any) -> Any:
     return float({"true": 1, "false": 0}.get(str(value).lower(), value))
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(st.lists(NAMES, min_size=2, max_size=5, unique=True))
 def test_names_stay(fmus: dict[str, Path], names: list[str]) -> None:
     """Also where they differ only in characters that an identifier cannot have."""
