@@ -181,9 +181,10 @@ FEW = {"EmlaPlant": MODELS["EmlaPlant"], "SignalFault": MODELS["SignalFault"]}
 """With continuous states, and without."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    "models", [FEW, pytest.param(MODELS, marks=pytest.mark.nightly)], ids=["few models", "all models"]
+    "models",
+    [pytest.param(FEW, marks=pytest.mark.slow), pytest.param(MODELS, marks=pytest.mark.nightly)],
+    ids=["few models", "all models"],
 )
 def test_our_fmus_pass_checks_of_files_and_runs(
     models: dict[str, type[Block]],
@@ -217,9 +218,15 @@ def test_our_fmu_passes_dynamic_checks_in_this_process(fmu_folder: Path) -> None
     assert report.passed, report.of(Verdict.FAILED)
 
 
-@pytest.mark.slow
+SLOW = [*((m, "native") for m in ("EmlaPlant", "FocController", "HdrmPlant")), ("SignalFault", "python")]
+
+
 @pytest.mark.parametrize(
-    ("model", "flavour"), [*((m, "native") for m in MODELS), *((m, "python") for m in FEW)]
+    ("model", "flavour"),
+    [
+        *(pytest.param(*pair, marks=pytest.mark.slow) for pair in SLOW),
+        *(pytest.param(m, "native", marks=pytest.mark.nightly) for m in MODELS if (m, "native") not in SLOW),
+    ],
 )
 def test_our_fmus_pass_dynamic_checks(model: str, flavour: str, python_fmu_folder: Path) -> None:
     """Of PythonFMU FMUs few: the code that answers is the same in all; bits agree with the native ones."""

@@ -1,6 +1,7 @@
 """FMUs of FMI 3.0: ours pass, and gaps are reported."""
 
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import pytest
@@ -20,8 +21,12 @@ CLOCKED = ["EmlaObserver", "FocController", "RsbaController"]
 """Models to build with a clock."""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model", MODELS)
+def _arguments(model: str) -> Any:
+    is_slow = model in ("EmlaPlant", "FocController", "Reference")
+    return pytest.param(model, marks=pytest.mark.slow if is_slow else pytest.mark.nightly)
+
+
+@pytest.mark.parametrize("model", [_arguments(model) for model in MODELS])
 def test_our_fmus_pass(model: str, tmp_path: Path) -> None:
     options = ["--output", str(tmp_path), "--platform", fmpy.platform, "--fmi", "3"]
     assert CliRunner().invoke(app, ["build", model, *options]).exit_code == 0
