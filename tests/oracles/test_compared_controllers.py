@@ -19,6 +19,7 @@ from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
 from tests.support.in_process import started
 from tests.support.joint_data import COMPENSATED, EMLAS, LIFT, gains_of, observers
+from tests.support.tiers import mostly_slow
 
 COMPARED = (FocController, CacController, AnatcController)
 
@@ -52,7 +53,7 @@ LOOPS = {
 RESERVES = {"u_reserve": 0.2, "i_reserve": 0.1}
 
 
-@pytest.mark.parametrize("block", COMPARED)
+@pytest.mark.parametrize("block", mostly_slow(COMPARED, [FocController, AnatcController]))
 def test_the_loop_is_that_of_an_independent_implementation(block: type[Block]) -> None:
     """Plant and controller with true states, from 2 mm beside the reference, through the current's limit."""
     gains, reference, count = LOOPS[block]
