@@ -22,7 +22,7 @@ from tests.support.hand_written_fmus import build_faulty_fmu, build_handwritten_
 from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
-from tests.support.tiers import select
+from tests.support.tiers import NIGHTLY, SLOW, select
 from tests.support.toy_fmu import build_toy
 
 if TYPE_CHECKING:  # these take a while to load
@@ -44,7 +44,12 @@ for size in ("COLUMNS", "LINES"):
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let properties draw as many examples as the selected tests are to have."""
+    """Let properties draw as many examples as the selected tests are to have.
+
+    A test may have both marks, as an example of a slow check; it is nightly.
+    """
+    if config.option.markexpr == SLOW:
+        config.option.markexpr = f"{SLOW} and not {NIGHTLY}"
     select(config.option.markexpr)
 
 

@@ -3,11 +3,13 @@
 import ctypes
 import ctypes.util
 import hashlib
+import io
 import json
 import math
 import os
 import re
 import sys
+import zipfile
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -43,8 +45,19 @@ NAMED = {
 
 
 def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Return the SHA-256 of a file; of an archive that of its content, also of the FMUs in it.
+
+    The comments of FMUs contain a key that changes with any source of fmublock.
+    """
+    return _sha256(path.read_bytes())
+
+
+def _sha256(content: bytes) -> str:
+    if not zipfile.is_zipfile(io.BytesIO(content)):
+        return hashlib.sha256(content).hexdigest()
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        entries = [f"{name} {_sha256(archive.read(name))}" for name in archive.namelist()]
+    return hashlib.sha256("\n".join(entries).encode()).hexdigest()
 
 
 def machine() -> dict[str, str]:
