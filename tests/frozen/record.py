@@ -135,8 +135,9 @@ class Frozen:
             self._write()
             return
         expected = self.content.get(kind, {}).get(name)
+        differences = set(actual) ^ set(expected or ()) if isinstance(actual, list) else actual
         assert actual == expected, (
-            f"{kind} of '{name}' is not as in {FILE.relative_to(ROOT)}; if this is wanted, run "
+            f"{kind} of '{name}' is not as in {FILE.relative_to(ROOT)}: {differences}. If this is wanted, run "
             "`python -m tests.frozen`, and say in CHANGELOG.md what changed."
         )
 
