@@ -289,12 +289,8 @@ STEPPERS: dict[str, Stepper] = {
         lacks={"grouped"},
         is_compiled=False,
         by_default=[
-            ("multirate", "strong, lines"),
             ("types of FMI 3.0", "gauss-seidel"),
-            ("Model Exchange", "error control, strong"),
             ("FATAL in a line", "jacobi"),
-            ("TERMINATE in a loop", "strong"),
-            ("FMI 3.0: discards", "gauss-seidel"),
         ],
     ),
     "one isolated": Stepper(

@@ -111,7 +111,7 @@ def systems(fmus: tuple[Path, Path], halved: bool) -> st.SearchStrategy[System]:
     return st.integers(2, 6).flatmap(of)
 
 
-@examples(30, 100)
+@examples(8, 100)
 @given(data=st.data())
 def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Path]) -> None:
     kind = data.draw(st.sampled_from(KINDS), label="algorithm")

@@ -137,8 +137,8 @@ class Frozen:
         expected = self.content.get(kind, {}).get(name)
         differences = set(actual) ^ set(expected or ()) if isinstance(actual, list) else actual
         assert actual == expected, (
-            f"{kind} of '{name}' is not as in {FILE.relative_to(ROOT)}: {differences}. If this is wanted, run "
-            "`python -m tests.frozen`, and say in CHANGELOG.md what changed."
+            f"{kind} of '{name}' is not as in {FILE.relative_to(ROOT)}: {differences}. If this is wanted, "
+            "run `python -m tests.frozen`, and say in CHANGELOG.md what changed."
         )
 
     def _write(self) -> None:

@@ -132,6 +132,7 @@ TAKEN = {
 """Those that a command takes with it before it does anything; the others none."""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
 def test_commands_import_only_what_they_need() -> None:
     done = subprocess.run(

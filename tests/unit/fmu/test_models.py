@@ -124,6 +124,7 @@ def test_fmu_without_a_folder_is_in_the_cache(cache: Path, tmp_path: Path, flavo
     assert first.stat().st_mtime_ns == written
 
 
+@pytest.mark.slow
 def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_path: Path) -> None:
     here = fmu_path("Own", "native", Path("fmus"))
     assert build(own(tmp_path), "native", ["win64"], Path("fmus")) == here

@@ -71,8 +71,8 @@ WORDS = {
 }
 """What the message of an FMU has: the call, the time, and how it ended."""
 
-NEEDS_AN_EXAMINER = ("StepKillParent", "StepKillGroup", "Leak", "StateNotReused")
-"""FMUs that would end the process of the tests, or leave memory behind: it shows in a small process only."""
+NEEDS_AN_EXAMINER = ("StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit")
+"""FMUs that would end the process of the tests, leave memory behind, or unload what that process has."""
 
 SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "run", "process", "binaries")]
 """FMUs that do no harm until their check calls them."""

@@ -18,6 +18,7 @@ from tests.support.broken.editing import Files, good_bytes, setting, with_files,
 from tests.support.broken.examining import examine
 from tests.support.broken.static import LIBRARY
 from tests.support.broken.wide import build_wide_fmu
+from tests.support.tiers import mostly_slow
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals that end a process.")
 
@@ -26,7 +27,7 @@ def move_library(files: Files, platform: str) -> None:
     files[LIBRARY.replace(fmpy.platform, platform)] = files.pop(LIBRARY)
 
 
-@pytest.mark.parametrize("platform", ["Linux64", "lin64", "another"])
+@pytest.mark.parametrize("platform", mostly_slow(["Linux64", "lin64", "another"], ["Linux64", "lin64"]))
 def test_fmu_that_cannot_run_here_does_not_pass(platform: str, tmp_path: Path) -> None:
     if platform == "another":
         platforms = ["win64" if fmpy.platform != "win64" else "linux64"]
