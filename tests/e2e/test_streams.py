@@ -96,7 +96,7 @@ SWEEP = ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", "--no-plots"
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="Only Linux has `prlimit`.")
 @pytest.mark.parametrize(
-    ("command", "megabytes"), [("run", 100), ("run", 300), ("run", 700), ("sweep", 250), ("sweep", 1100)]
+    ("command", "megabytes"), [("run", 100), ("run", 700), ("sweep", 250), ("sweep", 1100)]
 )
 def test_too_little_memory_is_one_message(
     command: str, megabytes: int, fmu_folder: Path, tmp_path: Path
