@@ -82,11 +82,14 @@ class ComparisonTerms:
         seeds: The number of held-out seeds for runs with random sequences; 0 for the seeds of the scenario.
         reserves: The reserves of all controllers; None keeps those of each controller.
         options: The options of all runs.
+        skips_missing_gains: Whether joints without a set of gains are left out, with a note, as for `all`
+            sets; otherwise they are an error.
     """
 
     seeds: int
     reserves: Reserves | None
     options: Mapping[str, Any]
+    skips_missing_gains: bool = False
 
 
 def plan_runs(
@@ -105,10 +108,18 @@ def plan_runs(
     runs, groups = list[ComparisonRun](), list[Preparation]()
     run = set[tuple[str, str]]()
     held_out = HeldOutSeeds(terms.seeds)
-    kept, fixed = dict[str, dict[str, None]](), dict[str, None]()
+    kept, fixed, lacking = dict[str, dict[str, None]](), dict[str, None](), list[str]()
     for scenario in scenarios:
         for variant in variants:
-            for part, case, own in _cases(scenario, variant, cases, terms, progress):
+            try:
+                planned = list(_cases(scenario, variant, cases, terms, progress))
+            except CommandError as error:
+                if not (terms.skips_missing_gains and "gains" in error.fields and "joint" in error.fields):
+                    raise
+                joint = error.fields["joint"]
+                lacking.append(f"{scenario} runs without {variant}: the joint {joint} has no such gains.")
+                continue
+            for part, case, own in planned:
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 run.add((scenario, case.name))
@@ -123,7 +134,7 @@ def plan_runs(
         describe_left_out(missing, scenario)
         for scenario in scenarios
         if (missing := [case for case in cases if (scenario, case.name) not in run])
-    ]
+    ] + lacking
     if not runs:
         raise CommandError(" ".join(notes))
     known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]

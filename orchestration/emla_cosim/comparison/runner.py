@@ -103,7 +103,9 @@ def compare(
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
-    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), overrides)
+    terms = ComparisonTerms(
+        _check_seeds(seeds, table), parse_reserves(reserves), overrides, ALL in (all_sets or ())
+    )
     folder = None
     if output is not None:
         folder = CompareFolder(convert_value(output, Path, "the output folder"), overwrite)

@@ -258,6 +258,32 @@ def _folder() -> Path:
     return _fmu_folders.enter_context(temporary_folder("tables"))
 
 
+@dataclass(frozen=True)
+class DataSpan:
+    """The first and the last time of an input in s."""
+
+    label: str
+    first: float
+    last: float
+    is_repeated: bool
+
+    @classmethod
+    def of(cls, source: Input) -> "DataSpan":
+        """Read the span of an input."""
+        times = LoadedInput.of(source).times
+        return cls(source.label, float(times[0]), float(times[-1]), source.end == "repeat")
+
+    def check_overlap(self, start: float, stop: float) -> None:
+        """Raise CommandError if the data are all before or all after a run: it would have one value only."""
+        if self.first >= stop:
+            where = f"after the run, from {start:.9g} to {stop:.9g} s; shift the times of the data"
+        elif self.last <= start and not self.is_repeated:
+            where = f"before the run, from {start:.9g} to {stop:.9g} s; shift the times of the data or repeat them"
+        else:
+            return
+        raise CommandError(f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {where}.")
+
+
 def find_data_end(sources: Sequence[Input]) -> float | None:
     """Return the earliest end in s of inputs that stop the run, None if there are none."""
     ends = [float(LoadedInput.of(s).times[-1]) for s in sources if s.end == "stop"]

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.units import LinearTransformation
+from ..base.wording import format_count
 from .coupling.coupling_cost import COUPLING, Coupling
 from .recorder import Outline, Pause, Recorder
-from .signal_figures import SignalFigures
+from .signal_figures import MAXIMUM, MINIMUM, SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Figures by object, such as a joint, and by name."""
@@ -101,6 +102,21 @@ SIGNALS = "signals"
 """Name of the part of metrics.json with the figures of signals, which every run has."""
 
 
+UNBOUNDED = 1e100
+"""Size in any SI unit that no signal of a machine reaches; FMUs use up to 1e60 for infinity."""
+
+
+def describe_divergence(signals: Mapping[str, Mapping[str, float]]) -> str | None:
+    """Return the message on signals that grew beyond `UNBOUNDED`, from their figures; None if none did."""
+    sizes = {name: max(abs(x[MINIMUM]), abs(x[MAXIMUM])) for name, x in signals.items()}
+    beyond = {name: size for name, size in sizes.items() if size > UNBOUNDED}
+    if not beyond:
+        return None
+    name, others = next(iter(beyond)), len(beyond) - 1
+    more = f", and {format_count(others, 'more signal', 'more signals')} grew as far" if others else ""
+    return f"Diverged: {name} reached {beyond[name]:.2g}{more}."
+
+
 class MetricsRecorder(Recorder):
     """Compute all registered metrics that apply to a run, and the figures of every signal."""
 
@@ -169,6 +185,8 @@ class MetricsRecorder(Recorder):
     def remarks(self) -> list[str]:
         """Return remarks for users to read before the figures."""
         found = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
+        if (diverged := describe_divergence(self.signals())) is not None:
+            found.insert(0, diverged)
         return [*found, *(self._coupling.remarks() if self._coupling is not None else ())]
 
     def figures(self) -> dict[str, Figures]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..base.errors import RunError
 from ..base.units import LinearTransformation
+from ..master.instances.fmu_instance import EndRequestedError
 from ..master.run_loop import simulate
 from ..master.stepping.checkpoint import Checkpoint
 from ..master.stepping.pacing import Pacing
@@ -16,7 +17,7 @@ from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, recording
 from ..sandbox.interruption import catch_interrupts
 from .requirements import Requirement
-from .stop_conditions import StopCondition, StoppingRows
+from .stop_conditions import StopCondition, StoppingRows, describe_stop
 
 FLUSH_INTERVAL = 1.0
 """Longest wall time in s between two transfers of rows to the recorders."""
@@ -50,6 +51,8 @@ class Run:
         self.pacing = pacing
         self.error: RunError | None = None
         self.interrupted = False
+        self.requested_end: EndRequestedError | None = None
+        """What an FMU answered that ended the run by its own wish, which is no failure."""
         self.over = False
         """Whether `end` was called."""
         self.wall_s = 0.0
@@ -64,6 +67,7 @@ class Run:
         self._flushed = time.monotonic()
         self._paced = False
         self._first = (0, stepping.times.start)
+        self._has_first_row = False
         if profiler is not None:
             for recorder in recorders:
                 name = recorder.key or type(recorder).__name__
@@ -92,6 +96,15 @@ class Run:
     def stopped(self) -> tuple[Requirement, float] | None:
         """The condition that ended the run and its time in s, or None."""
         return None if self._stopping is None else self._stopping.met
+
+    @property
+    def early_end(self) -> str | None:
+        """Message on a condition or an FMU that ended the run before its stop time, or None."""
+        if self.stopped is not None:
+            return describe_stop(*self.stopped)
+        if self.requested_end is not None:
+            return f"the run ended at t = {self.stepping.time:.6g} s: {self.requested_end}"
+        return None
 
     def profile(self) -> dict[str, Any] | None:
         """Return where the time went; None without a profiler, or before the first step."""
@@ -127,6 +140,7 @@ class Run:
             else:
                 self._resumed.restore(self.stepping)
             self._first = (self.stepping.steps, self.stepping.time)
+            self._has_first_row = True
             if self._profiler is not None:
                 self._profiler.restart()
 
@@ -137,7 +151,7 @@ class Run:
             until: Time in s.
             interrupted: Function that says whether to stop. Default: stop after Ctrl-C.
         """
-        if self.error is not None or self.stopped is not None:
+        if self.error is not None or self.stopped is not None or self.requested_end is not None:
             return
         self.interrupted = False
         began = time.perf_counter()
@@ -209,6 +223,11 @@ class Run:
             self.error = self.error or error
         except MemoryError as error:
             self._fail(RunError("there is not enough memory."), error)
+        except EndRequestedError as error:
+            if self._has_first_row:
+                self.requested_end = self.requested_end or error
+            else:
+                self._fail(error, error)
         except RunError as error:
             self._fail(error, error)
 

@@ -48,6 +48,8 @@ class Result:
         problem: error message if the run ended early or misses a requirement, otherwise None.
         interrupted: whether Ctrl-C or a signal ended the run.
         stopped_when: condition of `stop_when` that ended the run; None if it did not.
+        early_end: message on the condition or the FMU that ended the run before its stop time; None if
+            neither did.
         record: content of run.json.
         comparisons: signals with those of the run that the option `reference` names.
         parameters: parameters of all components, by full name; Booleans are 0 or 1, Strings are left out.
@@ -90,6 +92,7 @@ class Result:
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
     stopped_when: str | None = None
+    early_end: str | None = None
     profile: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:

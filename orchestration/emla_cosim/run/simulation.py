@@ -21,6 +21,7 @@ from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
 from ..fmu.variables import convert_start_value, find_variable
 from ..inputs.events import input_events, row_distance
+from ..inputs.wired_inputs import DataSpan
 from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
 from ..master.instances.integrator_settings import IntegratorSettings
@@ -55,7 +56,7 @@ from .requirements import Requirement, check_requirements, describe_unmet, parse
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import run_times, select_isolated, select_signals, steps_per_row
-from .stop_conditions import describe_stop, find_stop_conditions
+from .stop_conditions import find_stop_conditions
 from .stored_margins import read_margins
 
 
@@ -113,6 +114,7 @@ class Simulation:
         told = progress or Progress()
         self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
+        self._data = [DataSpan.of(source) for source in self.options.input]
         apart = select_isolated(self.options.isolated, system)  # report wrong names before anything is built
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
             self._faults.merge(accepted or {})
@@ -301,6 +303,8 @@ class Simulation:
             stored = stored.of_component(self._as_made.components[0].name)
         control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
+        for span in self._data:
+            span.check_overlap(times.start, times.stop)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
         system = self._with_values({name: chosen.set[name] for name in values.get("set", {})}, chosen)
@@ -627,8 +631,8 @@ class Simulation:
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
             going.metrics.ended_early(run.problem)
-        elif run.stopped is not None:
-            going.metrics.ended_early(describe_stop(*run.stopped))
+        elif run.early_end is not None:
+            going.metrics.ended_early(run.early_end)
         report, units, types = stepping.report(), going.units, going.types
         record = build_run_record(
             self.name,
@@ -647,8 +651,11 @@ class Simulation:
         if run.stopped is not None:
             condition, at = run.stopped
             record["stopped_when"] = {"condition": str(condition), "time_s": at}
+        if run.requested_end is not None:
+            component = run.requested_end.fields["component"]
+            record["requested_end"] = {"component": component, "time_s": stepping.time}
         record["remarks"] = [
-            *([] if run.stopped is None else [describe_stop(*run.stopped)]),
+            *([] if run.early_end is None else [run.early_end]),
             *self._faults.remarks(self._unpacked),
             *describe_lost_values(record),
             *describe_idle_clocks(self._assembly.idle_clocks),
@@ -679,6 +686,7 @@ class Simulation:
             problem=run.problem,
             interrupted=run.interrupted,
             stopped_when=None if run.stopped is None else str(run.stopped[0]),
+            early_end=run.early_end,
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),

@@ -112,7 +112,8 @@ def _limits(sizing: JointSizing) -> Table:
 
 def _candidates(result: SizeResult) -> Table:
     joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
-    title = escape(f"Actuators of {', '.join(joints)}")
+    life = "" if result.life is None else f", for a life of {format_value(result.life / 3600.0)} h"
+    title = escape(f"Actuators of {', '.join(joints)}{life}")
     table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     headings = (
         *(["joint"] if len(joints) > 1 else []),

@@ -16,14 +16,13 @@ import polars
 
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import MetricsRecorder
+from ..recorders.metrics import SIGNALS, MetricsRecorder, describe_divergence
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..run.lost_values import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation
-from ..run.stop_conditions import describe_stop
 from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
@@ -143,13 +142,13 @@ class VariantProcess:
                     recorders=recorders, signals=measures.reading(simulation.names), **variant.options
                 )
                 problem = reason_not_held(result)
-                if result.stopped_when is not None:
-                    ended = describe_stop(result.stopped_when, result.end_s)
-                    problem = " ".join(filter(None, (ended, problem)))
+                problem = " ".join(filter(None, (result.early_end, problem))) or None
             except RunError as error:
                 if "result" not in error.fields:
                     raise
                 result, status, problem = error.fields["result"], _status(error), str(error)
+            if status == DONE and (diverged := describe_divergence(result.metrics[SIGNALS])) is not None:
+                status, problem = DIVERGED, diverged
             problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
             try:
                 figures = measures.of(result)

@@ -19,6 +19,7 @@ from ..base.files import hash_file
 from ..base.option import BUILDING, LEFT_OUT, PREPARING, options_of
 from ..base.progress import Progress
 from ..fmu.interface import Interface
+from ..inputs.wired_inputs import DataSpan
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
@@ -26,6 +27,7 @@ from ..recorders.registry import RECORDERS
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
 from ..run.run_record import RunDefinition
+from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
 from ..system.structure import read_sized_interfaces
@@ -75,6 +77,9 @@ class Preparation:
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
             faults.merge(scenario.accepted)
+            times = run_times(options, scenario.name)
+            for source in options.input:
+                DataSpan.of(source).check_overlap(times.start, times.stop)
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_sized_interfaces(system, fmus)

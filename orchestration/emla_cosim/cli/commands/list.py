@@ -18,12 +18,14 @@ def command() -> None:
     """Show tables of scenarios, plans, models, controllers and gain sets."""
     scenarios = Table(
         "scenario",
+        "gains",
         "description",
         title="Scenarios: emla run SCENARIO, emla info SCENARIO",
         title_justify="left",
     )
     for name in SCENARIOS:
-        scenarios.add_row(f"[bold]{name}[/]", find_built_in(name).description)
+        scenario = find_built_in(name)
+        scenarios.add_row(f"[bold]{name}[/]", str(scenario.options.get("gains") or ""), scenario.description)
     plans = Table("plan", "description", title="Sweeps: emla sweep PLAN", title_justify="left")
     for name, text in PLANS.items():
         plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))

@@ -92,7 +92,7 @@ def command(
             cycle=read_time(cycle, "--cycle"),
             lead_in=LEAD_IN if before is None else before,
             ambient=_temperature(ambient),
-            life=read_time(life, "--life"),
+            life=_life(life),
             output=place,
             plots=plots,
             report=report,
@@ -128,3 +128,10 @@ def _temperature(text: str | None) -> float:
     if found.unit is None:
         raise CommandError(f"--ambient is {text} without a unit; write it as 40degC, 104degF or 313K.")
     return found.in_unit(find_unit("K"), "--ambient")
+
+
+def _life(text: str | None) -> float | None:
+    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
+    if text is not None and parse_quantity(text, "--life").unit is None:
+        raise CommandError(f"--life is {text} without a unit; write it as {text}h or {text}s.")
+    return read_time(text, "--life")
