@@ -43,8 +43,8 @@ from ..recorders.time_series import TimeSeries
 from ..system.model import System, Value
 from ..system.start_values import resolve_start_values
 from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
-from .empty_table import describe_empty_table
 from .execution import Run
+from .fallback_signals import choose_fallback_signals
 from .followers import following_values
 from .idle_clocks import describe_idle_clocks
 from .lost_values import describe_lost_values
@@ -314,8 +314,11 @@ class Simulation:
             integrator = IntegratorSettings(method=chosen.integrator, largest=chosen.integrator_step)
             assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance, integrator)
         self._error = None
-        recorded = self.select_signals(chosen.signals)
+        recorded, fallback = self.select_signals(chosen.signals), None
         others = assembly.unexchanged
+        if not recorded:
+            fallback = choose_fallback_signals(others.values())
+            recorded = fallback.names
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded]) if n in others], every)
         self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
         names = [*assembly.network.names, *assembly.network.observer.names]
@@ -392,7 +395,7 @@ class Simulation:
             notes,
             units,
             outline.types,
-            has_signals=bool(recorded),
+            fallback=None if fallback is None else fallback.remark,
             margins=margins,
         )
         with self._abandon_on_error():
@@ -659,7 +662,7 @@ class Simulation:
             *self._faults.remarks(self._unpacked),
             *describe_lost_values(record),
             *describe_idle_clocks(self._assembly.idle_clocks),
-            *([] if going.has_signals else describe_empty_table(self._assembly.unexchanged.values())),
+            *([] if going.fallback is None else [going.fallback]),
             *going.metrics.remarks(),
             *stepping.remarks(),
         ]
@@ -712,7 +715,7 @@ class _ActiveRun:
     notes: Sequence[str]
     units: Mapping[str, SiUnit | None]
     types: Mapping[str, SignalType]
-    has_signals: bool
+    fallback: str | None
     margins: Mapping[str, Any] | None
 
 
