@@ -30,6 +30,7 @@ class ColumnBinding:
         transformation: Converts the derivative to the unit of the signal.
         unit: The unit of the signal.
         is_assumed: Whether the column has no unit, so that the one of the signal applies.
+        is_discrete: Whether the variable is discrete, so that its values hold between rows.
     """
 
     signal: str
@@ -41,6 +42,7 @@ class ColumnBinding:
     transformation: LinearTransformation
     unit: SiUnit | None
     is_assumed: bool = False
+    is_discrete: bool = False
 
 
 def bind_columns(
@@ -200,7 +202,10 @@ def _bind_column(
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
     unit = interface.unit(end[1])
     transformation, is_assumed = convert_column(data, position, column, signal, unit)
-    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit, is_assumed)
+    is_discrete = variable.variability == "discrete"
+    return ColumnBinding(
+        signal, *end, output, position, column.derivative, transformation, unit, is_assumed, is_discrete
+    )
 
 
 def convert_column(

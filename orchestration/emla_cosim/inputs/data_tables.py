@@ -82,13 +82,13 @@ class DataTable:
     def times(self, column: str | None) -> tuple[int, Vector]:
         """Return the position of the column of times, and the times in s.
 
-        Clock times and dates become times from the first row.
+        Clock times and dates become times from the first row. Rows with the same time are an event.
 
         Args:
             column: The name of the column; default: `time` or `t`.
 
         Raises:
-            CommandError: If there is no such column, or the times do not increase.
+            CommandError: If there is no such column, or the times decrease.
         """
         position = self._time_column(column)
         header = self.headers[position]
@@ -100,13 +100,15 @@ class DataTable:
             raise CommandError(f"{self.label} has fewer than two rows.")
         if max(abs(times[0]), abs(times[-1])) > _LATEST:
             raise CommandError(f"{self.label} has times beyond {_LATEST:g} s.")
-        if (still := np.flatnonzero(~(np.diff(times) > 0.0))).size:
-            row = int(still[0]) + 1
+        if (back := np.flatnonzero(~(np.diff(times) >= 0.0))).size:
+            row = int(back[0]) + 1
             raise CommandError(
                 f"{self.label} has the time {times[row]:.9g} s in row {row + 1}, after "
-                f"{times[row - 1]:.9g} s; times must increase.",
+                f"{times[row - 1]:.9g} s; times must not decrease.",
                 row=row + 1,
             )
+        if not times[-1] > times[0]:
+            raise CommandError(f"{self.label} has the time {times[0]:.9g} s in all rows; times must increase.")
         return position, times
 
     def find(self, name: str) -> int | None:

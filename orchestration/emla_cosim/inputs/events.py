@@ -36,13 +36,15 @@ def input_events(
             found += _repeat_jumps(source, _jumps(source), stop)
         elif (times := _times(source)).size:
             found += [float(times[0]), float(times[-1])]
+            if (events := times[1:][np.diff(times) == 0.0]).size:  # rows with the same time
+                found += _repeat_jumps(source, events, stop)
     return [t for t in found if math.isfinite(t)]
 
 
 def row_distance(sources: Sequence[Input]) -> float:
     """Return the smallest median distance of rows among the inputs in s; infinity without data."""
     distances = [np.diff(_times(source)) for source in sources if source.interpolation != "held"]
-    return min((float(np.median(d)) for d in distances if d.size), default=math.inf)
+    return min((float(np.median(d[d > 0.0])) for d in distances if d.size), default=math.inf)
 
 
 def _times(source: Input) -> Vector:

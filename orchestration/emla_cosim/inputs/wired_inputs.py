@@ -97,6 +97,13 @@ def wire_inputs(
         notes += [f"{table.source.label} {note}." for note in table.data.notes]
         if assumed := [one for one in driven if one.is_assumed]:
             notes.append(_describe_assumed(table, assumed))
+        discrete = [one.signal for one in driven if one.is_discrete and table.source.interpolation != "held"]
+        if discrete:
+            more = f" and {len(discrete) - 8} more" if len(discrete) > 8 else ""
+            notes.append(
+                f"{table.source.label} drives discrete variables, whose values hold between rows: "
+                f"{', '.join(discrete[:8])}{more}."
+            )
         if idle:
             more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
             notes.append(f"{table.source.label} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
@@ -205,14 +212,15 @@ def _build_table_fmu(
     """
     from fmublock.table import build_table  # slow to import, and few runs need it
 
-    positions = list(dict.fromkeys(one.column for one, _ in driven))
-    columns = [TableColumn(table.data.numbers(p), table.source.interpolation) for p in positions]
+    usage = {one.signal: (one.column, _interpolation(table, one)) for one, _ in driven}
+    usages = list(dict.fromkeys(usage.values()))
+    columns = [TableColumn(table.data.numbers(position), kind) for position, kind in usages]
     for one, _ in driven:
-        _check_size(table.data, one, columns[positions.index(one.column)].values)
+        _check_size(table.data, one, columns[usages.index(usage[one.signal])].values)
     shown = [
         TableOutput(
             name,
-            positions.index(one.column),
+            usages.index(usage[one.signal]),
             one.order,
             one.transformation.factor,
             one.transformation.offset,
@@ -222,7 +230,8 @@ def _build_table_fmu(
         for one, name in driven
     ]
     content = TableContent(table.times, columns, shown, table.source.end)
-    digest = sha256(repr((shown, table.source.end, table.source.interpolation, sorted(platforms))).encode())
+    kinds = [column.interpolation for column in columns]
+    digest = sha256(repr((shown, table.source.end, kinds, sorted(platforms))).encode())
     for numbers in (table.times, *(c.values for c in columns)):
         digest.update(numbers.tobytes())
     path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
@@ -232,6 +241,11 @@ def _build_table_fmu(
         return build_table(content, path, platforms, producer(), license_text())
     except (BuildError, CacheError) as error:
         raise RunError(f"the FMU of {table.source.label} could not be built: {error}") from error
+
+
+def _interpolation(table: LoadedInput, one: ColumnBinding) -> str:
+    """Return what is between two rows: a discrete variable has no values between them."""
+    return "held" if one.is_discrete else table.source.interpolation
 
 
 def _check_size(data: DataTable, one: ColumnBinding, values: Vector) -> None:

@@ -43,7 +43,10 @@ class TableOutput:
 
 @dataclass(frozen=True)
 class TableContent:
-    """Columns at two or more increasing times in s, the outputs, and one of `ENDS`."""
+    """Columns at two or more times in s, the outputs, and one of `ENDS`.
+
+    Times increase, except that two rows may have the same time: the columns jump there.
+    """
 
     times: Numbers
     columns: Sequence[TableColumn]

@@ -41,19 +41,23 @@ def _slopes(table: TableContent, column: TableColumn) -> Numbers:
     """Return the slopes of the cubic spline of continuous curvature through a column.
 
     Its ends are "not a knot". If the table repeats and its last value equals the first, the spline is
-    periodic.
+    periodic. Rows with the same time divide the column into splines of their own.
     """
+    slopes = np.zeros_like(column.values)
     if column.interpolation != "cubic":
-        return np.zeros_like(column.values)
+        return slopes
     from scipy.interpolate import CubicSpline  # slow
 
-    values = column.values
-    round_ = table.end == "repeat" and len(values) > 2 and values[0] == values[-1]
+    values, starts = column.values, np.flatnonzero(np.diff(table.times) == 0.0) + 1
+    is_periodic = table.end == "repeat" and len(values) > 2 and values[0] == values[-1] and not starts.size
     try:
         with np.errstate(all="ignore"):
-            slopes = CubicSpline(table.times, values, bc_type="periodic" if round_ else "not-a-knot")(
-                table.times, 1
-            )
+            for part in np.split(np.arange(len(values)), starts):
+                if len(part) > 1:
+                    spline = CubicSpline(
+                        table.times[part], values[part], bc_type="periodic" if is_periodic else "not-a-knot"
+                    )
+                    slopes[part] = spline(table.times[part], 1)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise BuildError(f"no cubic spline goes through the data: {error}") from error
     if not np.isfinite(slopes).all():

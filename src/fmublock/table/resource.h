@@ -110,10 +110,10 @@ static int numbers_fit(const double *data) {
         if (!is_whole(shown[COLUMN], (double)t.columns - 1.0) || !is_whole(shown[ORDER], MAXIMUM_ORDER)) return 0;
     }
     for (size_t i = 0; i < t.rows; i++) {
-        if (!isfinite(t.times[i]) || (i > 0 && !(t.times[i] > t.times[i - 1]))) return 0;
+        if (!isfinite(t.times[i]) || (i > 0 && !(t.times[i] >= t.times[i - 1]))) return 0;
         if (!is_whole(t.index[i], (double)t.rows - 2.0)) return 0;
     }
-    return 1;
+    return t.times[t.rows - 1] > t.times[0];
 }
 
 static fmi2Status open_resource(Instance *instance, fmi2String location) {

@@ -37,6 +37,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
         instance.exit_initialization()
     for instance in network.instances:
         instance.get_outputs()
+    network.observer.read()  # FMI 2.0.4, 4.2.4: after a set without a step, an FMU may refuse to be read
     for i in network.order:
         network.pass_inputs(i)
     network.check_finite(start_time)

@@ -108,9 +108,13 @@ class Stepping(ABC):
         """Free what the stepping holds of the FMU instances; never raises."""
 
     def record(self, rows: RowSink, due: bool = True) -> None:
-        """Record the current signals as one row, with observed texts if it is `due`."""
+        """Record the current signals as one row, with observed texts if it is `due`.
+
+        Initialization has read the observed values of the first row, before it set inputs once more.
+        """
         network = self.algorithm.network
-        network.observer.read(due)
+        if self.steps:
+            network.observer.read(due)
         block = rows.room(1)
         block[0, 0] = self.time
         block[0, 1 : 1 + len(network.signals)] = network.signals
