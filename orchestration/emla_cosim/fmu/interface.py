@@ -126,6 +126,11 @@ class Interface:
         is_wide = isinstance(variable, ElementVariable) and variable.data_type in WIDE
         return REAL if is_wide else self.signal_type(name)
 
+    def is_discrete(self, name: str) -> bool:
+        """Return whether a variable holds its value between events: it is discrete, or is not a Real."""
+        variable = self.variables[name]
+        return variable.type != "Real" or variable.variability == "discrete"
+
     def unit(self, name: str) -> SiUnit | None:
         """Return the unit of a variable, None if it has none.
 

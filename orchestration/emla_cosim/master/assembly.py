@@ -211,6 +211,11 @@ class Assembly:
         component, variable = self.system.split(name)
         return self.files[component.name].interface.column_type(component.alias(variable).variable)
 
+    def is_discrete(self, name: str) -> bool:
+        """Return whether a variable holds its value between events, by its full name."""
+        component, variable = self.system.split(name)
+        return self.files[component.name].interface.is_discrete(component.alias(variable).variable)
+
     def observe(self, names: Iterable[str], every: int = 1) -> None:
         """Choose what to record besides the signals, for runs that begin after this.
 

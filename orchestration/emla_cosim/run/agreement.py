@@ -1,6 +1,6 @@
 """Compare a result with a stored run: which signals stay in the tubes around it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +36,7 @@ def compare_with_stored(
     units: Mapping[str, Any],
     stored: "StoredRun",
     tolerance: Mapping[str, Tolerance],
+    discrete: Collection[str] = (),
 ) -> tuple[Comparison, ...]:
     """Compare all common signals over the common time.
 
@@ -45,6 +46,7 @@ def compare_with_stored(
         units: Units of the result's signals by name.
         stored: Run to compare with.
         tolerance: Tolerances by name or pattern.
+        discrete: Names of the signals that hold between rows.
 
     Returns:
         The comparisons, in the order of `kept`.
@@ -61,6 +63,7 @@ def compare_with_stored(
             found["time"],
             *_comparable(found["time"], found[name], reference["time"], reference[name]),
             find_tolerance(name, tolerance),
+            name in discrete,
         )
         for name in names
     )

@@ -48,6 +48,7 @@ class Result:
         problem: error message if the run ended early or misses a requirement, otherwise None.
         interrupted: whether Ctrl-C or a signal ended the run.
         stopped_when: condition of `stop_when` that ended the run; None if it did not.
+        discrete: names of the signals that hold their values between rows.
         early_end: message on the condition or the FMU that ended the run before its stop time; None if
             neither did.
         record: content of run.json.
@@ -93,6 +94,7 @@ class Result:
     types: Mapping[str, SignalType] = field(default_factory=dict)
     stopped_when: str | None = None
     early_end: str | None = None
+    discrete: frozenset[str] = frozenset()
     profile: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -220,7 +222,7 @@ class Result:
 
         given = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
         stored = open_stored_run(convert_value(reference, Path, "the reference"))
-        return compare_with_stored(self.names, self.read, self.units, stored, given)
+        return compare_with_stored(self.names, self.read, self.units, stored, given, self.discrete)
 
     def save(
         self,

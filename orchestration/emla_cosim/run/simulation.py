@@ -121,6 +121,7 @@ class Simulation:
             self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart, self.options.integrate_together)
         self._types: dict[str, SignalType] = {}
+        self._discrete: dict[str, bool] = {}
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
@@ -186,6 +187,11 @@ class Simulation:
         if name not in self._types:
             self._types[name] = self._assembly.signal_type(name)
         return self._types[name]
+
+    def _is_discrete(self, name: str) -> bool:
+        if name not in self._discrete:
+            self._discrete[name] = self._assembly.is_discrete(name)
+        return self._discrete[name]
 
     def _unit(self, name: str) -> SiUnit | None:
         component, variable = self.system.split(name)
@@ -690,6 +696,7 @@ class Simulation:
             interrupted=run.interrupted,
             stopped_when=None if run.stopped is None else str(run.stopped[0]),
             early_end=run.early_end,
+            discrete=frozenset(filter(self._is_discrete, units)),
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
@@ -742,8 +749,9 @@ def _compare_with_stored(going: _ActiveRun, result: Result) -> Result:
     """Return the result with its comparisons to the stored run, if there is one."""
     if going.stored is None or result.interrupted:
         return result
+    tolerance = going.definition.options.tolerance
     found = compare_with_stored(
-        result.names, result.read, result.units, going.stored, going.definition.options.tolerance
+        result.names, result.read, result.units, going.stored, tolerance, result.discrete
     )
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)

@@ -104,6 +104,7 @@ def _transformation(
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")
+    _accept_quantities(connection, transformation, interfaces)
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
         raise CommandError(f"the connection {connection} has the transformation {transformation}.")
     return transformation
@@ -120,6 +121,28 @@ def _accept_meaning(connection: Connection, interfaces: Mapping[str, Interface])
             f"the connection {connection} joins Binary variables with the mimeType {meanings[0]} and "
             f"{meanings[1]}, which must be the same",
         )
+
+
+def _accept_quantities(
+    connection: Connection, transformation: LinearTransformation, interfaces: Mapping[str, Interface]
+) -> None:
+    """Raise CommandError if a temperature drives a difference of temperatures, or vice versa, unless lenient.
+
+    An offset of the connection, such as that of an ambient temperature, makes one of the other.
+    """
+    source, target = (interfaces[component].unit(name) for component, name in connection.ends)
+    if source is None or target is None or source.is_difference == target.is_difference:
+        return
+    if source.powers != {"K": 1} or target.powers != {"K": 1} or transformation.offset:
+        return
+    kinds = ("a difference of temperatures", "a temperature")
+    fault = f"{kinds[target.is_difference]} drives {kinds[source.is_difference]}"
+    accept_if_lenient(
+        str(connection),
+        f"{fault}; its number is not changed",
+        f"the connection {connection} joins different quantities: {fault} (relativeQuantity). Transform it by "
+        "an offset, or correct relativeQuantity in one of the FMUs",
+    )
 
 
 def _explain_loss(source: SignalType, target: SignalType) -> str | None:

@@ -17,6 +17,7 @@ def compare_signal(
     reference_time: Vector,
     reference: Vector,
     tolerance: Tolerance,
+    is_held: bool = False,
 ) -> Comparison:
     """Compare a signal with its reference, over the time that both cover.
 
@@ -30,11 +31,14 @@ def compare_signal(
         reference_time: Times of the reference in s, shape (m,) with m > 0.
         reference: The reference, shape (m,).
         tolerance: Allowed deviations.
+        is_held: Whether the reference holds between its points, as discrete variables do; otherwise it is linear.
     """
     finite = np.isfinite(reference)
     if not finite.any():
         finite, reference = np.ones_like(finite), np.zeros_like(reference)
     reference_time, reference = reference_time[finite], reference[finite]
+    if is_held:
+        reference_time, reference = _hold(reference_time, reference)
     tube = tolerance.tube(reference_time, reference)
     low, high = reference_time[0] - tube.time, reference_time[-1] + tube.time
     common = (time >= low) & (time <= high)
@@ -73,3 +77,8 @@ def describe_departure(comparison: Comparison) -> str:
         f"{comparison.worst:.3g}{unit}, at t = {comparison.worst_at:.9g} s, where "
         f"{comparison.tube.value:.3g}{unit} are allowed"
     )
+
+
+def _hold(time: Vector, values: Vector) -> tuple[Vector, Vector]:
+    """Return the points of a signal that holds, with two points at each time but the first."""
+    return np.repeat(time, 2)[1:], np.repeat(values, 2)[:-1]

@@ -108,17 +108,19 @@ class Wiring:
         """
         nodes = list(self.chain(node))
         nodes = nodes[: nodes.index(origin) + 1]
+        ends = self.fmu_unit(origin), self.fmu_unit(node)
+        difference = any(end is not None and end.is_difference for end in ends)
         unit, total = self.unit(origin) or given, IDENTITY
         if origin != node:
-            total = self._converted(self.fmu_unit(origin), unit, origin)
+            total = self._converted(ends[0], unit, origin, difference)
         for target in reversed(nodes[:-1]):
-            total, unit = self._passed(total, unit, target)
-        return self._converted(unit, self.fmu_unit(node), node).after(total)
+            total, unit = self._passed(total, unit, target, difference)
+        return self._converted(unit, ends[1], node, difference).after(total)
 
     def _passed(
-        self, total: LinearTransformation, unit: SiUnit | None, target: Node
+        self, total: LinearTransformation, unit: SiUnit | None, target: Node, difference: bool
     ) -> tuple[LinearTransformation, SiUnit | None]:
-        """Return transformation and unit behind the connection to a connector."""
+        """Return transformation and unit behind the connection to a connector; see `_converted`."""
         _, connection = self.drivers[target]
         declared = self.unit(target)
         transformation = connection.transformation or IDENTITY
@@ -129,7 +131,7 @@ class Wiring:
             )
         if connection.suppress_unit_conversion:
             return transformation.after(total), declared
-        converted = self._converted(unit, declared, target, connection)
+        converted = self._converted(unit, declared, target, difference, connection)
         return transformation.after(converted.after(total)), declared if declared is not None else unit
 
     def _converted(
@@ -137,10 +139,13 @@ class Wiring:
         source: SiUnit | None,
         target: SiUnit | None,
         node: Node,
+        difference: bool,
         connection: SsdConnection | None = None,
     ) -> LinearTransformation:
+        """Return the conversion at a connector. Of a `difference`, units of connectors have no offset."""
         try:
-            return convert_documents_units(node_name(node), source, target)
+            conversion = convert_documents_units(node_name(node), source, target)
+            return LinearTransformation(conversion.factor) if difference else conversion
         except ValueError as error:
             if connection is not None:
                 raise self.fault(f"the connection {connection} joins {error}.") from error

@@ -75,6 +75,7 @@ def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
             reference.solution["time"],
             reference.solution[name],
             find_tolerance(name, wanted),
+            subject.interface.is_discrete(name),
         )
         for i, name in enumerate(found.names)
     )
