@@ -235,6 +235,7 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
     try:
         interface = read_description(path, validate=False, structure=structure)
         problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
+        _correct_booleans(interface.description)
         _check_numbers(interface)
     except MemoryError:
         raise
@@ -264,6 +265,17 @@ def _find_problems(description: ModelDescription) -> list[str]:
         if (variable.unit or (declared.unit if declared is not None else None)) not in defined:
             variable.displayUnit = None  # fmpy (0.3.32) raises a KeyError
     return validate_model_description(description)
+
+
+def _correct_booleans(description: ModelDescription) -> None:
+    """Write start values of Booleans as the standard does, such as `true` for `True`; an empty one is none."""
+    for variable in description.modelVariables:
+        if variable.type == "Boolean" and variable.start is not None:
+            words = str(variable.start).lower().split()
+            wrong = [word for word in words if word not in ("true", "false", "1", "0")]
+            if wrong:
+                raise ValueError(f"the start value of {variable.name} is '{variable.start}', not a Boolean")
+            variable.start = " ".join(words) or None
 
 
 def _check_numbers(interface: Interface) -> None:
