@@ -67,7 +67,7 @@ class Controller:
 
     model: type[Block] | Path
     gains: Mapping[str, Gains] = field(
-        default_factory=lambda: {name: Gains(name) for name in ("robust", "compensated", "published")}
+        default_factory=lambda: {name: Gains(name) for name in ("compensated", "robust", "published")}
     )
     gain_type: type | None = None
     rules: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
