@@ -15,7 +15,13 @@ from ..fmu.models import build, check_build_path, find_block
 from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from ..system.model import Replacement, System, Value
 from ..system.signal_faults import add_fault_components, wire_faults
-from ..system.start_values import needs_interfaces, resolve_start_values, select_plain_names
+from ..system.start_values import (
+    has_quantities,
+    needs_interfaces,
+    resolve_quantities,
+    resolve_start_values,
+    select_plain_names,
+)
 from ..system.structure import (
     read_sized_interfaces,
     read_structural_interfaces,
@@ -50,9 +56,9 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     system = _set_structure(system, fmus, options)
     system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
-    looked_at = looked_at or options.kind
+    looked_at = looked_at or options.kind or has_quantities(system)
     interfaces = read_sized_interfaces(system, fmus) if looked_at else {}
-    system = apply_parameter_files(system, options.parameters, interfaces)
+    system = apply_parameter_files(resolve_quantities(system, interfaces), options.parameters, interfaces)
     if tables:
         placed = wire_inputs(system, tables, interfaces, options.platform)
         system = placed.system
@@ -76,6 +82,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
                 f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
                 "replacement keep their own sizes."
             )
+    system = resolve_quantities(system, interfaces)  # also of variables that only a replacement has
     return choose_kinds(system, options.kind, interfaces), fmus
 
 

@@ -54,6 +54,26 @@ def resolve_start_values(
     return {name: _convert_to_unit(system, interfaces, name, value) for name, value in found.items()}
 
 
+def has_quantities(system: System) -> bool:
+    """Return whether start values of the system have units that must be converted."""
+    return any(has_unit(value) for c in system.components for value in c.parameters.values())
+
+
+def resolve_quantities(system: System, interfaces: Mapping[str, Interface]) -> System:
+    """Return the system with the start values that have units as numbers in the units of their variables.
+
+    Raises:
+        CommandError: If a unit does not fit the variable.
+    """
+    values = {
+        f"{c.name}.{name}": _convert_to_unit(system, interfaces, f"{c.name}.{name}", value)
+        for c in system.components
+        for name, value in c.parameters.items()
+        if has_unit(value)
+    }
+    return system.with_parameters(values) if values else system
+
+
 def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Yield the full names of all variables that accept a start value; patterns set no sizes of arrays."""
     driven = {x.ends[1] for x in system.connections}
