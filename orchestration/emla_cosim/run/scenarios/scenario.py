@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
 
+from fmublock.platforms import host_platform
+
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.faults import accept_faults
 from ...base.progress import Progress
@@ -18,7 +20,7 @@ from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
 from ..run_setup import run_times
 from ..simulation import Simulation
-from .exported_files import FMU, C, find_kind, list_asked_for, refuse_unsuited
+from .exported_files import FMU, SSP, C, find_kind, list_asked_for, refuse_unsuited
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,10 @@ class Scenario:
         times = run_times(chosen, self.name)
         with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
             faults.merge(self.accepted)
-            system, fmus = prepare_system(self.system, chosen, told)
+            built = chosen
+            if kind != SSP and chosen.platform:  # this machine starts the FMUs to read their initial values
+                built = replace(chosen, platform=sorted({*chosen.platform, host_platform()}))
+            system, fmus = prepare_system(self.system, built, told)
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             if kind == FMU:
                 told.advance(1)  # compiling is another task
