@@ -93,6 +93,12 @@ def check(root: XmlElement, where: str, kind: str) -> None:
     """
     expected = f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}"
     if root.tag != expected:
+        namespace, _, name = str(root.tag).rpartition("}")
+        if name == _KINDS[kind]:
+            raise CommandError(
+                f"the root {name} of '{where}' is in the namespace '{namespace[1:]}'; SSP has it in "
+                f"'{NAMESPACES[kind]}'."
+            )
         raise CommandError(
             f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_short(root.tag)}'."
         )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...base.errors import CommandError, join_names
+from ...base.faults import accept_if_lenient
 from ...fmu.elements import declared_type
 from ...fmu.interface import Interface
 from ..documents.ssd_data import (
@@ -21,6 +22,8 @@ _GIVES = ("output", "calculatedParameter")
 _TAKES = ("input", "parameter", "structuralParameter")
 _SAME = {"Real": "Float64", "Integer": "Int32"}
 """Types of FMI 2.0 with another name in FMI 3.0; SSP 2.0 has both."""
+_NUMBERS = {"Real", "Integer", "Enumeration", "Boolean"}
+"""Types whose connectors some tools mix up: the variable's own type decides how values are converted."""
 
 
 def collect_wiring(
@@ -57,23 +60,29 @@ class _Elements:
             node = (path, connector.name)
             if node in wiring.connectors:
                 raise wiring.fault(f"there is a second connector {node_name(node)}.")
+            if isinstance(element, ComponentElement) and not self._has_variable(connector, wiring.fmus[path]):
+                continue
             wiring.connectors[node] = connector
-            if isinstance(element, ComponentElement):
-                self._check(connector, wiring.fmus[path])
         if isinstance(element, SystemElement):
             for inside in element.elements:
                 self.add(inside, (*path, inside.name))
 
-    def _check(self, connector: Connector, fmu: Fmu) -> None:
-        """Raise CommandError if a connector and the FMU's variable differ."""
+    def _has_variable(self, connector: Connector, fmu: Fmu) -> bool:
+        """Return whether the FMU has the variable of a connector.
+
+        Raises:
+            CommandError: If they differ, or it has none. With `lenient`, another numeric type and a connector
+                without a variable are accepted; a connection of such a connector is refused.
+        """
         name = f"the connector {node_name((fmu.path, connector.name))}"
         variable = fmu.interface.variables.get(connector.name)
         if variable is None and connector.name in fmu.interface.without_value:
-            return  # a connection of it is refused
+            return True  # a connection of it is refused
+        place = connector.place or f"'{self._wiring.where}'"
         if variable is None:
-            raise self._wiring.fault(
-                f"{name} has no variable in '{Path(fmu.component.source).name}'.", connector.place
-            )
+            fault = f"{name} has no variable in '{Path(fmu.component.source).name}'"
+            accept_if_lenient(self._wiring.where, fault, f"{place}: {fault}")
+            return False
         if connector.kind in (*_GIVES, *_TAKES) and connector.kind != variable.causality:
             raise self._wiring.fault(
                 f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}.",
@@ -81,9 +90,11 @@ class _Elements:
             )
         exact = declared_type(variable)
         if connector.type not in (None, variable.type, exact, _SAME.get(exact)):
-            raise self._wiring.fault(
-                f"{name} is of type {connector.type}, but the variable is of type {exact}.", connector.place
-            )
+            fault = f"{name} is of type {connector.type}, but the variable is of type {exact}"
+            if not {connector.type, variable.type} <= _NUMBERS:
+                raise self._wiring.fault(f"{fault}.", connector.place)
+            accept_if_lenient(self._wiring.where, fault, f"{place}: {fault}")
+        return True
 
 
 @dataclass(frozen=True)
