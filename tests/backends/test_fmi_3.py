@@ -170,7 +170,6 @@ def test_coupled_fmus_follow_the_closed_form(
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"end": 3.0}, r"asked to end the simulation during updateDiscreteStates at t = 0\.3"),
         ({"end": -1.0}, r"answered updateDiscreteStates at t = 0 s with nextEventTime = NaN"),
         ({"fails": 0.5}, "cannot be integrated at t = "),
     ],
@@ -180,6 +179,11 @@ def test_failures_name_the_functions_of_fmi_3(
 ) -> None:
     with pytest.raises(RunError, match=message):
         run(integrated, set={f"Integrated.{name}": value for name, value in values.items()})
+
+
+def test_an_fmu_may_end_the_run(integrated: Path) -> None:
+    ended = run(integrated, set={"Integrated.end": 3.0})
+    assert "asked to end the simulation during updateDiscreteStates at t = 0.3" in ended.remarks[0]
 
 
 def test_another_number_of_event_indicators_is_reported(tmp_path: Path) -> None:

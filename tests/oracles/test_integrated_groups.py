@@ -189,13 +189,18 @@ def test_an_instance_without_states_is_refused_by_name(build: Build) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"b.end": 3.0}, r"b asked to end the simulation during newDiscreteStates at t = 0\.3"),
         ({"b.fails": 0.5}, r"a\+b cannot be integrated at t = "),
     ],
 )
 def test_failures_name_the_component(fmu: Path, values: Mapping[str, float], message: str) -> None:
     with pytest.raises(RunError, match=message):
         run(pair(fmu, SWAPPED).with_parameters(values))
+
+
+def test_a_member_may_end_the_run(fmu: Path) -> None:
+    ended = run(pair(fmu, SWAPPED).with_parameters({"b.end": 3.0}))
+    assert ended.problem is None
+    assert "b asked to end the simulation during newDiscreteStates at t = 0.3" in ended.remarks[0]
 
 
 def test_options_name_components_of_a_group(fmu: Path) -> None:

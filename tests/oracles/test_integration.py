@@ -161,8 +161,8 @@ def test_resumes_bit_for_bit(fmu: Path, tmp_path: Path) -> None:
 
 
 def test_end_and_failure_are_reported(fmu: Path) -> None:
-    with pytest.raises(RunError, match=r"asked to end the simulation during newDiscreteStates at t = 0\.3"):
-        run(fmu, set={"Integrated.end": 3.0})
+    ended = run(fmu, set={"Integrated.end": 3.0})
+    assert "asked to end the simulation during newDiscreteStates at t = 0.3" in ended.remarks[0]
     with pytest.raises(RunError, match="cannot be integrated at t = "):
         run(fmu, set={"Integrated.fails": 0.5})
     with pytest.raises(RunError, match=r"newDiscreteStates at t = 0 s with nextEventTime = NaN"):

@@ -16,7 +16,7 @@ import polars
 
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import SIGNALS, MetricsRecorder, describe_divergence
+from ..recorders.metrics import MetricsRecorder, describe_divergence
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..run.lost_values import describe_lost_values
@@ -147,7 +147,7 @@ class VariantProcess:
                 if "result" not in error.fields:
                     raise
                 result, status, problem = error.fields["result"], _status(error), str(error)
-            if status == DONE and (diverged := describe_divergence(result.metrics[SIGNALS])) is not None:
+            if status == DONE and (diverged := describe_divergence(result.signals)) is not None:
                 status, problem = DIVERGED, diverged
             problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
             try:

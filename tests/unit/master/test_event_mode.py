@@ -119,10 +119,8 @@ def test_input_that_is_set_by_hand_is_latched(build: Any) -> None:
 
 def test_fmu_can_end_the_simulation(build: Any) -> None:
     system = System.of({"a": build()}, [], {**VALUES, "a.end": 0.6})
-    with pytest.raises(
-        RunError, match=r"asked to end the simulation during updateDiscreteStates at t = 0\.6 s"
-    ):
-        run(system)
+    ended = run(system)
+    assert "asked to end the simulation during updateDiscreteStates at t = 0.6 s" in ended.remarks[0]
     assert run(system, step=0.1, stop=0.6)["a.count"][-1] == 2  # the event at the end belongs to the run
 
 

@@ -66,7 +66,6 @@ ENDINGS = {
     Fault.ERROR: (0.3, "j.bad answered doStep at t = 0.3 s with fmi2Error."),
     Fault.FATAL: (0.3, "j.bad answered doStep at t = 0.3 s with fmi2Fatal."),
     Fault.NAN_Y: (0.3, "j.bad.y became nan at t = 0.4 s."),
-    Fault.TERMINATE: (0.3, "j.bad asked to end the simulation during doStep at t = 0.3 s."),
     Fault.GET_REAL: (0.3, "j.bad answered getReal with fmi2Error."),
     Fault.SET_REAL: (0.4, "j.bad answered setReal with fmi2Error."),
     Fault.PENDING: (0.3, "j.bad answered doStep at t = 0.3 s with fmi2Pending."),
@@ -234,6 +233,17 @@ def test_failing_fmu_ends_a_strongly_coupled_run(
     assert frame["time"][-1] == pytest.approx(0.3) and np.isfinite(frame.to_numpy()).all()
     assert result.end_s == pytest.approx(0.3)
     check_freed(counts, died=fault == Fault.FATAL)
+
+
+@pytest.mark.parametrize("stepped", STEPPED)
+def test_fmu_may_end_the_run(
+    stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+) -> None:
+    result = run_system(line_with_a_fault(faulty_fmu, Fault.TERMINATE, AT), tmp_path, **STEPPED[stepped])
+    assert (result.problem, result.end_s) == (None, pytest.approx(0.3))
+    assert "j.bad asked to end the simulation during doStep at t = 0.3 s." in result.remarks[0]
+    assert table(tmp_path)["time"][-1] == pytest.approx(0.3)
+    check_freed(counts)
 
 
 @pytest.mark.parametrize("fault", [f for f in ENDINGS if f != Fault.DISCARD])

@@ -234,7 +234,6 @@ def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp
     ("fault", "words"),
     [
         (DISCARD, "fmi3Discard"),
-        (TERMINATE, "asked to end the simulation during doStep at t = 0.5 s"),
         (EARLY, "returned early at t = 0.5 s, which was not allowed"),
         (EVENT, "asked for event mode"),
     ],
@@ -242,6 +241,12 @@ def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp
 def test_answers_of_steps_are_reported(path: Path, fault: int, words: str) -> None:
     with pytest.raises(RunError, match=words):
         run(System.of({"a": path}, [], {"a.fault": fault, "a.end": 0.5}))
+
+
+def test_an_fmu_may_end_the_run(path: Path) -> None:
+    ended = run(System.of({"a": path}, [], {"a.fault": TERMINATE, "a.end": 0.5}))
+    assert ended.problem is None
+    assert "a asked to end the simulation during doStep at t = 0.5 s" in ended.remarks[0]
 
 
 def test_state_is_restored(path: Path, tmp_path: Path) -> None:
