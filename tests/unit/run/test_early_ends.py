@@ -110,4 +110,4 @@ def test_sweeps_tell_diverged_variants_from_others(pair: ec.System, on_one_clust
     scenario = ec.load(pair, step_size=1e-2, stop_time=2.0, algorithm="jacobi")
     swept = ec.sweep(scenario, {"load.m": [0.1, 300.0]}, metrics=["a = last(drive.a)"])
     assert swept.variants["status"].to_list() == ["done", "diverged"]
-    assert swept.variants["problem"][1].startswith("Diverged: drive.x reached")
+    assert swept.variants["problem"][1].startswith("Diverged: drive.a reached")
