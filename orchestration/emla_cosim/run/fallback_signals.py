@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice
 
+from ..fmu.elements import BINARY
 from ..master.observer import ObservedVariable
 
 MOST = 50
@@ -24,7 +25,7 @@ def choose_fallback_signals(others: Iterable[ObservedVariable]) -> FallbackSigna
     Args:
         others: Variables that the option `signals` can name.
     """
-    variables = list(others)
+    variables = [v for v in others if v.variable.type not in ("String", BINARY)]
     rates = [(v.component, v.variable.derivative) for v in variables]
     states = {(component, state.name) for component, state in rates if state is not None}
     of_kind = {

@@ -245,7 +245,7 @@ def test_clock_times_and_dates_count_from_the_first_row(cells: list[str], tmp_pa
         (["05/03/2026 12:00:00", "05/04/2026 12:00:00"], "whose day and month are ambiguous"),
         (["31.02.2026 12:00:00", "01.03.2026 12:00:00"], "has the date '31.02.2026', which does not exist"),
         (["12:00:00", "12:01"], "has '12:01' in row 2; write clock times as"),
-        (["12:00:00", "11:59:00"], "times must increase"),
+        (["12:00:00", "11:59:00"], "times must not decrease"),
         (["2026-05-03 12:00:00", "12:00:01"], "has no date in row 2"),
     ],
 )

@@ -224,22 +224,34 @@ def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return with_description(built, folder / "silent.fmu", local, (structure, "<ModelStructure/>"))
 
 
-def test_table_without_signals_is_reported(silent: Path, emla: Emla) -> None:
+def test_local_variables_are_recorded_without_outputs(silent: Path, emla: Emla) -> None:
     done = emla("run", str(silent), "--no-plots", "--output", "out")
     (remark,) = json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"]
-    assert remark.startswith("No signal was recorded, only `time`")
-    assert remark.endswith(
-        "--signals to record other variables, such as AllTypes.x, AllTypes.half and AllTypes.count."
-    )
+    assert remark.startswith("No FMU has an output of a number; the local variables are recorded instead.")
     assert remark in " ".join(done.output.split())
-    assert Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0] == "time"
+    header = Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert header.startswith("time,AllTypes.x,AllTypes.half,AllTypes.count,")
     assert done.exit_code == 0
     done = emla("run", str(silent), "--no-plots", "--output", "out", "--signals", "half")
-    assert "No signal was recorded" not in done.output
+    assert "recorded instead" not in done.output
     assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"] == []
 
 
 def test_system_without_outputs_is_reported(silent: Path) -> None:
     system = System.of({"a": silent, "b": silent})
     result = load(system, step_size=0.1, stop_time=0.2).prepare().run()
-    assert result.record["remarks"] == result.remarks and "a.x" in result.remarks[0]
+    assert result.record["remarks"] == result.remarks and "recorded instead" in result.remarks[0]
+    assert {"a.x", "b.x"} <= set(result.names)
+
+
+def test_states_are_recorded_without_outputs(fmu_folder: Path, tmp_path: Path) -> None:
+    """Of a Model Exchange FMU whose outputs are locals: the states, not their derivatives or other locals."""
+    plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
+    with zipfile.ZipFile(plant) as archive:
+        text = archive.read(DESCRIPTION).decode()
+    outputs = text[text.index("<Outputs>") : text.index("</Outputs>") + len("</Outputs>")]
+    edits = [('causality="output"', 'causality="local"'), (outputs, "")]
+    path = with_description(plant, tmp_path / "EmlaPlant.fmu", *edits)
+    result = load(str(path), step_size=1e-3, stop_time=0.002, lenient=True).prepare().run()
+    assert "the continuous states are recorded instead" in result.remarks[-1]
+    assert "EmlaPlant.x_L" in result.names and "EmlaPlant.a_L" not in result.names

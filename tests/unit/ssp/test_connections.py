@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from emla_cosim.base.errors import CommandError
 from emla_cosim.study.loading import load
 from tests.support.ssp_documents import (
     binding,
@@ -34,7 +35,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     variables |= {
         "none": ("y:output", "u:input", "w:input"),
         "whole": ("y:output:Integer", "u:input:Integer"),
-        "difference": ("y:output:degC:relative",),
+        "difference": ("y:output:degC:relative", "u:input:K:relative"),
     }
     return {f"{name}__fmu": fake_fmu(folder / f"{name}.fmu", *v) for name, v in variables.items()}
 
@@ -66,7 +67,8 @@ def wires(tmp_path: Path, fmus: dict[str, Path], *parts: str, ports: str = "") -
         ("m", "mm", SUPPRESSED, linear(2.0, 5.0), (2.0, 5.0)),
         ("none", "none", {}, linear(offset=-4.0), (1.0, -4.0)),
         ("none", "none", {}, linear(factor=-4.0), (-4.0, 0.0)),
-        ("difference", "K", {}, "", (1.0, 0.0)),
+        ("difference", "difference", {}, "", (1.0, 0.0)),
+        ("K", "difference", {}, linear(offset=-293.15), (1.0, -293.15)),
     ],
 )
 def test_units_of_variables(
@@ -75,6 +77,20 @@ def test_units_of_variables(
     parts = component("a", f"{source}.fmu", "y:output"), component("b", f"{target}.fmu", "u:input")
     found = wires(tmp_path, fmus, *parts, connection("a.y -> b.u", inside, **more))
     assert found == {"a.y -> b.u": pytest.approx(expected, rel=1e-14)}
+
+
+def test_a_difference_drives_no_temperature(tmp_path: Path, fmus: dict) -> None:
+    parts = component("a", "difference.fmu", "y:output"), component("b", "K.fmu", "u:input")
+    with pytest.raises(CommandError, match="a difference of temperatures drives a temperature"):
+        wires(tmp_path, fmus, *parts, connection("a.y -> b.u"))
+
+
+def test_units_of_connectors_have_no_offset_for_differences(tmp_path: Path, fmus: dict) -> None:
+    parts = (
+        component("a", "difference.fmu", "y:output:degC"),
+        component("b", "difference.fmu", "u:input:K"),
+    )
+    assert wires(tmp_path, fmus, *parts, connection("a.y -> b.u")) == {"a.y -> b.u": (1.0, 0.0)}
 
 
 @pytest.mark.parametrize(
