@@ -187,6 +187,11 @@ class Assembly:
                     found[name] = ObservedVariable(name, component.name, variable)
         return found
 
+    @property
+    def violations(self) -> list[str]:
+        """What FMUs did in the last run against the standard, and was accepted."""
+        return [text for instance in self.instances.values() for text in getattr(instance, "violations", ())]
+
     @cached_property
     def idle_clocks(self) -> list[str]:
         """Full names of the triggered input clocks that no output clock drives."""

@@ -668,6 +668,7 @@ class Simulation:
             *self._faults.remarks(self._unpacked),
             *describe_lost_values(record),
             *describe_idle_clocks(self._assembly.idle_clocks),
+            *(f"{text}." for text in self._assembly.violations),
             *([] if going.fallback is None else [going.fallback]),
             *going.metrics.remarks(),
             *stepping.remarks(),

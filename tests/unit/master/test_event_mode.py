@@ -136,7 +136,7 @@ def test_fmu_can_end_the_simulation(build: Any) -> None:
         ),
         (
             UNEXPECTED_RETURN,
-            {"early": False},
+            {"early": False, "varies": False},
             "doStep at t = 0 s with it returned early, which is not allowed",
         ),
         (NO_TIME, {}, "nextEventTime = NaN"),
@@ -147,6 +147,13 @@ def test_faults_end_the_run(build: Any, fault: int, flags: dict[str, bool], word
     values = {"a.fault": fault, "a.threshold": THRESHOLD, "a.end": 0.72}
     with pytest.raises(RunError, match=words):
         run(System.of({"a": build(**flags)}, [], values))
+
+
+def test_undeclared_early_returns_are_accepted_with_a_remark(build: Any) -> None:
+    values = {**VALUES, "a.fault": UNEXPECTED_RETURN, "a.threshold": THRESHOLD, "a.end": 0.72}
+    ended = run(System.of({"a": build(early=False)}, [], values))
+    assert ended.problem is None
+    assert any("a returned early from doStep at t = " in remark for remark in ended.remarks)
 
 
 def test_resumed_run_is_the_same(build: Any, tmp_path: Path) -> None:

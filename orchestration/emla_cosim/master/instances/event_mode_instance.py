@@ -74,6 +74,7 @@ class EventModeInstance(InProcessInstance, EventStepping):
     ) -> None:
         """Instantiate the FMU; see `InProcessInstance`."""
         self._uses_event_mode = file.has_capability("hasEventMode")
+        self._has_variable_steps = file.has_capability("canHandleVariableCommunicationStepSize")
         self.instantiation = {
             "eventModeUsed": self._uses_event_mode,
             "earlyReturnAllowed": _returns_early(file),
@@ -228,7 +229,15 @@ class EventModeInstance(InProcessInstance, EventStepping):
             needs_event, ends, is_early, reached = self.fmu.doStep(time, step, bool(self._no_way_back))
         if ends:
             raise self._end("doStep", time)
-        refused = "it returned early" if is_early and not self.instantiation["earlyReturnAllowed"] else ""
+        refused = ""
+        if is_early and not self.instantiation["earlyReturnAllowed"]:
+            if not (self._uses_event_mode and self._has_variable_steps):
+                refused = "it returned early"
+            elif not self.violations:
+                self.violations.append(
+                    f"{self.name} returned early from {call}, although its model description does not have "
+                    "mightReturnEarlyFromDoStep; the rest of the step followed as another one"
+                )
         refused = "it asked for event mode" if needs_event and not self._uses_event_mode else refused
         if refused:
             raise InstanceError(self.name, call, f"{refused}, which is not allowed here", self.messages())

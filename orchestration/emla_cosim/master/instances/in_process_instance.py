@@ -203,6 +203,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
         """
+        self.violations.clear()
         if str(self.file.description.generationTool).endswith(_RESETS):
             super().reset()
         else:
