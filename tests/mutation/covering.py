@@ -42,6 +42,11 @@ def measure(tier: str, selection: list[str]) -> int:
     ).returncode
 
 
+def has_map(tier: str) -> bool:
+    """Return whether a tier was run with coverage."""
+    return (FOLDER / f"{tier}.coverage").exists()
+
+
 class Covering:
     """The map of a tier."""
 

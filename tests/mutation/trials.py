@@ -15,7 +15,7 @@ from typing import Any
 
 from tests.support.paths import ROOT
 
-from .covering import FOLDER, Covering
+from .covering import FOLDER, Covering, has_map
 from .mutants import Mutant
 
 NOT_COPIED = (".git", ".venv", "build", "results")
@@ -40,7 +40,7 @@ class Trials:
     def run(self, mutants: Sequence[Mutant], again: bool) -> None:
         """Try the mutants that have no result yet; with `again` also those that survived."""
         done = {r["key"] for r in self.results() if r["outcome"] == NOTICED or not again}
-        tiers = {tier: Covering(tier) for tier in ("default", "slow")}
+        tiers = {tier: Covering(tier) for tier in ("default", "slow") if has_map(tier)}
         for number, mutant in enumerate(mutants, 1):
             if mutant.key in done:
                 continue

@@ -58,7 +58,9 @@ def test_equal_rows_change_nothing(integrator: Path) -> None:
 
 
 def test_steps_end_at_jumps_under_error_control(integrator: Path) -> None:
-    source = ec.Input(data={"time": [0.0, 0.437, 0.437, 1.0], "u": [0.0, 0.0, 1.0, 1.0]}, signals={"M.u": "u"})
+    source = ec.Input(
+        data={"time": [0.0, 0.437, 0.437, 1.0], "u": [0.0, 0.0, 1.0, 1.0]}, signals={"M.u": "u"}
+    )
     options = {"step_size": STEP, "stop_time": 1.0, "error_tolerance": 1e-3}
     with ec.load(str(integrator), input=[source], **options).prepare() as simulation:
         times = simulation.run().time

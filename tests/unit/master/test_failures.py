@@ -236,9 +236,7 @@ def test_failing_fmu_ends_a_strongly_coupled_run(
 
 
 @pytest.mark.parametrize("stepped", STEPPED)
-def test_fmu_may_end_the_run(
-    stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
-) -> None:
+def test_fmu_may_end_the_run(stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]) -> None:
     result = run_system(line_with_a_fault(faulty_fmu, Fault.TERMINATE, AT), tmp_path, **STEPPED[stepped])
     assert (result.problem, result.end_s) == (None, pytest.approx(0.3))
     assert "j.bad asked to end the simulation during doStep at t = 0.3 s." in result.remarks[0]

@@ -62,7 +62,9 @@ def ending(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_an_fmu_may_end_the_run(ending: Path) -> None:
     """At 0.3 s, in an event: the last complete step ends at 0.2 s."""
-    with ec.load(str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": 3.0}).prepare() as simulation:
+    with ec.load(
+        str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": 3.0}
+    ).prepare() as simulation:
         result = simulation.run()
         again = simulation.run(set={"B.end": 5.0})
     assert (result.problem, result.end_s, result.record["status"]) == (None, pytest.approx(0.2), "completed")
@@ -74,7 +76,9 @@ def test_an_fmu_may_end_the_run(ending: Path) -> None:
 
 def test_an_fmu_that_ends_before_the_first_row_fails(ending: Path) -> None:
     with (
-        ec.load(str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": -1.0}).prepare() as simulation,
+        ec.load(
+            str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": -1.0}
+        ).prepare() as simulation,
         pytest.raises(RunError),
     ):
         simulation.run()

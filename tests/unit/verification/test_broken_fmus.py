@@ -71,7 +71,15 @@ WORDS = {
 }
 """What the message of an FMU has: the call, the time, and how it ended."""
 
-NEEDS_AN_EXAMINER = ("StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit")
+NEEDS_AN_EXAMINER = (
+    "StepKillParent",
+    "StepKillGroup",
+    "Leak",
+    "StateNotReused",
+    "Exit",
+    "Category",
+    "LogOff",
+)
 """FMUs that would end the process of the tests, leave memory behind, or unload what that process has."""
 
 SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "run", "process", "binaries")]
