@@ -160,7 +160,8 @@ DIFFERENT = {"compiled", "threads", "lanes", "compiled_code_not_kept", "isolated
 
 def outcome_of(result: ec.Result) -> Outcome:
     stepping = {k: v for k, v in result.stepping.items() if k not in DIFFERENT and not k.endswith("_us")}
-    report = {name: getattr(result, name) for name in ("problem", "steps", "end_s", "coupling", "metrics")}
+    report = {name: getattr(result, name) for name in ("steps", "end_s", "coupling", "metrics")}
+    report["problem"] = result.problem or result.early_end  # an FMU may end a run without a failure
     return Outcome(
         result.read(["time", *result.names]),
         {**report, "remarks": list(result.remarks), "stepping": stepping},
