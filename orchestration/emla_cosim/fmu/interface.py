@@ -268,7 +268,7 @@ def _find_problems(description: ModelDescription) -> list[str]:
 
 
 def _correct_booleans(description: ModelDescription) -> None:
-    """Write start values of Booleans as the standard does, such as `true` for `True`; an empty one is none."""
+    """Write start values of Booleans as the standard does: `true` for `True`; an empty one is none."""
     for variable in description.modelVariables:
         if variable.type == "Boolean" and variable.start is not None:
             words = str(variable.start).lower().split()

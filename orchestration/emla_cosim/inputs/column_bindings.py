@@ -5,8 +5,11 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fmublock.table import TYPES
+
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
+from ..base.signal_types import REAL, SignalType
 from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, read_turns
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
@@ -31,6 +34,7 @@ class ColumnBinding:
         unit: The unit of the signal.
         is_assumed: Whether the column has no unit, so that the one of the signal applies.
         is_discrete: Whether the variable is discrete, so that its values hold between rows.
+        type: The type of the variable.
     """
 
     signal: str
@@ -43,6 +47,7 @@ class ColumnBinding:
     unit: SiUnit | None
     is_assumed: bool = False
     is_discrete: bool = False
+    type: SignalType = REAL
 
 
 def bind_columns(
@@ -150,7 +155,7 @@ def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -
     except CommandError:
         return False
     found = interfaces[component.name].variables.get(component.alias(variable).variable)
-    if found is None or found.type != "Real":
+    if found is None or found.type not in TYPES:
         return False
     end = (component.name, found.name)
     return found.causality == "input" or (
@@ -195,16 +200,33 @@ def _bind_column(
             f"{signal} is a {variable.causality}; data can drive an input or replace an output.",
             signal=signal,
         )
-    if variable.type != "Real":
-        raise CommandError(f"{signal} is of the type {variable.type}; data can drive a Real.", signal=signal)
+    if variable.type not in TYPES:
+        raise CommandError(
+            f"{signal} is of the type {variable.type}; data can drive {join_names(TYPES)}.", signal=signal
+        )
     end, output = (component.name, str(variable.name)), variable.causality == "output"
     if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
-    unit = interface.unit(end[1])
-    transformation, is_assumed = convert_column(data, position, column, signal, unit)
-    is_discrete = variable.variability == "discrete"
+    unit = interface.unit(end[1]) if variable.type == "Real" else None
+    kind, is_discrete = interface.signal_type(end[1]), interface.is_discrete(end[1])
+    if column.derivative and is_discrete:
+        raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
+    if variable.type != "Real" and (column.unit or data.headers[position].unit):
+        raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
+    transformation, is_assumed = (
+        convert_column(data, position, column, signal, unit) if variable.type == "Real" else (IDENTITY, False)
+    )
     return ColumnBinding(
-        signal, *end, output, position, column.derivative, transformation, unit, is_assumed, is_discrete
+        signal,
+        *end,
+        output,
+        position,
+        column.derivative,
+        transformation,
+        unit,
+        is_assumed,
+        is_discrete,
+        kind,
     )
 
 

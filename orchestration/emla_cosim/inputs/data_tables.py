@@ -15,6 +15,7 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.files import read_file
+from ..base.signal_types import SignalType
 from ..base.wording import format_count
 from ..recorders.registry import TABLES, format_of
 from ..recorders.stored import readable
@@ -66,6 +67,42 @@ class DataTable:
         found = self.texts(position)
         return self._to_numbers(position, found.head(_count_filled(found)) if padded else found)
 
+    def values(self, position: int, type_: SignalType) -> Vector:
+        """Return a column as the numbers of values of a type.
+
+        Booleans may be written as true and false, and values of an enumeration by their names.
+
+        Raises:
+            CommandError: If a cell is not a value of the type; the message names row and column.
+        """
+        if type_.kind == "Real":
+            return self.numbers(position)
+        words = {"true": 1, "false": 0} if type_.kind == "Boolean" else {n: v for v, n in type_.items.items()}
+        texts = self.texts(position)
+        if texts.dtype == polars.String and words:
+            exact = {str(word): str(number) for word, number in words.items()}
+            if type_.kind == "Boolean":
+                texts = texts.str.to_lowercase()
+            texts = texts.replace(exact)
+        elif texts.dtype == polars.Boolean:
+            texts = texts.cast(polars.Float64)
+        numbers = self._to_numbers(position, texts)
+        limit = {"Boolean": (0, 1)}.get(type_.kind, (-(2**31), 2**31 - 1))
+        fits = (numbers == np.round(numbers)) & (numbers >= limit[0]) & (numbers <= limit[1])
+        if type_.items:
+            fits &= np.isin(numbers, list(type_.items))
+        if not fits.all():
+            row = int(np.argmin(fits)) + 1
+            header = self.headers[position].text
+            article = "an" if type_.kind[0] in "EI" else "a"
+            raise CommandError(
+                f"{self.label} has {numbers[row - 1]:g} in row {row} of the column '{header}', which is not "
+                f"{article} {type_.kind}.",
+                row=row,
+                column=header,
+            )
+        return numbers
+
     def _to_numbers(self, position: int, found: polars.Series) -> Vector:
         """Return the texts of a column as numbers; raise CommandError as `numbers`."""
         if not (found.dtype.is_numeric() or found.dtype == polars.String):
@@ -108,7 +145,9 @@ class DataTable:
                 row=row + 1,
             )
         if not times[-1] > times[0]:
-            raise CommandError(f"{self.label} has the time {times[0]:.9g} s in all rows; times must increase.")
+            raise CommandError(
+                f"{self.label} has the time {times[0]:.9g} s in all rows; times must increase."
+            )
         return position, times
 
     def find(self, name: str) -> int | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmublock.errors import BuildError
-from fmublock.table import TableColumn, TableContent, TableOutput
+from fmublock.table import TYPES, TableColumn, TableContent, TableOutput
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
@@ -97,7 +97,11 @@ def wire_inputs(
         notes += [f"{table.source.label} {note}." for note in table.data.notes]
         if assumed := [one for one in driven if one.is_assumed]:
             notes.append(_describe_assumed(table, assumed))
-        discrete = [one.signal for one in driven if one.is_discrete and table.source.interpolation != "held"]
+        discrete = [
+            one.signal
+            for one in driven
+            if one.is_discrete and one.type.kind == "Real" and table.source.interpolation != "held"
+        ]
         if discrete:
             more = f" and {len(discrete) - 8} more" if len(discrete) > 8 else ""
             notes.append(
@@ -115,11 +119,12 @@ def wire_inputs(
         for name, part in places.items():
             fmus[name] = _build_table_fmu(table, [(one, one.variable) for one in part], platforms)
             system = _replace_component(system, name, fmus[name])
-        if rest:
+        for letter in dict.fromkeys(TYPES[one.type.kind] for one in rest):
+            part = [one for one in rest if TYPES[one.type.kind] == letter]
             name = _free_name(system)
-            fmus[name] = _build_table_fmu(table, [(one, one.signal) for one in rest], platforms)
-            system = _add_component(system, name, fmus[name], rest)
-            notes += _describe_partly_replaced(name, rest)
+            fmus[name] = _build_table_fmu(table, [(one, one.signal) for one in part], platforms)
+            system = _add_component(system, name, fmus[name], part)
+            notes += _describe_partly_replaced(name, part)
     return WiredInputs(system, fmus, notes)
 
 
@@ -135,6 +140,7 @@ def _places(
         name: part
         for name, part in outputs.items()
         if {x.output for x in system.out_of(name)} <= {one.variable for one in part}
+        and len({TYPES[one.type.kind] for one in part}) == 1
     }
     return whole, [one for one in driven if not (one.output and one.component in whole)]
 
@@ -212,20 +218,27 @@ def _build_table_fmu(
     """
     from fmublock.table import build_table  # slow to import, and few runs need it
 
-    usage = {one.signal: (one.column, _interpolation(table, one)) for one, _ in driven}
-    usages = list(dict.fromkeys(usage.values()))
-    columns = [TableColumn(table.data.numbers(position), kind) for position, kind in usages]
+    types = {one.signal: one.type for one, _ in driven}
+    usage = {one.signal: (one.column, _interpolation(table, one), repr(one.type)) for one, _ in driven}
+    usages = {key: types[signal] for signal, key in usage.items()}
+    columns = [
+        TableColumn(table.data.values(position, kind), interpolation)
+        for (position, interpolation, _), kind in usages.items()
+    ]
+    order = list(usages)
     for one, _ in driven:
-        _check_size(table.data, one, columns[usages.index(usage[one.signal])].values)
+        _check_size(table.data, one, columns[order.index(usage[one.signal])].values)
     shown = [
         TableOutput(
             name,
-            usages.index(usage[one.signal]),
+            order.index(usage[one.signal]),
             one.order,
             one.transformation.factor,
             one.transformation.offset,
             one.unit,
             f"Column '{table.data.headers[one.column].text}'",
+            one.type.kind,
+            one.type.items,
         )
         for one, name in driven
     ]
@@ -290,12 +303,15 @@ class DataSpan:
     def check_overlap(self, start: float, stop: float) -> None:
         """Raise CommandError if the data are all before or all after a run: it would have one value only."""
         if self.first >= stop:
-            where = f"after the run, from {start:.9g} to {stop:.9g} s; shift the times of the data"
+            place, remedy = "after", "shift the times of the data"
         elif self.last <= start and not self.is_repeated:
-            where = f"before the run, from {start:.9g} to {stop:.9g} s; shift the times of the data or repeat them"
+            place, remedy = "before", "shift the times of the data, or repeat them"
         else:
             return
-        raise CommandError(f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {where}.")
+        raise CommandError(
+            f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {place} the run, from "
+            f"{start:.9g} to {stop:.9g} s; {remedy}."
+        )
 
 
 def find_data_end(sources: Sequence[Input]) -> float | None:

@@ -140,8 +140,8 @@ def _accept_quantities(
     accept_if_lenient(
         str(connection),
         f"{fault}; its number is not changed",
-        f"the connection {connection} joins different quantities: {fault} (relativeQuantity). Transform it by "
-        "an offset, or correct relativeQuantity in one of the FMUs",
+        f"the connection {connection} joins different quantities: {fault} (relativeQuantity). Transform it "
+        "by an offset, or correct relativeQuantity in one of the FMUs",
     )
 
 

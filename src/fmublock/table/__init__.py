@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .content import ENDS, INTERPOLATIONS, TableColumn, TableContent, TableOutput
+from .content import ENDS, INTERPOLATIONS, TYPES, TableColumn, TableContent, TableOutput
 
 if TYPE_CHECKING:
     from .building import MODEL, MOST_OUTPUTS, build_table
@@ -13,6 +13,7 @@ __all__ = [
     "INTERPOLATIONS",
     "MODEL",
     "MOST_OUTPUTS",
+    "TYPES",
     "TableColumn",
     "TableContent",
     "TableOutput",

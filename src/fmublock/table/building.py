@@ -68,7 +68,7 @@ def build_table(
     """
     producer = producer or Producer()
     content = {
-        **_sources(len(table.outputs)),
+        **_sources(len(table.outputs), table.letter),
         "documentation/index.html": html_page(_page(table), MODEL).encode(),
     }
     if license_text is not None:
@@ -86,16 +86,16 @@ def build_table(
     return path
 
 
-def _sources(outputs: int) -> dict[str, bytes]:
+def _sources(outputs: int, letter: str) -> dict[str, bytes]:
     capacity = next((n for n in _CAPACITIES if n >= outputs), None)
     if capacity is None:
         raise BuildError(f"a table can have {MOST_OUTPUTS} outputs, not {outputs}.")
     shared = {n: text for n, text in sources("shim").items() if n.endswith(".h")}
-    return {**shared, **sources("table"), "sources/model.h": _model_header(capacity).encode()}
+    return {**shared, **sources("table"), "sources/model.h": _model_header(capacity, letter).encode()}
 
 
-def _model_header(capacity: int) -> str:
-    """Return the header that describes the model to the shim: outputs only."""
+def _model_header(capacity: int, letter: str) -> str:
+    """Return the header that describes the model to the shim: outputs of one type only."""
     counts = ("INPUTS", "PARAMETERS", "STATES", "DISCRETE_STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
     lines += [f"#define N_OUTPUTS {capacity}", *constants(), ""]
@@ -103,7 +103,7 @@ def _model_header(capacity: int) -> str:
     lines += ["    double start, minimum, maximum, nominal;", "    int start_reference;", "} Variable;", ""]
     lines += ["static const Variable variables[] = {"]
     lines += [
-        f"    {{\"output {i}\", 'R', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
+        f"    {{\"output {i}\", '{letter}', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
         for i in range(1, capacity + 1)
     ]
     lines += [

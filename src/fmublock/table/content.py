@@ -1,7 +1,7 @@
 """The content of a table FMU: columns of numbers over time, and outputs."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from ..units import SiUnit
 
 INTERPOLATIONS = ("held", "linear", "cubic")
 """Interpolation between two rows: the value of the first one, a straight line, a cubic spline."""
+
+TYPES = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
+"""Types of outputs, with the letter by which the C code knows them."""
 
 ENDS = ("hold", "repeat", "stop")
 """What follows the last row: its value until the end, the first row again, or the end of the run."""
@@ -29,7 +32,8 @@ class TableColumn:
 class TableOutput:
     """An output: `factor` times a column, or its time derivative of this order (0 to 2), plus `offset`.
 
-    `column` is its position in the table, `unit` that of the output.
+    `column` is its position in the table, `unit` that of the output. `type` is one of `TYPES`; outputs of
+    other types than Real have held columns of their values. `items` are the names of an enumeration's values.
     """
 
     name: str
@@ -39,16 +43,25 @@ class TableOutput:
     offset: float = 0.0
     unit: SiUnit | None = None
     description: str = ""
+    type: str = "Real"
+    items: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class TableContent:
     """Columns at two or more times in s, the outputs, and one of `ENDS`.
 
-    Times increase, except that two rows may have the same time: the columns jump there.
+    Times increase, except that two rows may have the same time: the columns jump there. All outputs have
+    types with the same letter in `TYPES`.
     """
 
     times: Numbers
     columns: Sequence[TableColumn]
     outputs: Sequence[TableOutput]
     end: str = "hold"
+
+    @property
+    def letter(self) -> str:
+        """The letter of the outputs' types in `TYPES`."""
+        (letter,) = {TYPES[output.type] for output in self.outputs} or {"R"}
+        return letter

@@ -24,6 +24,7 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
     )
     SubElement(SubElement(simulation, "SourceFiles"), "File", name=main)
     _add_units(root, table)
+    types = _add_types(root, table)
     add_log_categories(root)
     first, last = float(table.times[0]), float(table.times[-1])
     step = (last - first) / (len(table.times) - 1)
@@ -37,9 +38,11 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
         variable.set("causality", "output")
         variable.set("variability", "discrete" if held else "continuous")
         variable.set("initial", "calculated")
-        real = SubElement(variable, "Real")
+        element = SubElement(variable, output.type)
         if output.unit is not None:
-            real.set("unit", output.unit.name)
+            element.set("unit", output.unit.name)
+        if output.type == "Enumeration":
+            element.set("declaredType", types[tuple(output.items.items())])
     structure = SubElement(root, "ModelStructure")
     for kind in ("Outputs", "InitialUnknowns"):
         element = SubElement(structure, kind)
@@ -54,3 +57,17 @@ def _add_units(root: Element, table: TableContent) -> None:
         definitions = SubElement(root, "UnitDefinitions")
         for name in sorted(units):
             add_unit(definitions, units[name])
+
+
+def _add_types(root: Element, table: TableContent) -> dict[tuple[tuple[int, str], ...], str]:
+    """Add the enumerations of the outputs. Return their names by their items."""
+    enumerations = dict.fromkeys(tuple(o.items.items()) for o in table.outputs if o.type == "Enumeration")
+    if not enumerations:
+        return {}
+    definitions, names = SubElement(root, "TypeDefinitions"), {}
+    for number, items in enumerate(enumerations, 1):
+        names[items] = f"Enumeration{number}"
+        kind = SubElement(SubElement(definitions, "SimpleType", name=names[items]), "Enumeration")
+        for value, name in items:
+            SubElement(kind, "Item", name=name, value=str(value))
+    return names

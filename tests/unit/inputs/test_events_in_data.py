@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from tests.support.hand_written_fmus import build_all_types_fmu, edit_description
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, edit_description
 
 STEP = 0.1
 TIMES = np.arange(11) * STEP
@@ -103,3 +103,77 @@ def test_data_are_compared_with_the_times_of_each_run(integrator: Path) -> None:
         with pytest.raises(CommandError, match="after the run"):
             simulation.run()
         assert simulation.run(stop_time=2.0).steps == 20
+
+
+@pytest.fixture(scope="module")
+def echo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU of FMI 3.0 with inputs of all types, and outputs that have their values."""
+    return build_all_types_3_fmu(tmp_path_factory.mktemp("echo") / "M.fmu")
+
+
+def test_data_drive_numbers_and_booleans_of_all_types(echo: Path, tmp_path: Path) -> None:
+    table = tmp_path / "data.csv"
+    table.write_text("time,a,b,c\n0,1,true,0.5\n0.25,3,FALSE,1.5\n0.5,5,1,2.5\n")
+    signals = {"M.Int32_in": "a", "M.UInt8_in": "a", "M.Boolean_in": "b", "M.Float32_in": "c"}
+    source = ec.Input(table, signals)
+    options = {"step_size": 0.125, "stop_time": 0.5, "algorithm": "jacobi"}
+    with ec.load(str(echo), input=[source], **options).prepare() as simulation:
+        result = simulation.run()
+    names = [n for n in result.names if n.startswith("input")]
+    rows = {n.partition("M.")[2]: list(map(float, result[n])) for n in names}
+    assert rows["Int32_in"] == rows["UInt8_in"] == [1.0, 1.0, 3.0, 3.0, 5.0]
+    assert rows["Boolean_in"] == [1.0, 1.0, 0.0, 0.0, 1.0]
+    assert rows["Float32_in"] == [0.5, 0.5, 1.5, 1.5, 2.5]
+    assert list(result["M.Int32_out"][1:]) == [1, 1, 3, 3]  # one step late
+    assert list(result["M.Boolean_out"][1:]) == [1, 1, 0, 0]
+
+
+AS_INPUTS = (
+    ('name="first" valueReference="0" causality="parameter" variability="fixed" initial="exact"',
+     'name="first" valueReference="0" causality="input" variability="discrete"'),
+    ('name="text" valueReference="0" causality="output" variability="discrete" initial="calculated">',
+     'name="text" valueReference="0" causality="input" variability="discrete">'),
+    ("<String/>", '<String start=""/>'),
+)  # fmt: skip
+"""Make inputs of an Integer and a String."""
+
+
+@pytest.mark.parametrize(
+    ("signal", "values", "words"),
+    [
+        ("M.first", "1 2.5", "2.5 in row 2 of the column 'u', which is not an Integer"),
+        ("M.first", "1 2147483648", "which is not an Integer"),
+        ("M.on", "0 2", "which is not a Boolean"),
+        ("M.on", "true yes", "has 'yes' in row 2"),
+        (
+            "M.text",
+            "1 2",
+            "M.text is of the type String; data can drive Real, Integer, Enumeration and Boolean",
+        ),
+    ],
+)
+def test_wrong_values_of_a_type_are_refused(
+    signal: str, values: str, words: str, integrator: Path, tmp_path: Path
+) -> None:
+    path = edit_description(integrator, tmp_path / "M.fmu", *(text for edit in AS_INPUTS for text in edit))
+    table = tmp_path / "data.csv"
+    table.write_text("time,u\n" + "".join(f"{t},{value}\n" for t, value in enumerate(values.split())))
+    with pytest.raises(CommandError, match=words):
+        ec.load(
+            str(path), input=[ec.Input(table, {signal: "u"})], step_size=STEP, stop_time=1.0, lenient=True
+        ).prepare()
+
+
+def test_names_of_an_enumeration_are_values(integrator: Path, tmp_path: Path) -> None:
+    """Columns without a signal drive the inputs of their name, whatever their type."""
+    path = edit_description(
+        integrator, tmp_path / "M.fmu",
+        '<Boolean start="false"/>', '<Enumeration declaredType="Mode" start="1"/>',
+        'name="on" valueReference="2"', 'name="on" valueReference="0"',
+        'name="first" valueReference="0"', 'name="first" valueReference="9"',
+    )  # fmt: skip
+    table = tmp_path / "data.csv"
+    table.write_text("time,M.on\n0,off\n0.3,high\n0.6,2\n")
+    with ec.load(str(path), input=[ec.Input(table)], step_size=STEP, stop_time=1.0).prepare() as simulation:
+        result = simulation.run()
+    assert [int(x) for x in result["input.M.on"]] == [1, 1, 1, 4, 4, 4, 2, 2, 2, 2, 2]

@@ -31,7 +31,8 @@ def compare_signal(
         reference_time: Times of the reference in s, shape (m,) with m > 0.
         reference: The reference, shape (m,).
         tolerance: Allowed deviations.
-        is_held: Whether the reference holds between its points, as discrete variables do; otherwise it is linear.
+        is_held: Whether the reference holds between its points, as that of discrete variables does; otherwise
+            it is linear.
     """
     finite = np.isfinite(reference)
     if not finite.any():
