@@ -21,7 +21,7 @@ def report(results: Sequence[dict[str, Any]]) -> str:
         f"of which {len(survivors) - len(missed)} are equivalent"
     ]
     for result in sorted(missed, key=lambda r: r["key"]):
-        counts = f"executed by {result['default'][0]} default tests"
+        counts = f"executed by {result['default']} default tests"
         lines += [f"{result['module']}:{result['line']} ({counts})", result["difference"]]
     return "\n".join(lines)
 
