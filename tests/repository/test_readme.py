@@ -5,6 +5,7 @@ import re
 import pytest
 
 from emla_cosim.fmu.models import MODELS
+from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.loading import load
 from tests.support.pages import fences
 from tests.support.paths import ROOT
@@ -46,3 +47,15 @@ def test_every_named_file_exists(page: str) -> None:
     for first, rest in named:
         folder = ROOT / first if first in top else ROOT / "orchestration/emla_cosim" / first
         assert (folder / rest.replace("NAME", "EmlaPlant")).exists(), f"{first}/{rest}"
+
+
+def test_gain_sets_of_scenarios_are_those_of_the_page() -> None:
+    page = (ROOT / "docs/systems.md").read_text(encoding="utf-8")
+    table = page[
+        page.index("| Scenario | Content | Gain set |") : page.index("The scenarios of the manipulator")
+    ]
+    documented = {}
+    for row in table.splitlines()[2:]:
+        _, names, _, gains, *_ = row.split("|") if row.startswith("|") else ("", "", "", "")
+        documented |= {name: gains.strip(" `") for name in re.findall(r"`([\w-]+)`", names)}
+    assert documented == {name: load(name).options.gains for name in SCENARIOS}

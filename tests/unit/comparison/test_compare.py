@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.progress import Progress
 from emla_cosim.comparison.cases import ComparisonCase, robustness_cases, stability_maps
 from emla_cosim.comparison.controller_variants import ControllerVariant, select_variants
-from emla_cosim.comparison.plan import ComparisonPlan, ComparisonRun
+from emla_cosim.comparison.plan import ComparisonPlan, ComparisonRun, ComparisonTerms, plan_runs
 from emla_cosim.comparison.subsystems import find_independent_subsystems
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
@@ -262,3 +265,18 @@ def test_averages_of_the_paper_are_ratios_of_means(table: Any, count: int) -> No
         for name, ours, theirs in zip(found._fields, found, printed, strict=True):
             wrong = table is TABLE_VI and name == "velocity_error_m_s" and controller != "rsba"
             assert math.isclose(ours, theirs, abs_tol=0.006) != wrong, (controller, name)
+
+
+def test_all_sets_leave_out_joints_that_lack_one() -> None:
+    """The prototype has no gains for loads that are not rigid."""
+    terms = ComparisonTerms(0, None, {"stop_time": 0.01}, skips_missing_gains=True)
+    variants = select_variants(["rsba"], ["all"])
+    plan = plan_runs(["prototype"], variants, [ComparisonCase()], terms, Progress())
+    assert {run.controller_variant.gains for run in plan.runs} == set(ec.CONTROLLERS["rsba"].gains) - {
+        "compliant"
+    }
+    assert "prototype runs without rsba/compliant: the joint prototype has no such gains." in plan.notes
+    with pytest.raises(CommandError, match="has no gains 'compliant'"):
+        plan_runs(
+            ["prototype"], variants, [ComparisonCase()], replace(terms, skips_missing_gains=False), Progress()
+        )

@@ -16,6 +16,7 @@ from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
+from tests.support.hand_written_fmus import build_all_types_fmu, edit_description
 from tests.support.ssp_documents import (
     binding,
     component,
@@ -233,3 +234,18 @@ def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_
     assert right.problem is None
     doubled = load(plant, **options, set={"EmlaPlant.motor.R_s": 1.0}).prepare().attempt()
     assert "EmlaPlant.i_q" in str(doubled.problem)
+
+
+@pytest.mark.parametrize(("text", "value"), [("True", True), ("FALSE", False), ("", False)])
+def test_booleans_of_other_spelling_are_read_with_lenient(text: str, value: bool, tmp_path: Path) -> None:
+    built = build_all_types_fmu(tmp_path / "A.fmu")
+    edits = ('causality="input" variability="discrete"', 'causality="parameter" variability="fixed"')
+    path = edit_description(
+        built, tmp_path / "B.fmu", *edits, '<Boolean start="false"/>', f'<Boolean start="{text}"/>'
+    )
+    with pytest.raises(CommandError, match=r"not a valid value of the atomic type 'xs:boolean'.*--lenient"):
+        load(path, **SHORT)
+    with load(path, **SHORT, lenient=True).prepare() as simulation:
+        assert simulation.run().parameters.get("AllTypes.on", value) == value
+    exported = load(path, **SHORT, lenient=True).export(tmp_path / "x.ssp")
+    assert load(exported, lenient=True, **SHORT).prepare().run().steps == 20
