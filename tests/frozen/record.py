@@ -44,6 +44,10 @@ NAMED = {
 """Keys of tables by name: of joints, components, variables."""
 
 
+NOT_FROZEN = {"compiled_code_not_kept"}
+"""Keys that depend on the machine: whether its cache can be written."""
+
+
 def sha256(path: Path) -> str:
     """Return the SHA-256 of a file; of an archive that of its content, also of the FMUs in it.
 
@@ -86,6 +90,8 @@ def keys(value: Any, path: str = "") -> Iterator[str]:
     """Yield the paths of keys, at most three deep, with * for names of joints, components and variables."""
     if isinstance(value, dict) and path.count("/") < 3:
         for key, inner in value.items():
+            if key in NOT_FROZEN:
+                continue
             here = f"{path}/{'*' if path.rpartition('/')[2] in NAMED or '.' in key else key}"
             yield here
             yield from keys(inner, here)

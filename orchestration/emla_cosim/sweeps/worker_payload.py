@@ -77,8 +77,8 @@ class Preparation:
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
             faults.merge(scenario.accepted)
-            times = run_times(options, scenario.name)
             for source in options.input:
+                times = run_times(options, scenario.name)
                 DataSpan.of(source).check_overlap(times.start, times.stop)
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}

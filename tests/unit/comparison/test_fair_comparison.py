@@ -290,7 +290,7 @@ def test_robustness_adds_further_gains(fmu_folder: Path) -> None:
     assert names("foc", "cac") == ["foc/damped", "foc/rule", "cac/damped"]
     assert names()[:3] == ["rsba/damped", "rsba/robust", "foc/damped"]
     assert names("rsba", "foc", gains=["recommended"]) == ["rsba/damped", "foc/damped"]
-    assert names(FocController) == ["FocController/robust"]  # of a block of the user's
+    assert names(FocController) == ["FocController/compensated"]  # of a block of the user's
 
 
 class Proportional(Block):
@@ -313,10 +313,13 @@ def test_controllers_of_users_are_compared(fmu_folder: Path) -> None:
     result = ec.compare(
         "prototype", controllers, seeds=2, reserves=(0.1, 0.1), stop_time=0.35, fmus=fmu_folder, workers=1
     )
-    assert result.entrants == ["rsba/damped", f"{fmu}/robust", "Proportional/robust"]
+    assert result.entrants == ["rsba/damped", f"{fmu}/compensated", "Proportional/compensated"]
     assert result.rows["seed"].to_list() == [None] * 3  # its sensors are ideal
-    assert result.notes[0].count("10 % and 10 %") == 2 and "Proportional/robust not stated" in result.notes[0]
-    assert result.notes[1].startswith("Proportional/robust keeps its own reserves")
+    assert (
+        result.notes[0].count("10 % and 10 %") == 2
+        and "Proportional/compensated not stated" in result.notes[0]
+    )
+    assert result.notes[1].startswith("Proportional/compensated keeps its own reserves")
     assert len(result.grids) == 1
 
 

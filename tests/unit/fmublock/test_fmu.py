@@ -33,7 +33,7 @@ def test_fmpy_finds_no_problem(toy_fmu: Path) -> None:
 
 
 def test_building_twice_gives_the_same_bytes(toy_fmu: Path, tmp_path: Path) -> None:
-    kind = toy_fmu.parent.name.rstrip("0")
+    kind = next(k for k in ("native", "python", "fmi3") if toy_fmu.parent.name.startswith(k))
     flavour, fmi = ("native", 3) if kind == "fmi3" else (kind, 2)
     again = build_toy(flavour, tmp_path / "Toy.fmu", fmi=fmi)
     assert again.read_bytes() == toy_fmu.read_bytes()

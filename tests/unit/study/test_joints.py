@@ -161,9 +161,9 @@ def test_missing_set_lists_the_sets(slew: Path) -> None:
 def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
     from rsba_fmu import FocController
 
-    assert ec.load(slew, controller=FocController, gains="compensated")
-    slew.write_text(without_table(without_table(TILT, "observer.robust"), "gains"))
-    with pytest.raises(ec.CommandError, match=r"lacks observer gains .* \[observer.robust\]"):
+    assert ec.load(slew, controller=FocController, gains="robust")
+    slew.write_text(without_table(without_table(TILT, "observer.compensated"), "gains"))
+    with pytest.raises(ec.CommandError, match=r"lacks observer gains .* \[observer.compensated\]"):
         ec.load(slew, controller=FocController)
 
 
