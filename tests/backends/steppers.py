@@ -274,13 +274,22 @@ ONE_FMU = {*WHOLE, "Model Exchange", "events"}
 STEPPERS: dict[str, Stepper] = {
     "compiled": Stepper(partial(run, compiled=True)),
     "two threads": Stepper(partial(run, threads=2)),
-    "three threads": Stepper(partial(run, threads=3)),
-    "profiled": Stepper(partial(run, profile=True), lacks={"failure"}),
-    "every third row": Stepper(partial(run_with_few_rows, interval=3), lacks=WHOLE),
-    "Python, every second row": Stepper(
-        partial(run_with_few_rows, interval=2, compiled=False), lacks=WHOLE, is_compiled=False
+    "three threads": Stepper(
+        partial(run, threads=3), by_default=[("two loops", "strong, lines"), ("lift", "jacobi")]
     ),
-    "in parts": Stepper(run_in_parts, lacks=WHOLE),
+    "profiled": Stepper(
+        partial(run, profile=True), lacks={"failure"}, by_default=[("multirate", "gauss-seidel")]
+    ),
+    "every third row": Stepper(
+        partial(run_with_few_rows, interval=3), lacks=WHOLE, by_default=[("multirate", "jacobi")]
+    ),
+    "Python, every second row": Stepper(
+        partial(run_with_few_rows, interval=2, compiled=False),
+        lacks=WHOLE,
+        is_compiled=False,
+        by_default=[("multirate", "jacobi")],
+    ),
+    "in parts": Stepper(run_in_parts, lacks=WHOLE, by_default=[("multirate", "strong, lines")]),
     "checkpoint of Python": Stepper(partial(resume, before=False, after=True), lacks=HALVES),
     "checkpoint of compiled code": Stepper(
         partial(resume, before=True, after=False), lacks=HALVES, is_compiled=False

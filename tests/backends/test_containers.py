@@ -294,6 +294,7 @@ def read(fmu: Path, name: str) -> Any:
         return etree.fromstring(archive.read(name))
 
 
+@pytest.mark.slow
 def test_documents_follow_the_published_schemas(lifts: Mapping[int, Path], pair: Path) -> None:
     for fmu in (*lifts.values(), pair):
         assert validate_fmu(str(fmu)) == []

@@ -203,6 +203,7 @@ EFFICIENT = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "extrapolation", "tolerance"), mostly_slow(EFFICIENT, EFFICIENT[-1:]))
 def test_ten_times_fewer_steps_than_fixed_ones(name: str, extrapolation: str, tolerance: float) -> None:
     stop, part = 20.0, burst()

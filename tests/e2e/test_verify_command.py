@@ -212,6 +212,7 @@ def test_our_fmus_pass_checks_of_files_and_runs(
         assert {f["check"] for f in one["findings"]} == asked
 
 
+@pytest.mark.slow
 def test_our_fmu_passes_dynamic_checks_in_this_process(fmu_folder: Path) -> None:
     skipped = Settings(skip=("instance.cycles", "run.deterministic", "state.freed", "sanitizer"))
     report = examine(fmu_path("SignalFault", "native", fmu_folder), *CALLING, settings=skipped, apart=())

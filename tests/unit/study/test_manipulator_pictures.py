@@ -199,6 +199,7 @@ def _lines(found: MachineFilm) -> Mapping[str, np.ndarray]:
     return {name: np.asarray(part.get_xy())[:-1] for name, part in found.parts.items()}
 
 
+@pytest.mark.slow
 def test_result_is_saved_with_its_animation(tmp_path: Path) -> None:
     run = replayed(duration=1.0)
     pictures = run.save(tmp_path, animate=True)

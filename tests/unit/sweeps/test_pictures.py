@@ -86,6 +86,7 @@ def overlapping(figure: Any) -> list[tuple[str, str]]:
 KINDS = ["bands", "figures", "sobol", "tornado", "map"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", mostly_slow(KINDS, ["tornado", "map"]))
 def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
     sampling, count = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}.get(

@@ -137,7 +137,7 @@ NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dep
             *((name, (), LONG) for name in ("Good", "Wide")),
             ("Clocked", NEW_IN_FMI_3, LONG),
         ],
-        [("Good", (), LONG), ("Wide", (), LONG), ("Clocked", NEW_IN_FMI_3, LONG)],
+        [("Good", (), LONG), ("Clocked", NEW_IN_FMI_3, LONG)],
     ),
 )
 def test_good_fmus_pass(

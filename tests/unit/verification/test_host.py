@@ -260,6 +260,7 @@ def test_difference_is_relative_to_the_range_of_an_output() -> None:
     np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])
 
 
+@pytest.mark.slow
 def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> None:
     """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
     names = ("instance.independent", "instance.reset", "values.shared", "values.reset", "state.serialized")
