@@ -321,7 +321,7 @@ def test_simulation_survives_the_end_of_an_isolated_fmu(package: Path) -> None:
 @pytest.mark.parametrize(
     "faults",
     mostly_slow(
-        [[Fault.ERROR], [Fault.GET_REAL, Fault.DISCARD, Fault.TERMINATE, Fault.SET_REAL]], [[Fault.ERROR]]
+        [[Fault.ERROR], [Fault.GET_REAL, Fault.DISCARD, Fault.NAN_Y, Fault.SET_REAL]], [[Fault.ERROR]]
     ),
 )
 def test_errors_of_isolated_fmus_are_those_of_others(faults: list[Fault], package: Path) -> None:

@@ -159,7 +159,7 @@ def test_dark_and_light(opened: Open) -> None:
     page.click(".theme")
     assert page.run(ground) == light
     page.browser.refresh()
-    assert page.run(ground) == light  # it is remembered
+    page.until(f"{ground} === '{light}'")  # it is remembered
     page.click(".theme")
     assert page.run(ground) == dark
 

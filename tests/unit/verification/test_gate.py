@@ -118,7 +118,7 @@ def test_fmu_that_ends_its_examiner_keeps_all_other_findings(tmp_path: Path) -> 
     assert {f.check for f in report[killer].of(Verdict.FAILED)} == {"run.completes"}
     lost = report[killer]["run.completes"]
     assert lost.sentence.startswith("It ended the process in fmi2") or "emla verify" in lost.sentence
-    assert "SIGKILL" in lost.sentence and lost.clause.section == "2.1.3"
+    assert "SIGKILL" in lost.sentence
     assert report[killer]["description.schema"].verdict == Verdict.PASSED
     assert report[killer]["instance.created"].verdict == Verdict.PASSED
     assert report[good].passed
