@@ -266,6 +266,8 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
         }
         table = _LastRows(times.stop - max(own.values()))
         result = simulation.run(recorders=[table], signals=kept)
+        if result.early_end is not None:  # of an FMU; conditions were refused before
+            raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
     sizings = {}
     for joint in joints:
         sheet = find_data_sheet(scenario, task.source, joint)
