@@ -12,22 +12,24 @@ class Command:
         bits: Files of the output folder `o` (or beside it) of which each byte counts.
         values: Tables whose numbers count, but not their last digits.
         is_slow: Whether it belongs to the slow tier.
+        iterates: Whether bits depend on linear algebra, which differs between processors.
     """
 
     line: str
     bits: tuple[str, ...] = ()
     values: tuple[str, ...] = ()
     is_slow: bool = False
+    iterates: bool = False
 
 
-def _run(line: str, is_slow: bool = False) -> Command:
-    return Command(f"run {line} --no-plots --output o", ("results.csv",), is_slow=is_slow)
+def _run(line: str, iterates: bool = False) -> Command:
+    return Command(f"run {line} --no-plots --output o", ("results.csv",), iterates=iterates)
 
 
 COMMANDS = {
     "lift": _run("lift --stop-time 0.4"),
     "jacobi": _run("lift --stop-time 0.1 --algorithm jacobi"),
-    "strong": _run("lift --stop-time 0.05 --algorithm strong"),
+    "strong": _run("lift --stop-time 0.05 --algorithm strong", iterates=True),
     "error control": _run("lift --stop-time 0.02 --error-tolerance 1e-3"),
     "foc": _run("lift --stop-time 0.1 --controller foc --step-multiple lift.controller=5"),
     "fault": _run("lift --stop-time 0.1 --fault lift.plant.x_measured=freeze@0.05+0.01"),
@@ -41,7 +43,7 @@ COMMANDS = {
     "experiment-1": _run("experiment-1 --stop-time 0.05"),
     "prototype": _run("prototype --stop-time 0.05"),
     "hdrm-replay": _run("hdrm-replay --stop-time 0.05"),
-    "hdrm-coupled": _run("hdrm-coupled --stop-time 0.02"),
+    "hdrm-coupled": _run("hdrm-coupled --stop-time 0.02", iterates=True),
     "hdrm-merged": _run("hdrm-merged --stop-time 0.02"),
     "ssp": Command("export lift o/lift.ssp", ("lift.ssp",)),
     "ssp of the study": Command("export study o/study.ssp", ("study.ssp",), is_slow=True),
