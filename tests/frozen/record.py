@@ -66,7 +66,7 @@ def _sha256(content: bytes) -> str:
 
 
 def machine() -> dict[str, str]:
-    """Return what bits depend on beside this project: the mathematical libraries and the compilers of FMUs."""
+    """Return what bits depend on beside this project: mathematical libraries and compilers of FMUs."""
     return {
         "libm": _libm() if sys.platform == "linux" else sys.platform,
         "casadi": version("casadi"),

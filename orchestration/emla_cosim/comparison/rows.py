@@ -8,7 +8,7 @@ import polars
 
 from ..recorders.metrics import MetricDisplay
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
-from ..sweeps.data import DIED, DONE
+from ..sweeps.data import DIED
 from ..sweeps.variants import VariantOutcome
 from .plan import ComparisonPlan, ComparisonRun
 
@@ -77,7 +77,7 @@ def read_verdict(
     figures: Mapping[str, Any], outcome: VariantOutcome
 ) -> tuple[bool, float | None, str | None]:
     """Return whether a joint was held; if not, at which time in s this was detected, and why."""
-    is_done = outcome.status == DONE
+    is_done = outcome.complete
     if is_done and figures.get(HELD):
         return True, None, None
     cause = figures.get("trip") or (figures.get("oscillation") if is_done else None) or {}

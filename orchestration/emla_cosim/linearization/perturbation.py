@@ -119,11 +119,7 @@ class Perturbation:
     def _begin(self) -> None:
         self._simulation.start(recorders=[])
         self._simulation.advance(self.at)
-        failed = self._simulation.time < self.at - 1e-9 * max(1.0, abs(self.at))
-        if failed:
-            raise RunError(
-                f"the run did not reach the operating point at t = {self.at:g} s.", reason="run ended before"
-            )
+        check_reached(self._simulation, self.at)
 
     def _rewind(self) -> None:
         if self._snapshot is not None:
@@ -151,3 +147,11 @@ class Perturbation:
         finally:
             offsets[j], network.transforms[i] = before, transformed
         return values
+
+
+def check_reached(simulation: Simulation, at: float) -> None:
+    """Raise RunError if a run was ended before its operating point at a time in s, with the reason."""
+    if simulation.time < at - 1e-9 * max(1.0, abs(at)):
+        ended = simulation.so_far().early_end
+        why = "" if ended is None else f" {ended}"
+        raise RunError(f"the run did not reach the operating point at t = {at:g} s.{why}")

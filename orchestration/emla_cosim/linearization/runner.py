@@ -7,7 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
-from ..base.errors import CommandError, CosimError, RunError
+from ..base.errors import CommandError, CosimError
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import LoadOptions
@@ -23,7 +23,7 @@ from .continuous_system import ContinuousSystem
 from .folder import LinearizeFolder
 from .matrices import compute_matrices, find_steady_state
 from .measurement import measure
-from .perturbation import Perturbation
+from .perturbation import Perturbation, check_reached
 from .places import Place, default_openings, parse_opening
 from .response import FrequencyResponse, choose_frequencies
 from .result import LinearizeResult, Measured
@@ -235,10 +235,7 @@ def _compute_matrices(
         raise CommandError("'free' inputs are for a steady state; set 'steady', too.")
     simulation.start(recorders=[])
     simulation.advance(at)
-    if simulation.time < at - 1e-9 * max(1.0, abs(at)):
-        raise RunError(
-            f"the run did not reach the operating point at t = {at:g} s.", reason="run ended before"
-        )
+    check_reached(simulation, at)
     system = ContinuousSystem(simulation, list(dict.fromkeys([*inputs, *free])), outputs)
     states, shifts = system.read_states(), np.zeros(len(system.inputs))
     if steady:

@@ -95,6 +95,14 @@ def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun"
     return f"{len(left)} of {len(comparisons)} signals do not agree with '{stored.path}': {told}{more}."
 
 
+def describe_missing_part(end: float, step: float, stored: "StoredRun") -> str | None:
+    """Return a message if a stored run goes on for more than a step after the end of a run; times in s."""
+    last = float(stored.read(["time"])["time"][-1])
+    if last <= end + (1.0 + 1e-6) * step:
+        return None
+    return f"The run ended at {end:.6g} s, but '{stored.path}' continues until {last:.6g} s."
+
+
 def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> dict[str, Any]:
     """Return the entry of run.json: the number of signals, and those that left their tubes."""
     return {

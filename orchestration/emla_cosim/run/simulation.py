@@ -42,7 +42,13 @@ from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..system.model import System, Value
 from ..system.start_values import resolve_start_values
-from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
+from .agreement import (
+    agreement_record,
+    compare_with_stored,
+    describe_disagreement,
+    describe_missing_part,
+    find_common_signals,
+)
 from .execution import Run
 from .fallback_signals import choose_fallback_signals
 from .followers import following_values
@@ -411,11 +417,15 @@ class Simulation:
     def advance(self, time: float) -> None:
         """Simulate up to a time. Without `start`, this begins a run with the options of the simulation.
 
+        If an FMU or a condition of `stop_when` ends the run before that time, `time` stays where it ended,
+        `so_far().early_end` says why, and the next call raises CommandError.
+
         Args:
             time: communication point to reach, in s.
 
         Raises:
-            CommandError: the time is not a communication point, or it is after the stop time.
+            CommandError: the time is not a communication point, it is after the stop time, or an earlier call
+                has ended the run before it.
             RunError: a step failed.
             KeyboardInterrupt: Ctrl-C was pressed. The run can continue or be finished.
         """
@@ -443,6 +453,8 @@ class Simulation:
                 f"t = {time:.9g} s is after the stop time {times.stop:g} s; start with a later stop_time.",
                 time=time,
             )
+        if (ended := self._run.run.early_end) is not None and not self._run.run.stepping.reached(time):
+            raise CommandError(f"{ended.rstrip('.')}. It cannot continue; call `finish`.", time=time)
         with self._abandon_on_error():
             self._run.run.advance(time)
         if self._run.run.error is not None:
@@ -772,6 +784,8 @@ def _describe_unmet(going: _ActiveRun, result: Result) -> str | None:
     found = [describe_unmet(going.required, figures, result.run_figures)]
     if going.stored is not None:
         found.append(describe_disagreement(result.comparisons, going.stored))
+        if going.run.requested_end is not None:
+            found.append(describe_missing_part(result.end_s, result.times.step, going.stored))
     return " ".join(filter(None, found)) or None
 
 

@@ -10,6 +10,7 @@ from rich.text import Text
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.wording import format_count
+from ..master.instances.fmu_instance import tells_requested_end
 from ..recorders.metrics import MetricDisplay
 from ..run.lost_values import tells_lost_values
 from ..views.terminal import format_figure
@@ -68,6 +69,8 @@ def status_line(result: SweepResult) -> Text:
     if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
         counts[DONE] += f" ({wrong:,} of them {NOT_HELD})"
     line = f"{_variants(len(statuses))}: {', '.join(counts.values()) or 'none'}"
+    if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
+        line += f". FMUs ended {ended:,} of them before the stop time: their figures are of shorter runs"
     if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". In {lost:,} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
     return Text(line)

@@ -155,7 +155,8 @@ class VariantProcess:
             except MeasureError as error:
                 figures, status = {}, FAILED
                 problem = " ".join(filter(None, (problem, str(error))))
-            return VariantOutcome(variant.number, status, problem, result.end_s, figures), result
+            cut_short = "requested_end" in result.record
+            return VariantOutcome(variant.number, status, problem, result.end_s, figures, cut_short), result
         except CosimError as error:
             return VariantOutcome(variant.number, REFUSED, str(error)), None
         except BaseException as error:  # from a user's metrics or algorithm

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..recorders.metrics import MetricDisplay
+from .data import DONE
 
 
 @dataclass(frozen=True)
@@ -17,13 +18,23 @@ class Variant:
 
 @dataclass(frozen=True)
 class VariantOutcome:
-    """The outcome of a variant: status, reason, end time in s, and figures."""
+    """The outcome of a variant: status, reason, end time in s, and figures.
+
+    Attributes:
+        cut_short: Whether an FMU asked to end the run before its stop time; its status is then "done".
+    """
 
     number: int
     status: str
     problem: str | None = None
     end_s: float | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
+    cut_short: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether the variant ran as long as it was asked to, so that its figures compare with others."""
+        return self.status == DONE and not self.cut_short
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..run.requirements import Requirement
-from ..sweeps.data import DONE
 from ..sweeps.variants import VariantOutcome
 from .expressions import Expression
 from .plan import Case
@@ -113,7 +112,7 @@ class Objective:
     def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
         """Return whether runs meet all conditions on figures that they have; margins come later."""
         return all(
-            outcome.status == DONE
+            outcome.complete
             and not any(
                 _excess(r, outcome.figures[r.figure], self.margin)
                 for r in required
@@ -125,7 +124,7 @@ class Objective:
 
     def _objective(self, case: Case, outcome: VariantOutcome) -> float:
         """Return the objective of one run; NaN for a lost one, 0 for a case without weight."""
-        if outcome.status != DONE:
+        if not outcome.complete:
             return math.nan
         if not case.weight:
             return 0.0
@@ -142,7 +141,7 @@ class Objective:
 
     def _missing_part(self, outcome: VariantOutcome) -> float:
         """Return the part of the run that is missing."""
-        if outcome.status == DONE:
+        if outcome.complete:
             return 0.0
         end = self.start if outcome.end_s is None else outcome.end_s
         return min(max((self.stop - end) / (self.stop - self.start), 0.0), 1.0)

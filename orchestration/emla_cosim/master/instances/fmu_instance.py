@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from .typed_values import TypeGroup
 
 
+_ASKED = "asked to end the simulation"
+
+
 class InstanceError(RunError):
     """A call of an instance failed.
 
@@ -41,7 +44,12 @@ class DiscardedStepError(InstanceError):
 class EndRequestedError(InstanceError):
     """The instance requested the end of the simulation."""
 
-    did = "asked to end the simulation during {call}"
+    did = f"{_ASKED} during {{call}}"
+
+
+def tells_requested_end(text: str | None) -> bool:
+    """Return whether a text contains the message of an EndRequestedError."""
+    return f" {_ASKED} during " in (text or "")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,88 @@
+"""A run that an FMU ended before its stop time is complete for nobody who compares it with others."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.comparison.rows import read_verdict
+from emla_cosim.sweeps.data import DONE
+from emla_cosim.sweeps.summary import status_line
+from emla_cosim.sweeps.variants import VariantOutcome
+from tests.support.faulty_systems import Fault
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+OPTIONS = {"step_size": 0.1, "stop_time": 1.0}
+ENDS = {"a.fault": int(Fault.TERMINATE), "a.at": 0.3}
+"""The FMU asks to end the simulation in its step from 0.3 s."""
+
+
+@pytest.fixture
+def ending(faulty_fmu: Path) -> ec.System:
+    return ec.System.of({"a": faulty_fmu}, set=ENDS)
+
+
+def test_advance_beyond_the_end_is_refused(ending: ec.System) -> None:
+    with ec.load(ending, **OPTIONS).prepare() as simulation:
+        simulation.advance(0.5)
+        assert simulation.time == pytest.approx(0.3)
+        simulation.advance(0.3)
+        for _ in range(2):
+            with pytest.raises(CommandError, match=r"ended at t = 0\.3 s: a asked to end.*call `finish`"):
+                simulation.advance(0.5)
+        assert simulation.finish().end_s == pytest.approx(0.3)
+        assert simulation.run(set={"a.fault": 0}).end_s == pytest.approx(1.0)
+
+
+def test_advance_beyond_a_condition_is_refused(faulty_fmu: Path) -> None:
+    with ec.load(
+        str(faulty_fmu), **OPTIONS, set={"Faulty.u": 1.0}, stop_when=["Faulty.y > 0.25"]
+    ).prepare() as simulation:
+        simulation.advance(0.5)
+        with pytest.raises(CommandError, match=re.escape("(--stop-when). It cannot continue")):
+            simulation.advance(0.5)
+
+
+def test_linearize_says_why_the_operating_point_is_not_reached(ending: ec.System) -> None:
+    with pytest.raises(
+        RunError, match=r"operating point at t = 0\.5 s\. the run ended at t = 0\.3 s: a asked"
+    ):
+        ec.linearize(ending, matrices=True, at=0.5, **OPTIONS)
+
+
+def test_a_longer_reference_run_disagrees(faulty_fmu: Path, tmp_path: Path) -> None:
+    whole = ec.System.of({"a": faulty_fmu}, set={**ENDS, "a.fault": 0})
+    for name, system in (("whole", whole), ("short", ec.System.of({"a": faulty_fmu}, set=ENDS))):
+        with ec.load(system, **OPTIONS).prepare() as simulation:
+            simulation.run().save(tmp_path / name)
+    with ec.load(ec.System.of({"a": faulty_fmu}, set=ENDS), **OPTIONS).prepare() as simulation:
+        problem = simulation.attempt(reference=tmp_path / "whole").problem
+        assert problem is not None and "ended at 0.3 s, but" in problem and "until 1 s" in problem
+        assert simulation.attempt(reference=tmp_path / "short").problem is None
+
+
+def test_tuning_counts_the_run_as_lost(faulty_fmu: Path, scheduler: "Client") -> None:
+    system = ec.System.of({"a": faulty_fmu}, set={"a.fault": int(Fault.TERMINATE), "a.at": 0.5})
+    plan = {"vary": {"a.at": "0.35:5"}, "objective": "y", "metrics": ["y = max(a.y)"], "evaluations": 2}
+    result = ec.tune(system, **plan, **OPTIONS, scheduler=scheduler)
+    assert result.start.training.lost == result.start.training.runs
+    assert not result.start.training.holds
+
+
+def test_sweeps_count_these_variants(faulty_fmu: Path, on_one_cluster: None) -> None:
+    system = ec.System.of({"a": faulty_fmu}, set={"a.fault": int(Fault.TERMINATE)})
+    swept = ec.sweep(ec.load(system, **OPTIONS), {"a.at": [0.3, 5.0]}, metrics=["x = last(a.y)"])
+    assert swept.variants["status"].to_list() == ["done", "done"]
+    assert swept.variants["end_s"].to_list() == pytest.approx([0.3, 1.0])
+    assert "FMUs ended 1 of them before the stop time" in status_line(swept).plain
+
+
+def test_comparisons_do_not_call_the_joint_held() -> None:
+    figures = {"held": True, "reason": None}
+    outcome = VariantOutcome(0, DONE, "the plant asked to end.", 0.3, {"lift": figures}, cut_short=True)
+    assert read_verdict(figures, outcome) == (False, 0.3, "the plant asked to end")
