@@ -292,19 +292,19 @@ class DataSpan:
     label: str
     first: float
     last: float
-    is_repeated: bool
+    end: str
 
     @classmethod
     def of(cls, source: Input) -> "DataSpan":
         """Read the span of an input."""
         times = LoadedInput.of(source).times
-        return cls(source.label, float(times[0]), float(times[-1]), source.end == "repeat")
+        return cls(source.label, float(times[0]), float(times[-1]), source.end)
 
     def check_overlap(self, start: float, stop: float) -> None:
         """Raise CommandError if the data are all before or all after a run: it would have one value only."""
         if self.first >= stop:
             place, remedy = "after", "shift the times of the data"
-        elif self.last <= start and not self.is_repeated:
+        elif self.last <= start and self.end != "repeat":
             place, remedy = "before", "shift the times of the data, or repeat them"
         else:
             return
@@ -312,6 +312,17 @@ class DataSpan:
             f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {place} the run, from "
             f"{start:.9g} to {stop:.9g} s; {remedy}."
         )
+
+    def describe_held(self, start: float, stop: float, step: float) -> str | None:
+        """Return a remark if values hold for more than a step before or after the data; times in s."""
+        held = []
+        if self.first > start + step:
+            held.append(f"the first values hold until {self.first:.9g} s")
+        if self.last < stop - step and self.end == "hold":
+            held.append(f"the last values hold after {self.last:.9g} s")
+        if not held:
+            return None
+        return f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(held)}."
 
 
 def find_data_end(sources: Sequence[Input]) -> float | None:

@@ -648,6 +648,10 @@ class Simulation:
                 going.run.abandon()
             raise
 
+    def _held_data(self, start: float, end: float, step: float) -> list[str]:
+        """Return remarks on data of inputs that do not cover a run from its start to its end, in s."""
+        return [text for span in self._data if (text := span.describe_held(start, end, step)) is not None]
+
     def _result(self, going: "_ActiveRun") -> Result:
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
@@ -682,6 +686,7 @@ class Simulation:
             *describe_idle_clocks(self._assembly.idle_clocks),
             *(f"{text}." for text in self._assembly.violations),
             *([] if going.fallback is None else [going.fallback]),
+            *self._held_data(stepping.times.start, stepping.time, stepping.times.step),
             *going.metrics.remarks(),
             *stepping.remarks(),
         ]

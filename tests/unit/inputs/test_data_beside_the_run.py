@@ -1,0 +1,44 @@
+"""Data that cover a part of the run only: the run says which values hold, and for how long."""
+
+from pathlib import Path
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.base.errors import CommandError
+
+STEP = {"step_size": 0.1, "stop_time": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("times", "end", "remark"),
+    [
+        ((0.0, 1.0), "hold", ""),
+        ((0.1, 0.9), "hold", ""),  # a step is not worth a remark
+        ((0.5, 2.0), "hold", "the first values hold until 0.5 s."),
+        ((-1.0, 0.5), "hold", "the last values hold after 0.5 s."),
+        ((0.3, 0.5), "hold", "the first values hold until 0.3 s, and the last values hold after 0.5 s."),
+        ((0.0, 0.5), "repeat", ""),
+    ],
+)
+def test_values_that_hold_are_reported(
+    times: tuple[float, float], end: str, remark: str, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    data = tmp_path / "u.csv"
+    data.write_text("time [s],u\n" + "".join(f"{time},2.0\n" for time in times))
+    source = ec.Input(data, {"Faulty.u": "u"}, end=end)
+    with ec.load(str(faulty_fmu), **STEP, input=[source]).prepare() as simulation:
+        for _ in range(2):
+            found = [text for text in simulation.run().remarks if "cover" in text]
+            assert len(found) == bool(remark) and all(text.endswith(remark) for text in found)
+
+
+def test_data_after_the_run_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
+    data = tmp_path / "u.csv"
+    data.write_text("time [ms],u\n125000,1\n126000,2\n")
+    source = ec.Input(data, {"Faulty.u": "u"})
+    with (
+        ec.load(str(faulty_fmu), **STEP, input=[source]).prepare() as simulation,
+        pytest.raises(CommandError, match=r"data from 125 to 126 s, after the run, from 0 to 1 s"),
+    ):
+        simulation.run()
