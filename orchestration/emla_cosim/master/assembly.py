@@ -190,7 +190,7 @@ class Assembly:
     @property
     def violations(self) -> list[str]:
         """What FMUs did in the last run against the standard, and was accepted."""
-        return [text for instance in self.instances.values() for text in getattr(instance, "violations", ())]
+        return [text for instance in self.instances.values() for text in instance.violations]
 
     @cached_property
     def idle_clocks(self) -> list[str]:

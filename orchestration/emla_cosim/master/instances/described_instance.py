@@ -47,9 +47,9 @@ class DescribedInstance(FmuInstance):
         self.tolerance: float | None = None
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
         self.lost_values: list[LostValue] = []
+        """Start values that the FMU did not have at the end of its last initialization."""
         self.violations: list[str] = []
         """What the FMU did in this run against the standard, and was accepted."""
-        """Start values that the FMU did not have at the end of its last initialization."""
 
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""

@@ -105,6 +105,7 @@ class IsolatedInstance(DescribedInstance):
         """Return to the state right after instantiation."""
         self._inputs_to_set = self._slopes_to_set = None
         self._ask("reset")
+        self.violations.clear()
         self.inputs[:] = self.input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
@@ -153,7 +154,12 @@ class IsolatedInstance(DescribedInstance):
     def end_step(self) -> None:
         """Wait until the step is done."""
         self._under_way = False
-        self._outputs_of_step, self._observed_of_step = self._receive(call="doStep")
+        try:
+            self._outputs_of_step, self._observed_of_step, self.violations = self._receive(call="doStep")
+        except RunError:
+            with contextlib.suppress(InstanceError):  # they often explain why it failed
+                self.violations = self._ask("violations")
+            raise
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""

@@ -89,10 +89,14 @@ class IsolatedProcess:
         self._instance.get_observed()
         return self._observed.tobytes()
 
-    def do_step(self, at: float, step: float) -> tuple[bytes, bytes]:
-        """Do a step, and return the outputs and the observed variables after it."""
+    def do_step(self, at: float, step: float) -> tuple[bytes, bytes, list[str]]:
+        """Do a step; return outputs and observed variables after it, and all violations of this run."""
         self._stepped.do_step(at, step)
-        return self.outputs(), self.observed()
+        return self.outputs(), self.observed(), self.violations()
+
+    def violations(self) -> list[str]:
+        """Return what the FMU did in this run against the standard, and was accepted."""
+        return self._instance.violations
 
     def measure(self, on: bool) -> None:
         """Measure the FMU's calls from now on, or stop."""
