@@ -12,7 +12,7 @@ from tests.support.hand_written_fmus import build_event_fmu
 from tests.support.tiers import mostly_slow
 
 UNEXPECTED_RETURN = 4
-TIMES = {"step_size": 0.125, "stop_time": 1.0}
+TIMES: dict[str, Any] = {"step_size": 0.125, "stop_time": 1.0}
 
 
 @pytest.fixture(scope="module")
