@@ -156,6 +156,13 @@ def build_integrated_fmu(
     return _build_toy(path, "integrated_3", placeholders, macros, source="integrated")
 
 
+def build_strict_fmu(path: Path, version: int = 2) -> Path:
+    """Build the FMU of FMI 2.0 or 3.0 that refuses steps past its parameter `last`."""
+    if version == 2:
+        return _build_toy(path, "strict", macros={"FMI": version}, platform=fmpy.platform)
+    return _build_toy(path, "strict_3", macros={"FMI": version}, source="strict")
+
+
 def build_faulty_fmu(
     folder: Path, *, rollback: bool = True, name: str = "Faulty", interpolate: bool = True
 ) -> Path:

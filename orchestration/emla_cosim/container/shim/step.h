@@ -1,5 +1,12 @@
 /* The communication step: any whole number of steps of the system. */
 
+/* The end of step k: the next communication point, but not past the stop time, from which it may differ through
+   rounding. */
+static double end_of_step(const Memory *memory, double k) {
+    const double end = point(&memory->clock, k + 1.0), stop = memory->stop_time;
+    return point(&memory->clock, k) < stop && stop < end ? stop : end;
+}
+
 static Status operate(Instance *instance, const Operation *operation, double k, double time,
                           double length) {
     const int i = operation->part, multiple = parts[i].multiple;
@@ -7,7 +14,7 @@ static Status operate(Instance *instance, const Operation *operation, double k, 
     if (multiple > 1) {
         if (fmod(k + 1.0, multiple) != 0.0) return StatusOK;
         begin = point(&instance->memory.clock, k + 1.0 - multiple);
-        span = point(&instance->memory.clock, k + 1.0) - begin;
+        span = end_of_step(&instance->memory, k) - begin;
     }
     if (operation->call == SET_INPUTS) return set_inputs(instance, i, begin, span);
     if (operation->call == STEP_PART) return step_part(instance, i, begin, span);
@@ -18,7 +25,7 @@ static Status operate(Instance *instance, const Operation *operation, double k, 
 /* Do step k of the system. */
 static Status advance(Instance *instance, double k) {
     const double time = point(&instance->memory.clock, k);
-    const double length = point(&instance->memory.clock, k + 1.0) - time;
+    const double length = end_of_step(&instance->memory, k) - time;
     Exchange *now = &instance->memory.now;
     Status status = StatusOK;
     if (N_GROUPS > 0) see(now);
@@ -93,7 +100,8 @@ static Status do_step(Instance *instance, double time, double length) {
 
 static double reached_time(const Instance *instance) {
     const Memory *memory = &instance->memory;
-    return memory->clock.denominator > 0.0 ? point(&memory->clock, memory->steps) : memory->start_time;
+    if (!(memory->clock.denominator > 0.0)) return memory->start_time;
+    return fmin(point(&memory->clock, memory->steps), memory->stop_time);
 }
 
 static int has_ended(const Instance *instance) { return instance->memory.ended; }

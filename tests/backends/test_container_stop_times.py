@@ -1,0 +1,104 @@
+"""A system as one FMU does no step past the host's stop time, also if this differs from k h through rounding."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+
+import emla_cosim as ec
+from tests.support.container_host import Host
+from tests.support.hand_written_fmus import build_strict_fmu
+from tests.support.tiers import mostly_slow
+
+WIRES = ["a.x -> b.u", "b.x -> a.u"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("strict")
+
+
+@pytest.fixture(scope="module")
+def system(folder: Path) -> ec.System:
+    """Two components in a loop, one of each version of FMI."""
+    fmus = {name: build_strict_fmu(folder / f"Strict{v}.fmu", v) for name, v in (("a", 2), ("b", 3))}
+    return ec.System.of(fmus, WIRES)
+
+
+def export(system: ec.System, path: Path, step: float, stop: float, fmi: int, **options: Any) -> Path:
+    scenario = ec.load(system, step_size=step, stop_time=stop, **options)
+    return scenario.export(path, outputs=["*"], fmi=fmi)
+
+
+def simulate(fmu: Path, start: float, stop: float, step: float, host_step: float) -> Any:
+    return fmpy.simulate_fmu(
+        str(fmu),
+        start_time=start,
+        stop_time=stop,
+        step_size=host_step,
+        output_interval=host_step,
+        start_values={"a.last": stop, "b.last": stop},
+    )
+
+
+CASES = [
+    # start, step, steps, of the host's step, options
+    (0.0, 1e-7, 100, 1, {}),
+    (0.0, 1e-7, 100, 10, {}),
+    (0.5, 0.1, 3, 1, {}),
+    (0.0, 1 / 3, 6, 1, {}),
+    (0.0, 1e-3, 40, 1, {"algorithm": "jacobi"}),
+    (0.0, 1e-3, 40, 4, {"algorithm": "strong"}),
+    (0.0, 1e-3, 40, 1, {"step_multiples": {"b": 4}}),
+]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(
+    ("start", "step", "steps", "multiple", "options"), mostly_slow(CASES, [CASES[0], CASES[-1]]), ids=str
+)
+def test_no_component_steps_past_the_stop_time(
+    system: ec.System,
+    tmp_path: Path,
+    fmi: int,
+    start: float,
+    step: float,
+    steps: int,
+    multiple: int,
+    options: dict[str, Any],
+) -> None:
+    whole = start + steps * step
+    fmu = export(system, tmp_path / "s.fmu", step, whole, fmi, start_time=start, **options)
+    expected = simulate(fmu, start, whole, step, multiple * step)
+    for stop in (math.nextafter(whole, 0.0), whole, math.nextafter(whole, 2.0 * whole)):
+        rows = simulate(fmu, start, stop, step, multiple * step)
+        assert rows["a.reached"][-1] <= stop and rows["b.reached"][-1] <= stop
+        assert rows["a.reached"][-1] == pytest.approx(whole, rel=1e-15, abs=0.0)
+        assert np.array_equal(rows["a.x"][:-1], expected["a.x"][: len(rows) - 1])
+        assert rows["b.x"][-1] == pytest.approx(expected["b.x"][-1], rel=1e-14)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_steps_of_a_host_that_end_at_the_stop_time(system: ec.System, tmp_path: Path, fmi: int) -> None:
+    """The FMU tells the time that it reached, and refuses the next step."""
+    step, stop = 0.1, math.nextafter(0.3, 0.0)
+    with Host(export(system, tmp_path / "s.fmu", step, 0.3, fmi), tmp_path) as host:
+        host.start({"a.last": stop, "b.last": stop}, stop=stop)
+        host.step(0.0, 0.2)
+        answer = host.step(0.2, stop - 0.2)
+        assert fmi == 2 or answer[1:] == (False, False, stop)
+        assert host.read(["a.reached", "b.reached"]) == [stop, stop]
+        with pytest.raises(FMICallException):
+            host.step(stop, 0.1)
+        assert "goes past the stop time" in host.messages[-1]
+
+
+def test_without_a_stop_time_steps_end_at_communication_points(system: ec.System, tmp_path: Path) -> None:
+    with Host(export(system, tmp_path / "s.fmu", 0.1, 0.3, 2), tmp_path) as host:
+        host.start()
+        host.step(0.0, math.nextafter(0.3, 0.0))
+        assert host["a.reached"] == 0.3
