@@ -1,4 +1,4 @@
-"""A system as one FMU does no step past the host's stop time, also if this differs from k h through rounding."""
+"""The FMU of a system does no step past the stop time, also if this is k h but for rounding."""
 
 import math
 from pathlib import Path
