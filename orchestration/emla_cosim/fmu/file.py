@@ -13,6 +13,8 @@ from .interface import CO_SIMULATION, Interface, explain_unsupported_kind, read_
 from .shared_library import explain_missing_library, find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
+_EVENT_CAPABILITIES = ("hasEventMode", "mightReturnEarlyFromDoStep")
+
 
 @dataclass(frozen=True)
 class FmuFile:
@@ -25,6 +27,7 @@ class FmuFile:
         library: The shared library for this machine.
         sha256: The hash of the file.
         kind: `CO_SIMULATION` or `MODEL_EXCHANGE`: as what its instances run.
+        uses_event_mode: Whether its instances use event mode and early return, if it has them.
     """
 
     path: Path
@@ -33,6 +36,7 @@ class FmuFile:
     library: Path
     sha256: str
     kind: str = CO_SIMULATION
+    uses_event_mode: bool = True
 
     @property
     def description(self) -> ModelDescription:
@@ -54,7 +58,12 @@ class FmuFile:
         return replace(self, interface=read_interface(self.path, structure)) if structure else self
 
     def has_capability(self, capability: str) -> bool:
-        """Return whether the FMU has a capability flag of the standard, such as `canGetAndSetFMUstate`."""
+        """Return whether the FMU has a capability flag of the standard, such as `canGetAndSetFMUstate`.
+
+        Without event mode, it counts as one that has neither event mode nor early return.
+        """
+        if capability in _EVENT_CAPABILITIES and not self.uses_event_mode:
+            return False
         return bool(getattr(self.interface.kinds[self.kind], capability, False))
 
 

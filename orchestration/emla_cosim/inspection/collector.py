@@ -22,6 +22,7 @@ from ..fmu.interface import (
     read_description,
 )
 from ..master.grouping import find_groups
+from ..run.event_mode import describe_disabled_event_mode
 from ..run.option_types import LoadOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
@@ -130,6 +131,7 @@ def _collect_system(
         notes=(
             *scenario.notes,
             *_describe_kinds(wired, interfaces, scenario.options.integrate_together),
+            *(remark.rstrip(".") for remark in describe_disabled_event_mode(system)),
             *unread,
         ),
         fmus=fmus,

@@ -340,7 +340,10 @@ def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[
         (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
         for i, (path, kind) in enumerate(dict.fromkeys(wanted.values()))
     }
-    files = {name: opened[one] for name, one in wanted.items()}
+    files = {
+        name: replace(opened[one], uses_event_mode=system.component(name).event_mode)
+        for name, one in wanted.items()
+    }
     structures = {name: structure_of(system.component(name), file.interface) for name, file in files.items()}
     return {name: file.with_structure(structures[name]) for name, file in files.items()}
 

@@ -67,9 +67,10 @@ def find_resumable_checkpoint(
             raise TypeError
     except (KeyError, TypeError) as error:
         raise CommandError(f"'{path}' is not a checkpoint of a run.") from error
-    for what, value in identity.items():
-        if was.get(what) != value:
-            raise CommandError(_difference(path, what, was.get(what), value))
+    for what in {**was, **identity}:
+        before, value = was.get(what), identity.get(what)
+        if before != value:
+            raise CommandError(_difference(path, what, before, value))
     if reached >= times.stop:
         raise CommandError(
             f"the checkpoint '{path}' is already at t = {reached:.9g} s. Set a stop time later than that; "
@@ -79,7 +80,8 @@ def find_resumable_checkpoint(
 
 
 def _difference(path: Path, what: str, was: Any, value: Any) -> str:
-    if isinstance(was, dict) and isinstance(value, dict):
+    if isinstance(was or value, dict):
+        was, value = was or {}, value or {}
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]
         return f"the checkpoint '{path}' has other {what}, of {', '.join(names[:5])}."
     if isinstance(value, list):

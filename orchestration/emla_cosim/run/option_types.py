@@ -65,6 +65,7 @@ class PrepareOptions(RunOptions, total=False):
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
     mapping: Mapping[str, str | Path]
     kind: Mapping[str, str]
+    no_event_mode: Sequence[str] | bool
     fault: Sequence[Fault | str | Mapping[str, Any]]
     input: Sequence[Input | str | Path | Mapping[str, Any]]
     flavour: str
@@ -99,6 +100,7 @@ class CompareOptions(TypedDict, total=False):
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
     mapping: Mapping[str, str | Path]
     kind: Mapping[str, str]
+    no_event_mode: Sequence[str] | bool
     fault: Sequence[Fault | str | Mapping[str, Any]]
     input: Sequence[Input | str | Path | Mapping[str, Any]]
     trajectory: str | Path | None

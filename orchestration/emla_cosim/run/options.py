@@ -139,6 +139,16 @@ class Options:
         commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
         in_sweep=SAME,
     )
+    no_event_mode: Sequence[str] | bool = _prepared(
+        [],
+        help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
+        "mode (repeatable; * matches any text). Without a name: all components.",
+        metavar="[COMPONENT]",
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
+        takes=bool,
+        alone="*",
+        in_sweep=SAME,
+    )
     fault: Sequence[Fault] = _prepared(
         [],
         help="Inject a fault into a signal: freeze, offset, gain or constant, from START, for DURATION, "
@@ -522,9 +532,12 @@ class Options:
     @property
     def isolated(self) -> Sequence[str]:
         """Return the patterns of the components to isolate."""
-        if isinstance(self.isolate, bool):
-            return ["*"] if self.isolate else []
-        return self.isolate
+        return _list_patterns(self.isolate)
+
+    @property
+    def without_event_mode(self) -> Sequence[str]:
+        """Return the patterns of the components that run without event mode."""
+        return _list_patterns(self.no_event_mode)
 
     def replacements(self) -> dict[str, Replacement]:
         """Return the replacements by component, with the files of the option `mapping`.
@@ -673,6 +686,13 @@ def _merge_tables(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[s
         n: v for n, v in before.items() if n not in found and not any(matches_pattern(n, p) for p in patterns)
     }
     return {**kept, **found}
+
+
+def _list_patterns(value: Sequence[str] | bool) -> Sequence[str]:
+    """Return the patterns of an option that names components; True means all."""
+    if isinstance(value, bool):
+        return ["*"] if value else []
+    return value
 
 
 def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:

@@ -29,9 +29,11 @@ from ..system.structure import (
     structure_of,
 )
 from ..system.vectors import connect_elements
+from .event_mode import disable_event_mode
 from .followers import following_values
 from .options import Options
 from .replacement import replace_component
+from .run_setup import select_components
 
 
 def prepare_system(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
@@ -47,6 +49,8 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
         RunError: If an FMU cannot be built.
     """
     tables, as_made = [LoadedInput.of(source) for source in options.input], system
+    all_without = "--no-event-mode without a name means all components."
+    without_events = [select_components([p], system, all_without) for p in options.without_event_mode]
     system, faults = add_fault_components(system.with_main(), options.fault)
     system.with_parameters(select_plain_names(options.set))  # report unknown names before anything is built
     replacements = options.replacements()
@@ -56,7 +60,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     system = _set_structure(system, fmus, options)
     system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
     looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
-    looked_at = looked_at or options.kind or has_quantities(system)
+    looked_at = looked_at or options.kind or without_events or has_quantities(system)
     interfaces = read_sized_interfaces(system, fmus) if looked_at else {}
     system = apply_parameter_files(resolve_quantities(system, interfaces), options.parameters, interfaces)
     if tables:
@@ -83,7 +87,10 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
                 "replacement keep their own sizes."
             )
     system = resolve_quantities(system, interfaces)  # also of variables that only a replacement has
-    return choose_kinds(system, options.kind, interfaces), fmus
+    system = choose_kinds(system, options.kind, interfaces)
+    for names in without_events:
+        system = disable_event_mode(system, names, interfaces)
+    return system, fmus
 
 
 def _variable_names(system: System, fmus: Mapping[str, Path], name: str) -> Collection[str]:

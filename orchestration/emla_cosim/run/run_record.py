@@ -49,18 +49,21 @@ class RunDefinition:
         """What must be equal to continue many runs of one preparation."""
         times = self.options.start_time, self.options.stop_time, self.options.step_size
         chosen = self.values(lambda o: o.name if o.about.recorded else "")
-        return {**self._system, "options": chosen, "times": times, "by": chosen["algorithm"]}
+        kinds = {c.name: c.kind for c in self.system.components}
+        return {**self._system, "kinds": kinds, "options": chosen, "times": times, "by": chosen["algorithm"]}
 
     @property
     def _system(self) -> dict[str, Any]:
         """What defines the system, by its name in messages."""
         every = self.system.components
+        disabled = {c.name: "not used" for c in every if not c.event_mode}
         return {
             "FMUs": dict(self.fmus),
             "components": [c.name for c in every],
             "values set": {f"{c.name}.{n}": str(v) for c in every for n, v in sorted(c.parameters.items())},
             "mappings": {f"{c.name}.{n}": str(a) for c in every for n, a in c.aliases.items()},
             "connections": [f"{x} {x.transformation}" for x in self.system.connections],
+            **({"uses of event mode": disabled} if disabled else {}),
         }
 
     def values(self, name: Callable[[Option], str]) -> dict[str, Any]:

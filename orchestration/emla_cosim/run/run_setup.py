@@ -86,12 +86,19 @@ def select_signals(patterns: Sequence[str], names: Sequence[str], further: Colle
     ]
 
 
-def select_isolated(patterns: Sequence[str], system: System) -> list[str]:
-    """Return the components to isolate. Raise CommandError for a pattern without a match."""
+def select_components(patterns: Sequence[str], system: System, otherwise: str) -> list[str]:
+    """Return the components that match patterns of an option.
+
+    Args:
+        patterns: Names or patterns of components.
+        system: The system.
+        otherwise: What an error message says if no name is similar.
+
+    Raises:
+        CommandError: A pattern has no match.
+    """
     names = [c.name for c in system.components]
-    return [
-        names[i] for i in _matching(patterns, names, "component", "--isolate without a name isolates all.")
-    ]
+    return [names[i] for i in _matching(patterns, names, "component", otherwise)]
 
 
 def _matching(patterns: Sequence[str], names: Sequence[str], kind: str, otherwise: str) -> list[int]:

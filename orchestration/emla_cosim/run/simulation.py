@@ -49,6 +49,7 @@ from .agreement import (
     describe_missing_part,
     find_common_signals,
 )
+from .event_mode import describe_disabled_event_mode
 from .execution import Run
 from .fallback_signals import choose_fallback_signals
 from .followers import following_values
@@ -61,7 +62,7 @@ from .preparation import limit_to_data_end, prepare_system
 from .requirements import Requirement, check_requirements, describe_unmet, parse_requirement
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
-from .run_setup import run_times, select_isolated, select_signals, steps_per_row
+from .run_setup import run_times, select_components, select_signals, steps_per_row
 from .stop_conditions import find_stop_conditions
 from .stored_margins import read_margins
 
@@ -121,7 +122,8 @@ class Simulation:
         self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
         self._data = [DataSpan.of(source) for source in self.options.input]
-        apart = select_isolated(self.options.isolated, system)  # report wrong names before anything is built
+        # report wrong names before anything is built
+        apart = select_components(self.options.isolated, system, "--isolate without a name isolates all.")
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
             self._faults.merge(accepted or {})
             self.system, fmus = prepare_system(system, self.options, told)
@@ -682,6 +684,7 @@ class Simulation:
         record["remarks"] = [
             *([] if run.early_end is None else [run.early_end]),
             *self._faults.remarks(self._unpacked),
+            *describe_disabled_event_mode(self.system),
             *describe_lost_values(record),
             *describe_idle_clocks(self._assembly.idle_clocks),
             *(f"{text}." for text in self._assembly.violations),

@@ -24,6 +24,7 @@ from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..recorders.registry import RECORDERS
+from ..run.event_mode import describe_disabled_event_mode
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
 from ..run.run_record import RunDefinition
@@ -83,7 +84,7 @@ class Preparation:
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_sized_interfaces(system, fmus)
-        for remark in faults.remarks(scenario.unpacked):
+        for remark in (*describe_disabled_event_mode(system), *faults.remarks(scenario.unpacked)):
             progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)

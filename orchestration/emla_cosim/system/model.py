@@ -42,6 +42,7 @@ class Component:
             holds between them are then no error of the coupling.
         kind: as what its FMU runs: `cs` (co-simulation) or `me` (Model Exchange). Default: co-simulation if
             the FMU has that.
+        event_mode: whether its FMU uses event mode and early return, if it has them.
         note: message for the user when the system is prepared, or a function that returns it for the system
             with all start values; empty for none.
     """
@@ -53,6 +54,7 @@ class Component:
     aliases: Mapping[str, Alias] = field(default_factory=dict)
     samples: bool = False
     kind: str = ""
+    event_mode: bool = True
     note: "str | Callable[[System], str]" = field(default="", compare=False)
 
     @property

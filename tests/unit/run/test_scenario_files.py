@@ -133,12 +133,13 @@ MULTIPLES = {
 
 _ELSEWHERE = """
     system description mapping output output_format plot_format plots require signals animate actuator sheet
-    input report parameters bonds roles trajectory
+    input report parameters bonds roles trajectory no_event_mode
 """
 ELSEWHERE = set(_ELSEWHERE.split())
 """Keys of other tests: `parameters` in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
-`sheet` in test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
+`sheet` in test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py,
+`no_event_mode` in test_no_event_mode.py."""
 
 
 @pytest.mark.parametrize("keys", [FIXED, CONTROLLED, MULTIPLES], ids=lambda keys: next(iter(keys)))

@@ -13,13 +13,14 @@ NAMES = {SSP: "an SSP", FMU: "an FMU", C: "a C file"}
 """What messages call them."""
 
 _STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance")
-_ONLY_HERE = ("fmi", "inputs", "outputs", "components", "precision", "platform")
-"""Options of exports only: any other value than the default was asked for."""
+_ASKED_FOR = ("no_event_mode", "fmi", "inputs", "outputs", "components", "precision", "platform")
+"""Options whose value was asked for if it is not the default, also in a scenario file: all of exports only,
+and one that would change results without a word."""
 
 _NOT_IN = {
-    SSP: (*_STEPPED, "fmi", "inputs", "outputs", "components", "precision"),
+    SSP: (*_STEPPED, "no_event_mode", "fmi", "inputs", "outputs", "components", "precision"),
     FMU: ("components", "precision"),
-    C: ("fmi", "inputs", "platform"),
+    C: ("no_event_mode", "fmi", "inputs", "platform"),
 }
 
 
@@ -41,6 +42,6 @@ def refuse_unsuited(kind: str, given: Collection[str]) -> None:
 
 
 def list_asked_for(options: Options) -> list[str]:
-    """Return the options of exports that differ from their defaults."""
+    """Return the options of `_ASKED_FOR` that differ from their defaults."""
     usual = Options()
-    return [name for name in _ONLY_HERE if getattr(options, name) != getattr(usual, name)]
+    return [name for name in _ASKED_FOR if getattr(options, name) not in (getattr(usual, name), False)]

@@ -13,6 +13,7 @@ from ...base.progress import Progress
 from ...master.stepping.timing import CommunicationPoints
 from ...recorders.metrics import TRACKED
 from ...system.model import System
+from ..event_mode import describe_disabled_event_mode
 from ..lost_values import describe_lost_values
 from ..option_types import PrepareOptions
 from ..options import Options, list_options, read_options
@@ -185,7 +186,7 @@ class Scenario:
             else:
                 self._write_ssp(Path(file), system, fmus, times, chosen.overwrite)
                 told.advance(1)
-        for remark in faults.remarks(self.unpacked):
+        for remark in (*describe_disabled_event_mode(system), *faults.remarks(self.unpacked)):
             told.note(f"Note: {remark}")
         return Path(file)
 
