@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..base.errors import CommandError, CosimError
 from ..base.progress import Progress
 from ..base.values import convert_value
+from ..run.event_mode import describe_disabled_event_mode
 from ..run.option_types import LoadOptions
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
@@ -134,6 +136,8 @@ def linearize(
                         f"{error} By default, loops are opened at the current reference; for the measured "
                         f"position, set 'open' to {joint} (--open {joint})."
                     ) from error
+        remarks = describe_disabled_event_mode(simulation.system)
+        result = replace(result, remarks=(*remarks, *result.remarks))
         if folder is not None:
             folder.keep(result, plots)
             folder.settle()

@@ -18,6 +18,7 @@ from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..recorders.time_series import TimeSeries
+from ..run.event_mode import describe_disabled_event_mode
 from ..run.option_types import LoadOptions
 from ..run.result import Result
 from ..run.run_setup import run_times
@@ -251,6 +252,8 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
     with scenario.prepare(task.progress, **given) as simulation:
+        for remark in describe_disabled_event_mode(simulation.system):
+            task.progress.note(f"Note: {remark}")
         known = simulation.select_signals([])
         kept = [name for name in known if any(matches_pattern(name, pattern) for pattern in wanted)]
         joints = list_joints(kept, roles)

@@ -248,3 +248,8 @@ def test_sweeps_run_without_event_mode(system: System, on_one_cluster: None) -> 
         ec.sweep(system, resume=True, **options)
     options["output"] = "other"
     assert min(ec.sweep(system, **options).variants["n"].to_list()) > 0.0
+
+
+def test_frequency_responses_say_so(system: System) -> None:
+    found = ec.linearize(system, perturb="a.u", read="a.x", stop_time=2.0, step_size=1e-2, no_event_mode=True)
+    assert found.remarks[0] == REMARK
