@@ -1,6 +1,7 @@
 """The FMU of a system does no step past the stop time, also if this is k h but for rounding."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,19 @@ def system(folder: Path) -> ec.System:
     return ec.System.of(fmus, WIRES)
 
 
-def export(system: ec.System, path: Path, step: float, stop: float, fmi: int, **options: Any) -> Path:
-    scenario = ec.load(system, step_size=step, stop_time=stop, **options)
-    return scenario.export(path, outputs=["*"], fmi=fmi)
+@pytest.fixture(scope="module")
+def export(system: ec.System, folder: Path) -> Callable[..., Path]:
+    """Return what exports the system, once for the same options, because compiling takes a second."""
+    exported = dict[str, Path]()
+
+    def make(fmi: int, step: float, stop: float, **options: Any) -> Path:
+        key = repr((fmi, step, stop, options))
+        if key not in exported:
+            scenario = ec.load(system, step_size=step, stop_time=stop, **options)
+            exported[key] = scenario.export(folder / f"{len(exported)}.fmu", outputs=["*"], fmi=fmi)
+        return exported[key]
+
+    return make
 
 
 def simulate(fmu: Path, start: float, stop: float, step: float, host_step: float) -> Any:
@@ -57,22 +68,17 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
-    ("start", "step", "steps", "multiple", "options"), mostly_slow(CASES, [CASES[0], CASES[-1]]), ids=str
+    ("fmi", "case"),
+    mostly_slow([(fmi, case) for fmi in (2, 3) for case in CASES], [(2, CASES[-1]), (3, CASES[0])]),
+    ids=str,
 )
 def test_no_component_steps_past_the_stop_time(
-    system: ec.System,
-    tmp_path: Path,
-    fmi: int,
-    start: float,
-    step: float,
-    steps: int,
-    multiple: int,
-    options: dict[str, Any],
+    export: Callable[..., Path], fmi: int, case: tuple[float, float, int, int, dict[str, Any]]
 ) -> None:
+    start, step, steps, multiple, options = case
     whole = start + steps * step
-    fmu = export(system, tmp_path / "s.fmu", step, whole, fmi, start_time=start, **options)
+    fmu = export(fmi, step, whole, start_time=start, **options)
     expected = simulate(fmu, start, whole, step, multiple * step)
     for stop in (math.nextafter(whole, 0.0), whole, math.nextafter(whole, 2.0 * whole)):
         rows = simulate(fmu, start, stop, step, multiple * step)
@@ -82,11 +88,13 @@ def test_no_component_steps_past_the_stop_time(
         assert rows["b.x"][-1] == pytest.approx(expected["b.x"][-1], rel=1e-14)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_steps_of_a_host_that_end_at_the_stop_time(system: ec.System, tmp_path: Path, fmi: int) -> None:
+@pytest.mark.parametrize("fmi", mostly_slow([2, 3], [3]))
+def test_steps_of_a_host_that_end_at_the_stop_time(
+    export: Callable[..., Path], tmp_path: Path, fmi: int
+) -> None:
     """The FMU tells the time that it reached, and refuses the next step."""
     step, stop = 0.1, math.nextafter(0.3, 0.0)
-    with Host(export(system, tmp_path / "s.fmu", step, 0.3, fmi), tmp_path) as host:
+    with Host(export(fmi, step, 0.3), tmp_path) as host:
         host.start({"a.last": stop, "b.last": stop}, stop=stop)
         host.step(0.0, 0.2)
         answer = host.step(0.2, stop - 0.2)
@@ -97,8 +105,10 @@ def test_steps_of_a_host_that_end_at_the_stop_time(system: ec.System, tmp_path: 
         assert "goes past the stop time" in host.messages[-1]
 
 
-def test_without_a_stop_time_steps_end_at_communication_points(system: ec.System, tmp_path: Path) -> None:
-    with Host(export(system, tmp_path / "s.fmu", 0.1, 0.3, 2), tmp_path) as host:
+def test_without_a_stop_time_steps_end_at_communication_points(
+    export: Callable[..., Path], tmp_path: Path
+) -> None:
+    with Host(export(3, 0.1, 0.3), tmp_path) as host:
         host.start()
         host.step(0.0, math.nextafter(0.3, 0.0))
         assert host["a.reached"] == 0.3

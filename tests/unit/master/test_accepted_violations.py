@@ -45,7 +45,7 @@ def test_early_returns_are_reported_wherever_the_fmu_runs(events: Path, isolate:
     assert np.array_equal(first["a.x"], both["a.x"])
 
 
-@pytest.mark.parametrize("isolate", mostly_slow([True, False], [True]))
+@pytest.mark.parametrize("isolate", mostly_slow([True, False], [False]))
 def test_early_returns_are_reported_in_the_middle_of_a_run(events: Path, isolate: bool) -> None:
     system = System.of({"a": events}, [], {"a.fault": UNEXPECTED_RETURN})
     with ec.load(system, isolate=isolate, **TIMES).prepare() as simulation:
@@ -54,6 +54,8 @@ def test_early_returns_are_reported_in_the_middle_of_a_run(events: Path, isolate
         simulation.advance(0.125)
         assert simulation.so_far().remarks == [remark("a")]
         assert simulation.finish().remarks == [remark("a")]
+        simulation.start()
+        assert simulation.so_far().remarks == []
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([True, False], [True]))
