@@ -45,8 +45,8 @@ NAMED = {
 """Keys of tables by name: of joints, components, variables."""
 
 
-NOT_FROZEN = {"compiled_code_not_kept"}
-"""Keys that depend on the machine: whether its cache can be written."""
+NOT_FROZEN = {"compiled_code_not_kept", "lanes", "handover_us"}
+"""Keys that depend on the machine: whether its cache can be written, and a run takes several threads."""
 
 
 def sha256(path: Path) -> str:
