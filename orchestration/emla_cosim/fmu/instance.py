@@ -59,6 +59,15 @@ class FmiInstance(ABC):
     def error(self, call: str, status: int) -> Exception:
         """Return the exception for a call that returned this status."""
 
+    @abstractmethod
+    def python_error(self, function: str, error: Exception) -> Exception:
+        """Return the exception for a call that left an exception of Python; see `python_exceptions`.
+
+        Args:
+            function: The name of the FMI function.
+            error: What ctypes raised.
+        """
+
     @contextlib.contextmanager
     def calling(self, call: str | None = None) -> Iterator[None]:
         """Convert fmpy's exception for a status worse than a warning to the error of this call."""
@@ -150,6 +159,8 @@ class _Announced:
         self.instance.announce(fname, args)
         try:
             answer = super()._call(fname, *args)  # type: ignore[misc]
+        except SystemError as error:
+            raise self.instance.python_error(fname, error) from error
         finally:
             self.instance.returned()
         if fname not in (*_WITHOUT_STATUS, *_WITHOUT_STATUS_3) and answer not in FINE:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+from ..fmu.python_exceptions import REMEDY
 from .catalogue import RECORDED
 from .check import Check
 from .findings import Finding
@@ -15,7 +16,18 @@ from .scratch import list_writable, use_scratch
 from .settings import Settings
 from .subprocess_run import run_each_in_subprocess
 from .terms import in_terms_of
-from .verdict import RETURNS, CheckOutcome, NotRunError, Verdict, blocked, failed, is_own_rule, noted, skipped
+from .verdict import (
+    LEAVES_EXCEPTION,
+    RETURNS,
+    CheckOutcome,
+    NotRunError,
+    Verdict,
+    blocked,
+    failed,
+    is_own_rule,
+    noted,
+    skipped,
+)
 
 _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 """A word in messages of FMUs that do not run without a license of their tool."""
@@ -97,7 +109,8 @@ def _examine(check: Check, subject: Any) -> CheckOutcome:
         if _LICENSE.search(str(error)):
             said = f"It needs a license that this machine lacks. {error}"
             return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
-        return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS))
+        hint = REMEDY if error.clause == LEAVES_EXCEPTION else ""
+        return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS), hint=hint)
     except NotRunError as error:
         return blocked(str(error), gaps=(str(error),))
     except EndedError as error:

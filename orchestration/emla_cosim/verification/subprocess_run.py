@@ -7,11 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import find_machine_fault
+from ..fmu.python_exceptions import REMEDY, find_left_exception
 from ..sandbox import black_box
 from ..sandbox.black_box import BlackBoxFile
 from ..sandbox.child import Child, limit_memory, silence
 from .plain_outcome import read_outcome, write_outcome
-from .verdict import RETURNS, CheckOutcome, blocked, failed, own_rule
+from .verdict import (
+    LEAVES_EXCEPTION,
+    RETURNS,
+    CheckOutcome,
+    blocked,
+    failed,
+    left_exception,
+    own_rule,
+)
 
 _FIRST = "its first call"
 """The note before the first call."""
@@ -147,6 +156,8 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
     except MemoryError:
         return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.", clause=_OWN)
     except Exception as error:  # a bug in a check must not lose the rest of the report
+        if find_left_exception(error) is not None:
+            return failed(left_exception(last_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY)
         if (fault := find_machine_fault(error)) is not None:
             said = f"It could not run on this machine: {fault.strerror}."
             return blocked(said, hint=_FAULT, gaps=(said,))

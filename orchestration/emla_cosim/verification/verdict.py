@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from ..fmu.python_exceptions import describe_left_exception
 from ..recorders.tubes.signal_comparison import Comparison
 
 
@@ -67,6 +68,17 @@ RETURNS = Clause(
     ),
 )
 """A function that crashes, ends the process or never returns violates this clause."""
+
+
+LEAVES_EXCEPTION = own_rule(
+    "exceptions of Python", "A function leaves no exception of Python set in the interpreter of its host."
+)
+"""The rule for FMUs that use Python; hosts in Python end with such an exception, and others ignore it."""
+
+
+def left_exception(doing: str, error: BaseException) -> str:
+    """Return the message for an FMU that left an exception of Python in a call."""
+    return f"{doing} left an exception of Python: {describe_left_exception(error)}."
 
 
 class NotRunError(Exception):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.fmi_3_calls import StepEnd
+from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
     from .typed_values import TypeGroup
@@ -50,6 +51,24 @@ class EndRequestedError(InstanceError):
 def tells_requested_end(text: str | None) -> bool:
     """Return whether a text contains the message of an EndRequestedError."""
     return f" {_ASKED} during " in (text or "")
+
+
+class PythonExceptionError(InstanceError):
+    """An FMU left an exception of Python set in this process; see `python_exceptions`.
+
+    Args:
+        instance: Name of the instance; several, if it is not known which one did it.
+        call: The FMI function, or what is known of it.
+        left: The exception in one line.
+        log: Messages of the instance.
+        remedy: What to do besides telling the exporter, as a sentence.
+    """
+
+    did = "left a Python exception in {call}: {status}"
+
+    def __init__(self, instance: str, call: str, left: str, log: list[str], remedy: str = "") -> None:
+        super().__init__(instance, call, left, log)
+        self.args = (" ".join(filter(None, (str(self), remedy, REMEDY))),)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
+from ...fmu.python_exceptions import describe_left_exception, find_left_exception
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
 from ...sandbox import black_box
@@ -33,6 +35,7 @@ from .fmu_instance import (
     GroupCall,
     InstanceError,
     ObservedGroup,
+    PythonExceptionError,
     Version3,
 )
 from .start_values import StartValues
@@ -45,6 +48,9 @@ _ONE, _REAL, _INTEGER, _TEXT = (
 """Memory for one value reference, or one value."""
 
 _DEAD_LIBRARIES: set[Path] = set()
+
+_LOADING = "loading its library"
+"""The call that loads the library, as messages name it."""
 
 _INTERPRETED = "slavemodule.txt"
 """A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
@@ -98,7 +104,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._present = black_box.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
         with self._report_failed_start():
-            self.announce("loading its library")
+            self.announce(_LOADING)
             self._library = LoadedLibrary.entered(file)
             try:
                 self.fmu = self._library.calls_of(self)
@@ -139,7 +145,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Convert any exception to CommandError, because fmpy raises bare ones."""
         try:
             yield
+        except PythonExceptionError:
+            raise
         except Exception as error:
+            if find_left_exception(error) is not None:
+                raise self.python_error(_LOADING, error) from error
             reasons = " ".join([str(error), *self._log.last(self.name)])
             raise CommandError(
                 f"the FMU '{self.file.path}' of {self.name} cannot be started: {reasons}"
@@ -439,6 +449,22 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Record in the black box that no call is running."""
         self._present.code = 0
 
+    def python_error(self, function: str, error: Exception) -> PythonExceptionError:
+        """Return the error for a call that left an exception of Python."""
+        self._present.code = 0
+        call = plain_name(function)
+        if not (function == _LOADING or call.startswith("instantiate")):
+            call += self._describe_time(call)
+        self._stepping = False
+        return PythonExceptionError(self.name, call, describe_left_exception(error), self.messages())
+
+    def _describe_time(self, call: str) -> str:
+        """Return the present time as a phrase; only the start of the present step is known."""
+        time = self._present.time
+        if math.isnan(time):
+            return ""
+        return f" {'after' if self._stepping and call != 'doStep' else 'at'} t = {time:.9g} s"
+
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""
         if self._typed is not None and (name := _TYPED_CALLS.get(call)) is not None:
@@ -492,7 +518,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         def called(*arguments: Any) -> int:
             present.code = code
-            status = function(*arguments)
+            try:
+                status = function(*arguments)
+            except SystemError as error:
+                raise self.python_error(name, error) from error
             present.code = 0
             return status
 

@@ -190,6 +190,9 @@ class ModelExchangeInstance(InProcessInstance):
         is_placed = math.isnan(self._time) or " at t = " in call
         return super().error(call if is_placed else f"{call} at t = {self._time:.9g} s", status)
 
+    def _describe_time(self, call: str) -> str:
+        return "" if math.isnan(self._time) else f" at t = {self._time:.9g} s"
+
     def _discard_error(self, call: str) -> type[InstanceError]:
         return DiscardedCallError
 

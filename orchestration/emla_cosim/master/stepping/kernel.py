@@ -16,10 +16,15 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
+from ...fmu.instance import FINE
+from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
+from ...sandbox import black_box
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
 from ..algorithms.tasks import StepTask
-from ..instances.fmu_instance import EntryPoints
+from ..instances.call_codes import decode_call
+from ..instances.described_instance import DescribedInstance
+from ..instances.fmu_instance import EntryPoints, PythonExceptionError
 from . import machine_code
 from .compiled_functions import compiled_address
 from .record_layout import LOOP, NOWHERE, Failure
@@ -34,6 +39,9 @@ from .records import (
     task_records,
 )
 from .timing import Clock
+
+_MOST_NAMES = 4
+"""Most names of components in a message."""
 
 _CALL_NAMES = {
     Failure.SET_REAL: "setReal",
@@ -140,13 +148,22 @@ class Kernel:
 
         Returns:
             The number of recorded rows, and the error in step `algorithm.steps`; None without one.
+
+        Raises:
+            PythonExceptionError: An FMU left an exception of Python. The rows of this call are lost, because
+                nothing shows after which of its steps that happened.
         """
         self._check_room(rows, (first + count) // every - first // every)
         loop, algorithm = self._loop, self._algorithm
         loop["clock"] = tuple(clock)
         steps = first, count, every, rows.ctypes.data
         self._lane_records["sweeps"] = 0
-        failure = Failure(self._run_threads(*steps) if self.together else self._run_single_thread(*steps))
+        self._lane_records["status"] = 0
+        try:
+            failure = Failure(self._run_threads(*steps) if self.together else self._run_single_thread(*steps))
+        except SystemError as error:
+            end = min(int(loop["reached"]) + 1, first + count)
+            raise self._python_error(error, clock.point(first), clock.point(end)) from error
         reached = int(loop["reached"])
         algorithm.steps += reached - first
         if isinstance(algorithm, Strong):
@@ -172,7 +189,7 @@ class Kernel:
         try:
             for n in range(1, len(lanes)):
                 others.append(self._threads.submit(self._advance_lane, loop.ctypes.data, n, *steps))
-            return self._advance_lane(loop.ctypes.data, 0, *steps)
+            failure = self._advance_lane(loop.ctypes.data, 0, *steps)
         except RuntimeError as error:
             raise RunError(
                 f"the system cannot start {len(lanes)} threads for FMUs: {error}. Set fewer threads."
@@ -181,6 +198,9 @@ class Kernel:
             loop["released"] = NOWHERE  # ends lanes that wait for a step that will not begin
             wait(others)
             self.seconds_beside += (time.perf_counter() - began) * len(others)
+        for other in others:
+            other.result()  # SystemError if an FMU left an exception in that thread
+        return failure
 
     def _groups_done(self, reached: int) -> set[int]:
         """Return the groups that have done the step after the first `reached` steps."""
@@ -258,6 +278,31 @@ class Kernel:
         instance, status = self._algorithm.network.instances[int(lane["instance"])], int(lane["status"])
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
         return instance.error(call, status)
+
+    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
+        """Return the error for an exception of Python that an FMU left between two times in s.
+
+        The exception hides what the loop returned. If a call failed, its lane still has the status.
+        """
+        left, lane = describe_left_exception(error), self._lane_records[int(self._loop["lane"])]
+        activity = black_box.current_activity(int(self._loop["lane"]))
+        instances = self._algorithm.network.instances
+        if (status := int(lane["status"])) not in FINE:
+            instance, (_, call) = instances[int(lane["instance"])], decode_call(activity)
+            failed = str(instance.error(call, status))
+            return RunError(
+                f"{failed} A Python exception was left: {left}. {REMEDY}", component=instance.name
+            )
+        black_box.current_activity().recorded = 0
+        named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
+        names = [x.name for x in named or instances]
+        return PythonExceptionError(
+            " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
+            f"a call between t = {begin:.9g} s and t = {end:.9g} s",
+            left,
+            [],
+            "To find the call, run with `--no-kernel`.",
+        )
 
 
 _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64

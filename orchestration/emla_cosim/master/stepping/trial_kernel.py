@@ -135,6 +135,9 @@ class TrialKernel(Kernel):
             most: Largest number of trials.
             rows: Output: a row for each accepted step, as in `Kernel.run`; None for no rows.
             watches: Whether to return time and signals of each accepted step.
+
+        Raises:
+            PythonExceptionError: As for `Kernel.run`.
         """
         if rows is not None:
             self._check_room(rows, 1)
@@ -159,7 +162,11 @@ class TrialKernel(Kernel):
         self._lane_records["sweeps"] = 0
         place, room = (0, 0) if rows is None else (rows.ctypes.data, len(rows))
         accepted = sizes.accepted
-        code = self._try_steps(self._loop.ctypes.data, control.ctypes.data, most, room, place)
+        self._lane_records["status"] = 0
+        try:
+            code = self._try_steps(self._loop.ctypes.data, control.ctypes.data, most, room, place)
+        except SystemError as error:
+            raise self._python_error(error, state.time, float(control["end"])) from error
         failure = Failure(code)
         if isinstance(algorithm, Strong):
             algorithm.sweeps += int(self._lane_records["sweeps"].sum())

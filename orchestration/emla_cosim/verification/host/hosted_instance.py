@@ -12,9 +12,10 @@ from fmpy.model_description import ModelVariable
 
 from ...fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
 from ...fmu.log import LogLine
+from ...fmu.python_exceptions import find_left_exception
 from ..subject import Subject
-from ..subprocess_run import note
-from ..verdict import Clause
+from ..subprocess_run import last_note, note
+from ..verdict import LEAVES_EXCEPTION, Clause, left_exception
 from .arrays import Arrays, ElementDependency, ElementLayout, get_elements, set_elements
 from .event_mode import EARLY, EventState, HostedEvents, RunEndedError
 from .integration import Integration
@@ -109,6 +110,8 @@ class HostedInstance(FmiInstance):
                 f"{subject.version}.0",
             )
         except Exception as error:  # fmpy raises bare ones
+            if find_left_exception(error) is not None:
+                raise self.python_error("dlopen", error) from error
             raise _rebuild_error(
                 f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
             ) from error
@@ -132,6 +135,8 @@ class HostedInstance(FmiInstance):
                 self._instantiate_with_events(logging)
             else:
                 self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
+        except CallError:
+            raise
         except Exception as error:  # fmpy raises a bare one for NULL
             raise _null(LOG.of(self.name)) from error
 
@@ -183,6 +188,10 @@ class HostedInstance(FmiInstance):
     def error(self, call: str, status: int) -> CallError:
         """Return the error for a call with this status."""
         return CallError(call, status, LOG.of(self.name, WARNING))
+
+    def python_error(self, function: str, error: Exception) -> CallError:
+        """Return the error for a call that left an exception of Python."""
+        return _rebuild_error(left_exception(last_note(), error), function, ERROR, LEAVES_EXCEPTION)
 
     def violation(self, sentence: str, clause: Clause) -> CallError:
         """Return the error for what a function said against a clause of the standard."""
