@@ -44,6 +44,11 @@ def explain_unsupported_clock(description: ModelDescription) -> str | None:
     """Return why this master cannot tick the clocks of an FMU, as the end of a message; None if it can."""
     inputs = [v for v in description.modelVariables if v.type == CLOCK and v.causality == "input"]
     for clock in inputs:
+        if clock.intervalVariability is None:
+            return (
+                f"has the clock '{clock.name}' without intervalVariability, which must be one of "
+                f"{', '.join(_KNOWN)}"
+            )
         if clock.intervalVariability not in _KNOWN:
             return (
                 f"has the clock '{clock.name}' with intervalVariability = '{clock.intervalVariability}', "

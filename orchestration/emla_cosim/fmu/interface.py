@@ -1,5 +1,6 @@
 """The model description of an FMU: its variables and their units."""
 
+import io
 import math
 import re
 import zipfile
@@ -17,12 +18,13 @@ from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
-from ..base.untrusted_xml import parse_xml
+from ..base.untrusted_xml import parse_xml, write_xml
+from .attribute_faults import find_attribute_fault
 from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import BINARY, WIDE, ElementVariable, is_supported, is_version_3, split_arrays
 
-_DESCRIPTION = "modelDescription.xml"
+_DESCRIPTION, _BUILD = "modelDescription.xml", "sources/buildDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
 """The kinds of an FMU, as the standard calls them."""
 
@@ -195,11 +197,14 @@ def read_description(
     try:
         _check_size(path)
         try:
-            description = fmpy.read_model_description(str(path), validate=validate)
+            description = read_with_fmpy(path, validate)
         except KeyError as error:  # fmpy (0.3.32) looks for the display units of an undefined unit
             if not validate:
                 raise
-            raise ValidationError(["A display unit belongs to a unit that is not defined"]) from error
+            fault = find_attribute_fault(path)  # other exceptions of this kind
+            raise ValidationError(
+                [fault or "A display unit belongs to a unit that is not defined"]
+            ) from error
         _add_what_fmpy_lacks(description, path)
         clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
         without_value = {
@@ -213,8 +218,57 @@ def read_description(
         raise
     except Exception as error:  # zip and XML readers raise many types
         raise_machine_fault(error, f"'{path}'")
+        if (fault := find_attribute_fault(path)) is not None:
+            raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return Interface(description, clocks, without_value, structure or {})
+
+
+def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
+    """Read a model description with fmpy, which (0.3.32) fails at some that are valid.
+
+    Lists can have blanks at their ends and several between their entries, types of Binary variables can have
+    attributes, and Clocks can have types.
+
+    Args:
+        path: The FMU file.
+        validate: Whether to check it against the standard.
+    """
+    try:
+        return fmpy.read_model_description(str(path), validate=validate)
+    except (ValidationError, MemoryError):
+        raise
+    except Exception:  # fmpy raises many types
+        with zipfile.ZipFile(path) as archive:
+            present = [name for name in (_DESCRIPTION, _BUILD) if name in archive.namelist()]
+            content = {name: archive.read(name) for name in present}
+        root = parse_xml(content[_DESCRIPTION])
+        if not _simplify(root):
+            raise
+        content[_DESCRIPTION], copy = write_xml(root), io.BytesIO()
+        with zipfile.ZipFile(copy, "w") as archive:
+            for name, text in content.items():
+                archive.writestr(name, text)
+        return fmpy.read_model_description(copy, validate=validate)
+
+
+def _simplify(root: Any) -> bool:
+    """Replace what fmpy cannot read by something with the same meaning; return whether anything changed."""
+    is_changed = False
+    for name in ("dependencies", "dependenciesKind", "clocks"):
+        for element in root.iterfind(f".//*[@{name}]"):
+            text = element.get(name)
+            if text != (simple := " ".join(text.split())):
+                element.set(name, simple)
+                is_changed = True
+    for element in root.iterfind("TypeDefinitions/BinaryType"):
+        for name in ("mimeType", "maxSize"):
+            is_changed = element.attrib.pop(name, None) is not None or is_changed
+    types = {element.get("name") for element in root.iterfind("TypeDefinitions/ClockType")}
+    for element in root.iterfind("ModelVariables/Clock"):
+        if element.get("declaredType") in types:
+            is_changed = element.attrib.pop("declaredType", None) is not None or is_changed
+    return is_changed
 
 
 _HARMLESS = re.compile(
@@ -232,6 +286,8 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
     Raises:
         CommandError: If it cannot be read, or a violation is not accepted.
     """
+    if (fault := find_attribute_fault(path)) is not None:
+        raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
     try:
         interface = read_description(path, validate=False, structure=structure)
         problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
@@ -250,8 +306,9 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
             raise CommandError(f"'{path}' is not a valid FMU: {more}.") from more
     grave = [p for p in problems if not _HARMLESS.search(p)]
     if grave and not is_lenient():
+        text = find_attribute_fault(path, fatal=False) or grave[0]
         raise CommandError(
-            f"'{path}' is not a valid FMU: {grave[0]} (`fmpy validate` shows more). {ADVICE}."
+            f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more). {ADVICE}."
         ) from error
     note_fault(str(path), *grave, *problems)
     return interface
@@ -353,6 +410,10 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
     """
     with zipfile.ZipFile(path) as archive:
         root = parse_xml(archive.read(_DESCRIPTION))
+    if description.fmiVersion == "2.0" and root.find("ModelStructure/*/Unknown[@index='0']") is not None:
+        raise ValueError(
+            "an index is 0"
+        )  # fmpy takes the last variable; `find_attribute_fault` names the place
     variables = {v.name: v for v in description.modelVariables}
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]

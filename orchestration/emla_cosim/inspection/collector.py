@@ -8,10 +8,11 @@ from typing import Any, Unpack
 from fmpy.model_description import ValidationError
 
 from ..base.errors import CommandError, join_names, show_paths_relative_to
-from ..base.faults import accept_faults
+from ..base.faults import LENIENT, accept_faults
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
+from ..fmu.attribute_faults import find_attribute_fault
 from ..fmu.elements import is_version_3
 from ..fmu.interface import (
     KINDS,
@@ -71,7 +72,11 @@ def info(
         of_ours = {
             n for n, one in list_options().items() if one.about.stage == BUILDING or not one.about.repeated
         }
-        if set(options) - of_ours or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
+        if (
+            set(options) - of_ours - {LENIENT}
+            or not isinstance(source, (str, Path))
+            or not is_fmu(Path(source))
+        ):
             raise
         return _collect_unsupported_fmu(Path(source))
     with (
@@ -165,6 +170,8 @@ def _collect_unsupported_fmu(path: Path) -> Info:
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers
+        if (fault := find_attribute_fault(path)) is not None:
+            raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return _collect_single_fmu(name, fmu, reason, unread, rows)
 
@@ -175,11 +182,16 @@ def _read(path: Path) -> tuple[Interface, str]:
     try:
         interface = read_description(path)
     except ValidationError as error:
-        wrong = f"is not valid: {first_problem(error)}"
+        wrong = f"is not valid: {find_attribute_fault(path, fatal=False) or first_problem(error)}"
         try:
             interface = read_description(path, validate=False)
         except ValidationError as more:
-            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(more)}.") from more
+            text = find_attribute_fault(path) or first_problem(more)
+            raise CommandError(f"'{path}' is not a valid FMU: {text}.") from more
+        except CommandError as more:
+            if find_attribute_fault(path) is not None:
+                raise
+            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(error)}.") from more
     except CommandError as error:
         interface = read_description(path, validate=False)
         if not is_version_3(interface.description):

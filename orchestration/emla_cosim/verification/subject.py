@@ -12,9 +12,10 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.untrusted_xml import parse_xml
+from ..fmu.attribute_faults import find_attribute_fault
 from ..fmu.clocks import CLOCK, InputClock, read_input_clocks
 from ..fmu.elements import split_arrays
-from ..fmu.interface import Interface
+from ..fmu.interface import Interface, read_with_fmpy
 from ..fmu.shared_library import find_library
 from .declarations import Declarations, read_declarations
 from .declarations_3 import read_declarations_3
@@ -82,7 +83,7 @@ class Subject:
 
         Variables of FMI 3.0 are split into elements, with the types of FMI 2.0, without Clocks and Binary.
         """
-        found = self.read_description()
+        found = read_with_fmpy(self.path, validate=False)
         if self.version == 3:
             split_arrays(found)
         return found
@@ -95,7 +96,8 @@ class Subject:
         except MemoryError:
             raise
         except Exception as error:
-            return f"The model description cannot be read: {shorten_sentence(str(error)).rstrip('.')}."
+            fault = find_attribute_fault(self.path) or str(error)
+            return f"The model description cannot be read: {shorten_sentence(fault).rstrip('.')}."
         return ""
 
     @cached_property

@@ -3,6 +3,7 @@
 import fmpy
 from fmpy.validation import validate_model_description
 
+from ...fmu.attribute_faults import find_attribute_fault
 from ..check import check
 from ..messages import shorten_sentence
 from ..subject import Subject
@@ -50,7 +51,8 @@ def semantics(subject: Subject) -> CheckOutcome:
     except MemoryError:
         raise
     except Exception as error:
-        return noted(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
+        fault = find_attribute_fault(subject.path) or str(error)
+        return noted(f"FMPy cannot read the model description: {shorten_sentence(fault).rstrip('.')}.")
     found = validate_model_description(read, validate_model_structure=True)
     lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in found)
     if lines:

@@ -1,0 +1,296 @@
+"""Attributes of a model description that cannot be read: missing, no number, or out of range.
+
+fmpy (0.3.32) fails at them with exceptions of Python that name neither element nor attribute.
+"""
+
+import itertools
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..base.untrusted_xml import parse_xml
+
+_INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+_FLOATS = ("Float32", "Float64")
+_TYPES_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
+_TYPES_3 = (*_FLOATS, *_INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
+_UNKNOWNS_3 = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
+_KINDS = ("ModelExchange", "CoSimulation", "ScheduledExecution")
+_LONGEST = 60
+"""Most letters of a value in a message."""
+
+
+class _Number(NamedTuple):
+    """What the text of an attribute must be."""
+
+    description: str
+    low: float = -np.inf
+    high: float = np.inf
+    is_whole: bool = True
+
+    def accepts(self, text: str) -> bool:
+        """Return whether a text is such a number."""
+        try:
+            return self.low <= int(text) <= self.high if self.is_whole else float(text) is not None
+        except ValueError:
+            return False
+
+
+_DOUBLE = _Number("a number", is_whole=False)
+_WHOLE = _Number("a whole number")
+
+
+def _between(low: int, high: int) -> _Number:
+    return _Number(f"a whole number from {low} to {high}", low, high)
+
+
+_UNSIGNED = _between(0, 2**32 - 1)
+_SIZE = _Number("a whole number, at least 0", 0)
+_BY_TYPE = {
+    **dict.fromkeys(("Real", *_FLOATS), _DOUBLE),
+    **{
+        kind: _between(*(int(x) for x in (np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max)))
+        for kind in _INTEGERS
+    },
+    "Integer": _between(-(2**31), 2**31 - 1),
+    "Enumeration": _WHOLE,
+}
+"""What start values and limits must be, by the type of their variable."""
+
+
+def find_attribute_fault(path: Path, fatal: bool = True) -> str | None:
+    """Return the first attribute of a model description that cannot be used, as the end of a message.
+
+    Args:
+        path: The FMU file.
+        fatal: Whether to leave out faults with which the FMU can be read.
+
+    Returns:
+        The element, the attribute and what would be right; None without such a fault, or if the file
+        cannot be read at all.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            root = parse_xml(archive.read("modelDescription.xml"))
+    except (OSError, RuntimeError, ValueError, KeyError, SyntaxError, zipfile.BadZipFile):
+        return None
+    return next((text for is_fatal, text in _list_faults(root) if is_fatal or not fatal), None)
+
+
+_Fault = tuple[bool, str]
+"""Whether a fault is fatal, and its description."""
+
+
+def _list_faults(root: Any) -> Iterator[_Fault]:
+    """Yield the faults of a model description in the order of the standard."""
+    version = root.get("fmiVersion")
+    if version is None:
+        yield True, f"{_name(root)} has no fmiVersion; it needs 2.0 or 3.0"
+        return
+    is_1, is_3 = version.startswith("1."), version.startswith("3.")
+    yield from _check(root, "numberOfEventIndicators", _UNSIGNED)
+    if is_1:
+        yield from _check(root, "numberOfContinuousStates", _UNSIGNED, required=True)
+    for kind in () if is_1 else _KINDS:
+        for element in root.iterfind(kind):
+            yield from _require(element, "modelIdentifier", "the name of the library")
+            for name in ("maxOutputDerivativeOrder", "recommendedIntermediateInputSmoothness"):
+                yield from _check(element, name, _WHOLE)
+    for element in root.iterfind("DefaultExperiment"):
+        for name in ("startTime", "stopTime", "tolerance", "stepSize"):
+            yield from _check(element, name, _DOUBLE)
+    if not is_1:
+        yield from _check_units(root)
+        yield from _check_types(root, is_3)
+    variables = root.find("ModelVariables")
+    if variables is None:
+        yield True, f"{_name(root)} has no element ModelVariables"
+        return
+    yield from _check_variables(variables, is_1, is_3)
+    if is_3:
+        yield from _check_references(root, variables)
+    elif not is_1:
+        yield from _check_indices(root, variables)
+
+
+def _check_units(root: Any) -> Iterator[_Fault]:
+    for unit in root.iterfind("UnitDefinitions/Unit"):
+        for element in _elements(unit):
+            what = f"{element.tag} of {_name(unit)}"
+            for name in _BASE if element.tag == "BaseUnit" else ():
+                yield from _check(element, name, _WHOLE, what)
+            for name in ("factor", "offset"):
+                yield from _check(element, name, _DOUBLE, what)
+
+
+def _check_types(root: Any, is_3: bool) -> Iterator[_Fault]:
+    used = {element.get("declaredType") for element in root.iterfind("ModelVariables//*[@declaredType]")}
+    for definition in _elements(root.find("TypeDefinitions")):
+        what, inner = _name(definition), definition if is_3 else next(_elements(definition), None)
+        if inner is None:
+            yield True, f"{what} has no element with its type; it needs one of {', '.join(_TYPES_2)}"
+            continue
+        kind = inner.tag.removesuffix("Type") if is_3 else inner.tag
+        for name in ("min", "max", "nominal"):
+            number = _DOUBLE if name == "nominal" else _BY_TYPE.get(kind)
+            if number is not None:
+                yield from _check(inner, name, number, what)
+        is_used = definition.get("name") in used
+        for item in inner.iterfind("Item"):
+            of_type = f"Item '{item.get('name', '')}' of {what}"
+            for _, text in _check(item, "value", _WHOLE, of_type, required=True):
+                yield is_used, text
+
+
+def _check_variables(variables: Any, is_1: bool, is_3: bool) -> Iterator[_Fault]:
+    types = _TYPES_3 if is_3 else _TYPES_2
+    for number, variable in enumerate(_elements(variables), 1):
+        what = _name(variable)
+        if variable.get("name") is None:
+            what = f"variable {number} (line {variable.sourceline})"
+            yield True, f"{what} has no name; it needs a unique one"
+        inner = variable if is_3 else next((e for e in _elements(variable) if e.tag in types), None)
+        if inner is None:
+            yield True, f"{what} has no type; it needs an element {', '.join(types[:-1])} or {types[-1]}"
+            continue
+        if inner.tag not in types:
+            yield True, f"{what} is of the type {inner.tag}; it must be one of {', '.join(types)}"
+            continue
+        yield from _check(variable, "valueReference", _UNSIGNED, what, required=True)
+        yield from _check_values(inner, what)
+        for dimension in variable.iterfind("Dimension") if is_3 else ():
+            of_variable = f"Dimension of {what}"
+            if dimension.get("start") is None and dimension.get("valueReference") is None:
+                text = "has neither start nor valueReference; it needs one of them"
+                yield True, f"{of_variable} {text}"
+            yield from _check(dimension, "start", _SIZE, of_variable)
+            yield from _check(dimension, "valueReference", _UNSIGNED, of_variable)
+        if inner.tag == "Clock":
+            known = "constant, fixed, tunable, changing, countdown or triggered"
+            for _, text in _require(inner, "intervalVariability", known, what):
+                yield False, text
+
+
+def _check_values(inner: Any, what: str) -> Iterator[_Fault]:
+    """Check numbers in the element with the type of a variable; arrays have several start values."""
+    yield from _check(inner, "maxSize", _SIZE, what)
+    if inner.tag == "Boolean":
+        text = inner.get("start")
+        if text is not None and not all(w in ("true", "false", "1", "0") for w in text.lower().split()):
+            yield True, f"{what} has start = '{_short(text)}'; it must be true or false"
+    number = _BY_TYPE.get(inner.tag)
+    if number is None:
+        return
+    start = inner.get("start", "")
+    if inner.find("Dimension") is None:
+        yield from _check(inner, "start", number, what)
+    elif not all(number.accepts(word) for word in start.split()):
+        yield True, f"{what} has start = '{_short(start)}'; each value must be {number.description}"
+    for name in ("min", "max"):
+        yield from _check(inner, name, number, what)
+    yield from _check(inner, "nominal", _DOUBLE, what)
+
+
+def _check_references(root: Any, variables: Any) -> Iterator[_Fault]:
+    """Check what refers to variables by value reference, in FMI 3.0."""
+    known = {_reference(e.get("valueReference", "")): e for e in _elements(variables)}
+    for variable in _elements(variables):
+        what = _name(variable)
+        if variable.get("clocks") is not None:
+            yield from _require(variable, "clocks", "value references of Clocks, or must be left out", what)
+        yield from _check(variable, "derivative", _UNSIGNED, what)
+        for name in ("derivative", "clocks"):
+            yield from _check_targets(variable, name, known, what)
+        for dimension in variable.iterfind("Dimension"):
+            of_variable = f"Dimension of {what}"
+            if dimension.get("start") is not None:
+                continue
+            yield from _check_targets(dimension, "valueReference", known, of_variable)
+            size = known.get(_reference(dimension.get("valueReference", "")))
+            if size is not None:
+                needed = f"{_name(size)}, the size of {what},"
+                yield from _check(size, "start", _SIZE, needed, required=True)
+    for element in itertools.chain.from_iterable(root.iterfind(f"ModelStructure/{e}") for e in _UNKNOWNS_3):
+        yield from _check(element, "valueReference", _UNSIGNED, required=True)
+        for name in ("valueReference", "dependencies"):
+            yield from _check_targets(element, name, known)
+
+
+def _reference(text: str) -> int | str:
+    """Return a value reference; other texts as they are."""
+    return int(text) if _UNSIGNED.accepts(text) else text
+
+
+def _check_targets(
+    element: Any, name: str, known: Mapping[int | str, Any], what: str = ""
+) -> Iterator[_Fault]:
+    for word in element.get(name, "").split():
+        if _reference(word) not in known:
+            end = "no variable has this value reference"
+            yield True, f"{what or _name(element)} has {name} = '{_short(element.get(name))}'; {end}"
+            return
+
+
+def _check_indices(root: Any, variables: Any) -> Iterator[_Fault]:
+    """Check what refers to variables by their position, in FMI 2.0."""
+    count = sum(1 for _ in _elements(variables))
+    number = _between(1, count)
+    places = f"the position of a variable, from 1 to {count}"
+    for variable in _elements(variables):
+        for real in variable.iterfind("Real"):
+            yield from _check(real, "derivative", number._replace(description=places), _name(variable))
+    for name in _LISTS_2:
+        for element in root.iterfind(f"ModelStructure/{name}/Unknown"):
+            what = f"Unknown of {name} (line {element.sourceline})"
+            yield from _check(element, "index", number._replace(description=places), what, required=True)
+            words = element.get("dependencies", "").split()
+            if not all(number.accepts(word) for word in words if word != "0"):
+                text = f"has dependencies = '{_short(element.get('dependencies'))}'; each must be {places}"
+                yield True, f"{what} {text}"
+
+
+def _check(
+    element: Any, name: str, number: _Number, what: str = "", required: bool = False
+) -> Iterator[_Fault]:
+    """Check a number in an attribute."""
+    text = element.get(name)
+    if text is None:
+        if required:
+            yield True, f"{what or _name(element)} has no {name}; it needs {number.description}"
+    elif not number.accepts(text):
+        yield True, f"{what or _name(element)} has {name} = '{_short(text)}'; it must be {number.description}"
+
+
+def _require(element: Any, name: str, expected: str, what: str = "") -> Iterator[_Fault]:
+    """Check that an attribute is present and not empty."""
+    if not (element.get(name) or "").strip():
+        yield True, f"{what or _name(element)} has no {name}; it needs {expected}"
+
+
+def _elements(parent: Any) -> Iterator[Any]:
+    """Yield the elements in another one, without comments."""
+    return (e for e in (() if parent is None else parent) if isinstance(e.tag, str))
+
+
+def _name(element: Any) -> str:
+    """Return what messages call an element, with its line."""
+    parent, name = element.getparent(), element.get("name")
+    kind = "variable" if parent is not None and parent.tag == "ModelVariables" else element.tag
+    if parent is not None and parent.tag == "TypeDefinitions":
+        kind = "type"
+    label = (
+        f"the {kind} '{_short(name)}'" if name is not None and kind in ("variable", "type") else element.tag
+    )
+    if kind == "Unit":
+        label = f"the unit '{_short(name or '')}'"
+    return f"{label} (line {element.sourceline})"
+
+
+def _short(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}..."
