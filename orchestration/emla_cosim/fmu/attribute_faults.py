@@ -77,7 +77,9 @@ def find_attribute_fault(path: Path, fatal: bool = True) -> str | None:
     try:
         with zipfile.ZipFile(path) as archive:
             root = parse_xml(archive.read("modelDescription.xml"))
-    except (OSError, RuntimeError, ValueError, KeyError, SyntaxError, zipfile.BadZipFile):
+    except MemoryError:
+        raise
+    except Exception:  # zip and XML readers raise many types
         return None
     return next((text for is_fatal, text in _list_faults(root) if is_fatal or not fatal), None)
 

@@ -120,13 +120,22 @@ def test_only_fmus_that_use_python_are_named(fmu: Path, tmp_path: Path, threads:
     system = wired(
         [
             faulty("j.first", harmless),
-            Component("j.bad", "Errors", values, fmu),
             Component("j.good", "Errors", {}, fmu),
+            Component("j.bad", "Errors", values, fmu),
         ]
     )
-    error = _failure(system, threads=threads, step_size=STEP, stop_time=1.0)
-    assert "j.bad or j.good left a Python exception in a call between t = " in str(error)
+    error = _failure(system, threads=threads, step_size=1e-4, stop_time=1.0)
+    assert "j.good or j.bad left a Python exception in a call between t = " in str(error)
     assert f": {LEFT}. To find the call, run with `--no-kernel`." in str(error)
+
+
+def test_another_run_after_the_error(fmu: Path) -> None:
+    with load(fmu, set={"Errors.function": "DoStep"}).prepare() as simulation:
+        for _ in range(2):
+            with pytest.raises(RunError, match=LEFT):
+                simulation.run()
+        result = simulation.run(set={"Errors.function": ""})
+    assert result["Errors.y"] == pytest.approx(result.time)
 
 
 def test_libraries_that_use_python(fmu: Path, tmp_path: Path) -> None:
