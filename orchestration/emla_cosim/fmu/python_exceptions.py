@@ -7,6 +7,7 @@ loops call many functions before ctypes can see it.
 
 import mmap
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
 
 _LONGEST = 300
@@ -17,6 +18,20 @@ REMEDY = (
     "before it returns."
 )
 """What to do about it, as a sentence."""
+
+_PENDING = "with an exception set"
+"""What Python says, also within an FMU, if an exception from an earlier call is still set."""
+
+
+def explain_earlier_exception(messages: Iterable[str]) -> str:
+    """Return what to do if an FMU failed because an earlier call left an exception; empty if not.
+
+    Args:
+        messages: What the FMU said.
+    """
+    if not any(_PENDING in message for message in messages):
+        return ""
+    return "An earlier call left an exception of Python; to find it, run with `--no-kernel`."
 
 
 def find_left_exception(error: BaseException) -> BaseException | None:

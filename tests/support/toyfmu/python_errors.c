@@ -1,7 +1,7 @@
 /* An FMU of FMI 2.0 or 3.0, for co-simulation or (macro EXCHANGE) Model Exchange, with x' = 1 and y = x + u. It leaves
  * an exception of Python in the interpreter of its host, if that has one, as FMUs that use Python can: in calls of
  * the function that its parameter `function` names (DoStep), from the time `at` on. These calls return
- * `status`. With macro LOADS or CREATES, loading its library or instantiating it leaves one, too.
+ * `status`; with a `message`, they log it instead. With macro LOADS or CREATES, loading its library or instantiating it leaves one, too.
  */
 #define _GNU_SOURCE
 #include "toyfmu.h"
@@ -10,12 +10,12 @@
 #include <dlfcn.h>
 #endif
 
-enum { U, X, DX, Y, AT, FUNCTION, STATUS, TIME };
+enum { U, X, DX, Y, AT, FUNCTION, STATUS, TIME, MESSAGE };
 
 struct Model {
     COMMON;
     double u, x, dx, y, at;
-    char function[64];
+    char function[64], message[64];
     int status;
 };
 
@@ -23,7 +23,7 @@ static const Variable variables[] = {
     VARIABLE(U, FLOAT64, u, INPUT), VARIABLE(X, FLOAT64, x, PARAMETER), VARIABLE(DX, FLOAT64, dx, OUTPUT),
     VARIABLE(Y, FLOAT64, y, OUTPUT), VARIABLE(AT, FLOAT64, at, PARAMETER),
     VARIABLE(FUNCTION, STRING, function, PARAMETER), VARIABLE(STATUS, INT32, status, PARAMETER),
-    VARIABLE(TIME, FLOAT64, time, OUTPUT),
+    VARIABLE(TIME, FLOAT64, time, OUTPUT), VARIABLE(MESSAGE, STRING, message, PARAMETER),
 };
 
 __attribute__((unused)) static void leave_exception(void) {
@@ -51,6 +51,7 @@ static void created(Model *m) {
 
 static int before(Model *m, const char *function) {
     if (strcmp(function + strlen("fmi2"), m->function) || m->time < m->at - 1e-9) return OK;
+    if (*m->message) return say(m, m->status, "%s", m->message);
     leave_exception();
     return m->status;
 }

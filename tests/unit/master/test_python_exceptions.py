@@ -42,8 +42,10 @@ def _failure(source: Path | System, **options: Any) -> RunError:
     return caught.value
 
 
-def _run_fmu(fmu: Path, function: str, at: float = 0.5, status: int = 0, **options: Any) -> RunError:
-    values = {"function": function, "at": at, "status": status}
+def _run_fmu(
+    fmu: Path, function: str, at: float = 0.5, status: int = 0, message: str = "", **options: Any
+) -> RunError:
+    values = {"function": function, "at": at, "status": status, "message": message}
     return _failure(fmu, set={f"Errors.{name}": value for name, value in values.items()}, **options)
 
 
@@ -84,6 +86,16 @@ def test_failed_call_is_reported_with_its_status(version: int, fmu: Path) -> Non
         f"Errors answered doStep at t = 0.5 s with fmi{version}Error. A Python exception was left: {LEFT}."
     )
     assert f"{expected} {REMEDY}" in str(error)
+
+
+def test_exception_that_the_fmu_meets_itself(fmu: Path) -> None:
+    message = "SystemError('f returned a result with an exception set')"
+    error = _run_fmu(fmu, "DoStep", status=3, message=message)
+    assert message in str(error)
+    assert str(error).endswith(
+        "An earlier call left an exception of Python; to find it, run with `--no-kernel`."
+    )
+    assert "An earlier call" not in str(_run_fmu(fmu, "DoStep", status=3, message="Other"))
 
 
 @pytest.mark.parametrize("function", ["EnterInitializationMode", "ExitInitializationMode", "Get"])

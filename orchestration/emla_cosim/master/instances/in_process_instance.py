@@ -21,7 +21,11 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
-from ...fmu.python_exceptions import describe_left_exception, find_left_exception
+from ...fmu.python_exceptions import (
+    describe_left_exception,
+    explain_earlier_exception,
+    find_left_exception,
+)
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
 from ...sandbox import black_box
@@ -486,7 +490,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             said += (
                 [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
             )
-        return kind(self.name, plain_name(call), answer, said)
+        error = kind(self.name, plain_name(call), answer, said)
+        if hint := explain_earlier_exception(said):
+            error.args = (f"{error} {hint}",)
+        return error
 
     def _discard_error(self, call: str) -> type[InstanceError]:
         """Return the type of the error for a call that the FMU discarded."""
