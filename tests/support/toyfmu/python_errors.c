@@ -1,7 +1,8 @@
 /* An FMU of FMI 2.0 or 3.0, for co-simulation or (macro EXCHANGE) Model Exchange, with x' = 1 and y = x + u. It leaves
  * an exception of Python in the interpreter of its host, if that has one, as FMUs that use Python can: in calls of
- * the function that its parameter `function` names (DoStep), from the time `at` on. These calls return
- * `status`; with a `message`, they log it instead. With macro LOADS or CREATES, loading its library or instantiating it leaves one, too.
+ * the function that its parameter `function` names (DoStep), from the time `at` on. These calls return `status`.
+ * With a `message`, they log it instead. With macro LOADS or CREATES, loading its library or instantiating it
+ * leaves an exception, too.
  */
 #define _GNU_SOURCE
 #include "toyfmu.h"
