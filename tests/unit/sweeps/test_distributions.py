@@ -2,7 +2,6 @@
 
 import math
 import pickle
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,19 @@ from hypothesis import given, settings
 from scipy import stats
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.distributions import DISTRIBUTIONS, Distribution, parse, parse_distribution
+from emla_cosim.sweeps.distributions import Distribution, parse, parse_distribution
+
+
+class TruncatedLogNormal:
+    """SciPy has none; it is exp of a truncated normal distribution."""
+
+    def __init__(self, median: float, deviation: float, low: float, high: float) -> None:
+        bounds = np.log(np.array([low, high]) / median) / deviation
+        self._logarithm = stats.truncnorm(*bounds, loc=math.log(median), scale=deviation)
+
+    def ppf(self, quantiles: np.ndarray) -> np.ndarray:
+        return np.exp(self._logarithm.ppf(quantiles))
+
 
 KINDS: list[tuple[str, Any]] = [
     ("uniform(-2, 5)", stats.uniform(-2, 7)),
@@ -25,20 +36,15 @@ KINDS: list[tuple[str, Any]] = [
     ("normal(0, 1, low=7)", stats.truncnorm(7, np.inf)),
     ("normal(0, 1, -8, -6)", stats.truncnorm(-8, -6)),
     ("log-normal(3, 0.5)", stats.lognorm(0.5, scale=3)),
+    ("log-normal(3, 0.5, 2, 8)", TruncatedLogNormal(3, 0.5, 2, 8)),
     ("triangular(-1, 0, 4)", stats.triang(0.2, -1, 5)),
     ("triangular(1, 1, 2)", stats.triang(0, 1, 1)),
     ("triangular(1, 2, 2)", stats.triang(1, 1, 1)),
 ]
-UNIFORM = np.random.default_rng(20240501).random(20_000)
 
 
 def table(name: str, **fields: Any) -> dict[str, Any]:
     return {"distribution": name, **fields}
-
-
-@pytest.mark.parametrize(("text", "expected"), KINDS)
-def test_samples_follow_the_distribution(text: str, expected: Any) -> None:
-    assert stats.kstest(parse(text, "x").at(UNIFORM), expected.cdf).pvalue > 0.01
 
 
 @pytest.mark.parametrize(("text", "expected"), KINDS)
@@ -47,29 +53,20 @@ def test_quantiles_equal_those_of_scipy(text: str, expected: Any) -> None:
     np.testing.assert_allclose(parse(text, "x").at(quantiles), expected.ppf(quantiles), rtol=1e-9, atol=1e-9)
 
 
-def test_truncated_log_normal_is_exp_of_a_truncated_normal() -> None:
-    drawn = parse("log-normal(3, 0.5, 2, 8)", "x").at(UNIFORM)
-    bounds = np.log(np.array([2, 8]) / 3) / 0.5
-    expected = stats.truncnorm(*bounds, loc=math.log(3), scale=0.5)
-    assert stats.kstest(np.log(drawn), expected.cdf).pvalue > 0.01
-
-
 @pytest.mark.parametrize(
     ("given", "values"),
-    [([3, 2, "x", True], [3, 2, "x", True]), ("integers(-3, 4)", list(range(-3, 5))), ([0.5], [0.5])],
+    [
+        ([3, 2, "x", True], [3, 2, "x", True]),
+        ("integers(-3, 4)", list(range(-3, 5))),
+        ([0.5], [0.5]),
+        (["a", "a", "b"], ["a", "a", "b"]),
+    ],
 )
-def test_listed_values_are_equally_likely(given: Any, values: list[Any]) -> None:
-    counts = Counter(parse_distribution(given, "x").at(UNIFORM))
-    assert set(counts) == set(values)
-    if len(values) > 1:
-        assert stats.chisquare(list(counts.values())).pvalue > 0.01
-    middles = (np.arange(len(values)) + 0.5) / len(values)
-    assert parse_distribution(given, "x").at(middles) == values
-
-
-def test_repeated_value_is_twice_as_likely() -> None:
-    thirds = np.array([0.1, 0.5, 0.9])
-    assert parse_distribution(["a", "a", "b"], "x").at(thirds) == ["a", "a", "b"]
+def test_values_have_equal_shares(given: Any, values: list[Any]) -> None:
+    drawn = parse_distribution(given, "x")
+    count = len(values)
+    assert drawn.at(np.arange(count) / count + 1e-9) == values
+    assert drawn.at((np.arange(count) + 1) / count - 1e-9) == values
 
 
 finite = st.floats(-1e6, 1e6)
@@ -164,14 +161,11 @@ FORMS: list[tuple[str, Any]] = [
     (" -1 : 1e-2 ", table("uniform", low=-1, high=0.01)),
     ("0.05:0.3:20", table("uniform", low=0.05, high=0.3, points=20)),
     ("1,2.5,3", [1, 2.5, 3]),
-    ("true, false", [True, False]),
     ("rsba, 1, true", ["rsba", 1, True]),
     ("0.2", 0.2),
     ("models/plant.fmu", ["models/plant.fmu"]),
     ("±10%", table("uniform", low=0.9, high=1.1, relative=True)),
-    ("+-10%", table("uniform", low=0.9, high=1.1, relative=True)),
-    ("± 2.5 %", table("uniform", low=0.975, high=1.025, relative=True)),
-    ("80%:120%", table("uniform", low=0.8, high=1.2, relative=True)),
+    ("+- 2.5 %", table("uniform", low=0.975, high=1.025, relative=True)),
     ("80%:120%:5", table("uniform", low=0.8, high=1.2, points=5, relative=True)),
     ("90%,100%", table("values", values=[0.9, 1.0], relative=True)),
     ("0%", table("values", values=[0.0], relative=True)),
@@ -199,10 +193,6 @@ def test_short_forms_are_read_as_tables(text: str, plain: Any) -> None:
     assert pickle.loads(pickle.dumps(read)) == read and hash(read) == hash(parse_distribution(plain, "x"))
 
 
-def test_every_kind_has_a_short_form_that_is_tested() -> None:
-    assert {parse(text, "x").name for text, _ in FORMS} == set(DISTRIBUTIONS)
-
-
 def test_values_keep_their_types() -> None:
     def types(given: Any) -> list[type]:
         return [type(v) for v in parse_distribution(given, "x").levels or ()]
@@ -226,25 +216,18 @@ BAD: list[tuple[Any, str]] = [
     (table("normal", mean=0, deviatoin=1), "a normal distribution has no 'deviatoin'; did you mean"),
     (table("uniform", low=0, high=1, xyz=2), "no 'xyz'; it may have low, high, points and relative."),
     (table("uniform", low=1, high=1), "needs low < high; 1.0 to 1.0 is an empty range."),
-    (table("log-uniform", low=2, high=1), "needs low < high; 2.0 to 1.0 is an empty range."),
     (table("integers", low=2, high=1), "needs low <= high; 2 to 1 is an empty range."),
     (table("normal", mean=0, deviation=1, low=2, high=1), "2.0 to 1.0 is an empty range."),
-    (table("uniform", low=math.nan, high=1), "low of a uniform distribution is nan; it must be a finite"),
     (table("uniform", low=0, high=math.inf), "high of a uniform distribution is inf; it must be a finite"),
-    (table("normal", mean=0, deviation=math.nan), "deviation of a normal distribution is nan; it must be a"),
     (table("normal", mean=0, deviation=0), "a normal distribution needs deviation > 0; it is 0.0."),
-    (table("normal", mean=0, deviation=-1), "a normal distribution needs deviation > 0; it is -1.0."),
     (table("log-uniform", low=0, high=1), "a log-uniform distribution needs low > 0; it is 0.0."),
     (table("log-normal", median=-1, deviation=1), "a log-normal distribution needs median > 0; it is -1.0."),
     (table("log-normal", median=1, deviation=1, low=0), "a log-normal distribution needs low > 0; it is"),
     (table("triangular", low=0, mode=2, high=1), "needs low <= mode <= high; mode is 2.0, outside 0.0 to"),
     (table("uniform", low=0, high=1, points=1), "needs 2 points or more, including both ends; points is 1."),
     (table("uniform", low=0, high=1, points=2.5), "points of a uniform distribution is 2.5; it must be a"),
-    (table("uniform", low=0, high=1, points=True), "points of a uniform distribution is True; it must be a"),
     (table("uniform", low="0", high=1), "low of a uniform distribution is '0'; it must be a number."),
     (table("uniform", low=False, high=1), "low of a uniform distribution is False; it must be a number."),
-    (table("uniform", low=[0], high=1), "low of a uniform distribution is [0]; it must be a number."),
-    (table("uniform", low=None, high=1), "low of a uniform distribution is None; it must be a number."),
     (table("uniform", low=10**400, high=1), "it must be a number."),
     (table("uniform", low=0, high=1, relative="yes"), "is 'yes'; it must be true or false."),
     (table("uniform", low=-1e308, high=1e308), "cannot be as wide as -1e+308 to 1e+308: high - low must be"),
@@ -252,58 +235,32 @@ BAD: list[tuple[Any, str]] = [
     (table("normal", mean=0, deviation=1e308), "a normal distribution as wide as this exceeds 1.8e308"),
     (table("log-normal", median=1, deviation=100), "a log-normal distribution as wide as this exceeds"),
     (table("normal", mean=0, deviation=1, low=50), "has no values between its low and high;"),
-    (table("normal", mean=0, deviation=1, high=-50), "has no values between its low and high;"),
     (table("log-normal", median=1, deviation=0.1, low=100, high=200), "has no values between its low and"),
     (table("integers", low=0, high=2**53 + 1), "supports integers up to 2^53, 9007199254740992;"),
     (table("integers", low=0.5, high=2), "low of a range of integers is 0.5; it must be a whole number."),
     (table("values", values=[]), "a list of values needs one value or more; it is empty."),
     (table("values", values="abc"), "values of a list of values is 'abc'; it must be a list."),
-    (table("values", values=["a"], relative=True), "that is relative needs factors; 'a' is not a number."),
     (table("values", values=[True], relative=True), "that is relative needs factors; True is not a number."),
-    ([], "a list of values needs one value or more; it is empty."),
     ([1, [2, 3]], "'1' in values of a list of values is [2, 3]; it must be a number, true, false or a text."),
-    ([1, None], "is None; it must be a number, true, false or a text."),
-    ([{"low": 1}], "it must be a number, true, false or a text."),
     (np.ones((2, 2)), "it must be a number, true, false or a text."),
     ([1, math.nan], "a list of values holds nan; its numbers must be finite."),
     ([2**60], "a list of values supports integers up to 2^53"),
     (None, "what varies is None; it must be a list of values, a text such as '0.1:0.3', or a table such as"),
     (b"1,2", "what varies is b'1,2'; it must be a list"),
-    ("nan", "a list of values holds nan; its numbers must be finite."),
     ("1,-inf", "a list of values holds -inf; its numbers must be finite."),
     ("1e400:2", "low of a uniform distribution is inf; it must be a finite number."),
-    ("2:1", "a uniform distribution needs low < high; 2.0 to 1.0 is an empty range."),
-    ("0:1:1", "needs 2 points or more, including both ends; points is 1."),
     ("0:1:2.0", "points of a uniform distribution is 2.0; it must be a whole number."),
     ("±0%", "the tolerance '±0%' must be more than 0 %."),
-    ("nromal(0, 1)", "there is no distribution 'nromal'; did you mean 'normal'?"),
     ("normal()", "a normal distribution needs mean and deviation."),
-    ("normal(0)", "a normal distribution needs mean and deviation."),
     ("normal(10%, 1%)", "mean of a normal distribution is '10%'; it must be a number."),
     ("normal(0, 1, 2, 3, 4)", "takes 4 arguments at most: mean, deviation, low and high; here are 5."),
     ("normal(mean=0, 1)", "takes arguments without a name first, then those with one."),
-    ("normal(0, 1, mean=2)", "a normal distribution has mean twice; once is right."),
     ("normal(0, deviation=1, deviation=2)", "a normal distribution has deviation twice; once is right."),
-    ("normal(0, 1, lo=2)", "a normal distribution has no 'lo'; did you mean 'low'?"),
     ("values()", "a list of values needs values."),
 ]
 
-NO_FORM = [
-    "",
-    " ",
-    "1:",
-    ":",
-    "a:b",
-    "1:2:3:4",
-    "1:true",
-    "80%:120",
-    "80:120%",
-    "80%:120%:5%",
-    "1,,2",
-    ",",
-    "1,",
-]
-NO_FORM += ["±10", "±", "+-x%", "±true%", "90%,1", "normal(0, 1", "0, 1)", "normal(0,,1)", "(1, 2)"]
+NO_FORM = ["", " ", "1:", ":", "a:b", "1:2:3:4", "1:true", "80%:120", "80:120%", "80%:120%:5%", "1,,2", ","]
+NO_FORM += ["1,", "±10", "±", "+-x%", "±true%", "90%,1", "normal(0, 1", "0, 1)", "normal(0,,1)", "(1, 2)"]
 
 
 @pytest.mark.parametrize(("given", "hint"), BAD)

@@ -15,18 +15,17 @@ from distributed import Client
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.sandbox.locking import exclusive_lock
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
-from emla_cosim.sweeps.plan import Plan, load_plan
+from emla_cosim.sweeps.plan import load_plan
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
-from tests.support.full_disk import files_of_at_most
 from tests.support.odd_files import ODD
 
 R_S = "lift.plant.motor.R_s"
@@ -42,10 +41,7 @@ def sweep_lift(scheduler: Client, fmu_folder: Path) -> SweepLift:
     return partial(sweep, "lift", scheduler=scheduler, fmus=fmu_folder, **RUN)
 
 
-def of(name: str = R_S, **table: Any) -> dict[str, Any]:
-    return {name: table}
-
-
+VALUES: dict[str, Any] = {"distribution": "values", "values": [1.0]}
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown parameter": ({"vary": {"lift.plant.motor.R_z": [1.0]}}, r"lift\.plant.*motor\.R_[sz]"),
     "unknown component": ({"vary": {"lift.plant2.motor.R_s": [1.0]}}, "lift.plant"),
@@ -54,35 +50,21 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "computed": ({"vary": {"lift.plant.x_L": [0.1]}}, "computed by the FMU .* did you mean .*start.x_L"),
     "driven": ({"vary": {"lift.plant.u_q": [0.1]}}, "driven by lift.controller.u_q"),
     "empty range": ({"vary": {R_S: "0.3:0.1:5"}}, "0.3 to 0.1 is an empty range"),
-    "no values": ({"vary": {R_S: []}}, "it is empty"),
-    "unknown distribution": ({"vary": {R_S: "norml(0.1, 0.2)"}}, "did you mean 'normal'?"),
-    "no bounds": ({"vary": of(distribution="uniform")}, "needs low and high"),
-    "no deviation": ({"vary": {R_S: "normal(0.1)"}}, "needs mean and deviation"),
     "no levels": ({"vary": {R_S: "normal(0.1, 0.01)"}}, f"'{R_S}' of .* a grid needs levels"),
-    "varied twice": ({"vary": {**ONE, "r": {**of(distribution="values", values=[1.0])[R_S], "of": [R_S]}}},
-                     f"varies {R_S} twice"),
+    "varied twice": ({"vary": {**ONE, "r": {"of": [R_S], **VALUES}}}, f"varies {R_S} twice"),
     "pattern again": ({"vary": {**ONE, "lift.plant.motor.R*": [1.0]}}, "two factors"),
-    "a column's name": ({"vary": {"status": {"of": [R_S], "distribution": "values", "values": [1.0]}}},
-                        "every table of variants has this column"),
+    "a column's name": ({"vary": {"status": {"of": [R_S], **VALUES}}}, "every table .* has this column"),
     "fixed option": ({"vary": {"isolate": [True]}}, "isolate cannot vary between variants"),
     "relative to nothing": ({"vary": {"gains": "90%,110%"}}, "no number in the scenario"),
     "nothing varies": ({"vary": {}}, "varies nothing"),
     "no table": ({"vary": ["a"]}, "must be a table"),
     "signals as text": ({"signals": "lift.plant.x_L"}, "must be a list"),
-    "metrics as text": ({"metrics": "lift.held"}, "must be a list or a table"),
-    "no metric": ({"metrics": [3]}, "a metric of .* is 3"),
-    "metric twice": ({"metrics": ["a = max(time)", "a = min(time)"]}, "two columns 'a'"),
     "metric of a factor's name": ({"metrics": [f"{R_S} = max(time)"]}, "a factor and of a figure"),
-    "metric of a column's name": ({"metrics": ["status = max(time)"]}, "two columns 'status'"),
     "unknown metric": ({"metrics": ["lift.torque_peak"]}, "did you mean lift.torque_peak_N_m"),
-    "syntax": ({"metrics": ["a = max(abs(lift.plant.i_q"]}, "'a = max.* cannot be computed"),
     "unknown in expression": ({"metrics": ["a = max(lift.plant.i_qq)"]}, "Did you mean lift.plant.i_q"),
-    "value per row": ({"metrics": ["a = lift.plant.i_q"]}, "a value for each row"),
     "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
     "seed": ({"seed": -1}, "the seed -1"),
-    "runs": ({"runs": 0, "sampling": "random"}, "number of runs is 0"),
     "runs of a grid": ({"runs": 3, "sampling": "grid"}, "has no number of runs"),
-    "sampling": ({"sampling": "sobel"}, "there is no sampling 'sobel'"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
     "many levels": ({"vary": {R_S: "0.1:0.2:1000000000000"}}, "1,000,000,000,000 variants;"),
@@ -123,7 +105,6 @@ FILES: dict[str, tuple[bytes, str]] = {
     "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the key 'real_time'"),
     "vary is no table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
     "brackets": (b"vary = " + b"[" * 100_000, "is not TOML"),
-    "empty": (b"", "."),
     "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
     "NUL": (PLAN.encode() + b"\0", "."),
     "runs": (b'runs = "many"\n' + PLAN.encode(), "'runs' of the plan"),
@@ -256,25 +237,22 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     assert sweep_lift(**plan, overwrite=True).complete
 
 
-@pytest.mark.parametrize("what", ["series", "parts", "strange", "link", "folder", "device"])
+OTHERS = {"parts": "parts/mine.csv", "series": "series/000000000.parquet", "strange": "series/mine.csv"}
+
+
+@pytest.mark.parametrize("what", [*OTHERS, "link"])
 def test_files_of_others_are_kept(what: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
     """An output folder may contain files with the names that a sweep uses."""
     out, other = tmp_path / "out", tmp_path / "other"
-    files = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
-    for path in (out / files.get(what, "mine.csv"), other / "000000000.parquet"):
+    for path in (out / OTHERS.get(what, "mine.csv"), other / "000000000.parquet"):
         path.parent.mkdir(parents=True)
         path.write_text("years of work")
     if what == "strange":
         (out / "sweep.json").write_text('{"identity": {}, "status": "completed"}')
     elif what == "link":
         (out / "series").symlink_to(other)
-    elif what == "folder":
-        (out / "variants.parquet").mkdir()
-    elif what == "device":
-        (out / "worst.txt").symlink_to("/dev/null")
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
-    refusal = r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
-    with pytest.raises(CommandError, match=refusal):
+    with pytest.raises(CommandError, match="does not belong to a sweep; move it"):
         sweep_lift(ONE, output=out)
     assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before
 
@@ -284,15 +262,6 @@ def test_output_that_cannot_be_written(sweep_lift: SweepLift, tmp_path: Path) ->
     for path in (tmp_path / "file", tmp_path / "file/below", "nul\0", "x" * 300):
         with pytest.raises(CommandError, match=r"the output folder .* cannot be written: .*"):
             sweep_lift(ONE, output=path)
-
-
-@pytest.mark.slow
-def test_full_disk_gives_one_message(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
-    plan: dict[str, Any] = {"vary": ONE, "scheduler": cluster, "fmus": fmu_folder, **RUN}
-    with files_of_at_most(1000), pytest.raises(RunError, match=r"cannot be written: .*") as caught:
-        sweep("lift", **plan, output=tmp_path / "full")
-    assert "\n" not in str(caught.value)
-    assert sweep("lift", **plan, output=tmp_path / "other").variants.height == 2
 
 
 def test_names_with_special_characters(scheduler: Client, faulty_fmu: Path, tmp_path: Path) -> None:
@@ -307,11 +276,6 @@ def test_names_with_special_characters(scheduler: Client, faulty_fmu: Path, tmp_
     assert result.variants[f"{name}.b"].to_list() == [0.1, 0.2]
     assert json.loads((tmp_path / "out/sweep.json").read_text())["signals"] == [f"{name}.y"]
     assert result.series is not None and f"{name}.y" in result.series.collect().columns
-
-
-def test_plan_objects_are_checked() -> None:
-    with pytest.raises(CommandError, match="the seed -3"):
-        sweep(Plan("p", "lift", ONE, seed=-3))
 
 
 def test_paths_in_a_plan_are_relative_to_its_folder(tmp_path: Path) -> None:

@@ -3,9 +3,6 @@
 import subprocess
 import sys
 
-import emla_cosim as ec
-from emla_cosim.sweeps.runner import sweep
-
 CODE = """
 import emla_cosim.sweeps
 import emla_cosim as ec
@@ -20,8 +17,3 @@ print(ec.sweep.__module__, ec.tune.__module__)
 def test_imports_of_packages_do_not_hide_functions() -> None:
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False)
     assert done.stdout.split() == ["emla_cosim.sweeps.runner", "emla_cosim.tuning.runner"], done.stderr
-
-
-def test_names_of_sweeps_are_public() -> None:
-    assert {"sweep", "Plan", "SweepResult", "read_sweep", "Distribution"} <= set(ec.__all__)
-    assert ec.sweep is sweep

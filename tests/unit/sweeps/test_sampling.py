@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.sweeps.distributions import Distribution, parse_distribution
-from emla_cosim.sweeps.sampling import SAMPLINGS, count_variants, sample
+from emla_cosim.sweeps.sampling import count_variants, sample
 
 DRAWING = ["random", "latin-hypercube", "sobol", "saltelli"]
 
@@ -30,18 +30,15 @@ def points(method: str, runs: int, seed: int = 0, d: int = 3) -> np.ndarray:
     return np.array(sample(method, made(*["0:1"] * d), runs, seed)).T
 
 
-def sizes(columns: list[list[Any]]) -> set[int]:
-    return {len(column) for column in columns}
-
-
 @pytest.mark.parametrize("method", DRAWING)
-@pytest.mark.parametrize("runs", [1, 2, 100, 128])
+@pytest.mark.parametrize("runs", [1, 100, 128])
 def test_number_of_variants(method: str, runs: int) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         columns = sample(method, MIXED, runs, 1)
     expected = runs * 6 if method == "saltelli" else runs
-    assert sizes(columns) == {expected} == {count_variants(method, MIXED, runs)} and len(columns) == 4
+    assert [len(column) for column in columns] == [expected] * 4
+    assert count_variants(method, MIXED, runs) == expected
 
 
 @pytest.mark.parametrize("method", DRAWING)
@@ -116,16 +113,9 @@ INVALID = [
     ("random", [], 4, "nothing varies; a sampling needs at least one distribution."),
     ("random", UNITS, None, "the sampling 'random' needs a number of runs, 1 or more."),
     ("saltelli", UNITS, 0, "the number of runs is 0; it must be 1 or more."),
-    ("sobol", UNITS, -3, "the number of runs is -3; it must be 1 or more."),
     ("random", UNITS, 2.5, "the number of runs is 2.5; it must be a whole number."),
     ("random", UNITS, True, "the number of runs is True; it must be a whole number."),
-    ("random", UNITS, "9", "the number of runs is '9'; it must be a whole number."),
-    (
-        "grid",
-        UNITS,
-        None,
-        "a grid needs levels, but a uniform distribution, number 1 of the factors, has none",
-    ),
+    ("grid", UNITS, None, "but a uniform distribution, number 1 of the factors, has none"),
     ("grid", made("1,2", "integers(1, 9999)"), None, "a range of integers, number 2 of the factors, has"),
     ("grid", made("1,2"), 4, "'grid' has no number of runs: a grid is as large as its levels make it."),
     ("one-at-a-time", UNITS, 4, "'one-at-a-time' has no number of runs: it runs the nominal variant"),
@@ -135,33 +125,26 @@ INVALID = [
 ]
 
 
-@pytest.mark.parametrize(("method", "factors", "runs", "hint"), INVALID)
-def test_invalid_samplings_give_one_message(method: str, factors: Any, runs: Any, hint: str) -> None:
-    assert hint in refusal(method, factors, runs, 0)
-
-
 @pytest.mark.parametrize(
-    ("seed", "hint"),
-    [(-1, "the seed -1 must be a whole number from 0."), (0.5, "it must be a whole number.")],
+    ("method", "factors", "runs", "seed", "hint"),
+    [
+        *((method, factors, runs, 0, hint) for method, factors, runs, hint in INVALID),
+        ("random", UNITS, 4, -1, "the seed -1 must be a whole number from 0."),
+        ("random", UNITS, 4, 0.5, "it must be a whole number."),
+    ],
 )
-def test_invalid_seeds_give_one_message(seed: Any, hint: str) -> None:
-    assert hint in refusal("random", UNITS, 4, seed)
-
-
-def refusal(method: str, factors: Any, runs: Any, seed: Any) -> str:
+def test_invalid_samplings_give_one_message(
+    method: str, factors: Any, runs: Any, seed: Any, hint: str
+) -> None:
     with pytest.raises(CommandError) as caught:
         sample(method, factors, runs, seed)
     text = str(caught.value)
+    assert hint in text
     assert text.endswith(".") and "\n" not in text
-    return text
 
 
 def test_runs_and_seed_can_be_numpy_integers() -> None:
     assert sample("random", UNITS, np.int64(3), np.uint8(4)) == sample("random", UNITS, 3, 4)  # type: ignore[arg-type]
-
-
-def test_samplings_that_need_runs() -> None:
-    assert [name for name, sampling in SAMPLINGS.items() if sampling.takes_runs] == DRAWING
 
 
 def test_messages_have_the_dimensions_of_scipy() -> None:

@@ -9,27 +9,15 @@ from emla_cosim.base.option import SWEEP
 from emla_cosim.cli.commands.options import add_flag_values
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.run.options import Options
-from emla_cosim.sweeps.targets import FMU, OPTION, Target, assign_value, format_arguments, merge_options
+from emla_cosim.sweeps.targets import OPTION, Target, assign_value, format_arguments
 from emla_cosim.system.model import Replacement
 
 
-def test_values_of_options_components_and_start_values() -> None:
+def test_values_become_options() -> None:
     assert assign_value([Target("gains", OPTION)], "robust") == {"gains": "robust"}
     assert assign_value([Target("parameters", OPTION)], "a.ssv") == {"parameters": ["a.ssv"]}
-    assert assign_value([Target("j.plant", FMU)], "a.fmu") == {"replace": {"j.plant": "a.fmu"}}
-    assert assign_value([Target("j.plant.R")], 2.0) == {"set": {"j.plant.R": 2.0}}
-    assert assign_value([Target("j.plant.R"), Target("k.plant.R")], None) == {}
-
-
-def test_relative_factor_scales_nominal_values() -> None:
-    several = [Target("j.R", nominal=2.0), Target("k.R", nominal=5.0)]
-    assert assign_value(several, 1.5) == {"set": {"j.R": 3.0, "k.R": 7.5}}
-    assert assign_value(several[:1], 3.0) == {"set": {"j.R": 3.0}}
-
-
-def test_options_of_several_factors_are_merged() -> None:
-    parts = [{"set": {"a.x": 1}}, {"gains": "robust"}, {"set": {"a.y": 2}, "replace": {"a": "f.fmu"}}]
-    assert merge_options(parts) == {"set": {"a.x": 1, "a.y": 2}, "gains": "robust", "replace": {"a": "f.fmu"}}
+    assert assign_value([Target("j.R", nominal=2.0)], 3.0) == {"set": {"j.R": 3.0}}
+    assert assign_value([Target("j.R"), Target("k.R")], None) == {}
 
 
 def test_arguments_of_the_command_line() -> None:

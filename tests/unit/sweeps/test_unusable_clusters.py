@@ -1,8 +1,7 @@
 """Clusters without workers, versions or an answer end a sweep with one message; others lose one variant."""
 
 import pickle
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -21,7 +20,9 @@ R_S = "lift.plant.motor.R_s"
 class FaultyClient(InProcessClient):
     """A client whose calls of workers fail, where `fault` returns an exception for method and argument."""
 
-    fault: Callable[[str, Any], BaseException | None]
+    def __init__(self, fault: Callable[[str, Any], BaseException | None]) -> None:
+        super().__init__()
+        self.fault = fault
 
     def submit(self, _: Any, method: str, argument: Any, **options: Any) -> Any:
         if (error := self.fault(method, argument)) is None:
@@ -34,13 +35,6 @@ class FaultyClient(InProcessClient):
             add_done_callback=lambda call: None,
             cancel=Mock(),
         )
-
-
-@contextmanager
-def faulty_client(fault: Callable[[str, Any], BaseException | None]) -> Iterator[FaultyClient]:
-    with FaultyClient() as client:
-        client.fault = fault
-        yield client  # type: ignore[misc]
 
 
 def killed() -> KilledWorker:
@@ -62,7 +56,7 @@ def sweep(client: InProcessClient, fmus: Path, **options: Any) -> ec.SweepResult
     ],
 )
 def test_failing_workers_give_one_message(error: BaseException, message: str, fmu_folder: Path) -> None:
-    with faulty_client(lambda method, _: error) as client, pytest.raises(RunError, match=message):
+    with FaultyClient(lambda method, _: error) as client, pytest.raises(RunError, match=message):
         sweep(client, fmu_folder)
 
 
@@ -87,7 +81,7 @@ def test_variant_that_loses_two_workers_has_died(fmu_folder: Path) -> None:
     def fault(method: str, argument: Any) -> BaseException | None:
         return killed() if method == "run" and 1 in pickle.loads(argument).numbers else None
 
-    with faulty_client(fault) as client:
+    with FaultyClient(fault) as client:
         result = sweep(client, fmu_folder)
     assert result.variants["status"].to_list() == [DONE, DIED, DONE]
     problem = "its worker ended 2 times: it ran out of memory, or its machine was lost."
