@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_fmu import EmlaPlant
-from fmublock import Instance, StepDiscardedError
+from fmublock import StepDiscardedError
 from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
 from hdrm_fmu.parameters import RANGES
 from tests.support.in_process import started
@@ -19,10 +19,6 @@ from tests.support.sessions import Session
 
 EMLAS = (LIFT, TILT, TELESCOPE)
 TORQUES = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3)
-
-
-def running(block: Any, **values: Any) -> Instance:
-    return started(block, values)
 
 
 def parameters(block: Any) -> dict[str, Any]:
@@ -43,21 +39,8 @@ def test_defaults_and_ranges_are_those_of_the_parameters(block: Any) -> None:
 
 def test_actuators_are_those_of_the_joints() -> None:
     found = parameters(HdrmPlant)
-    for name in (
-        "J_m",
-        "B_m",
-        "J_c",
-        "rho",
-        "J_GB",
-        "eta_GB",
-        "lead",
-        "M_BS",
-        "B_BS",
-        "C_eq",
-        "q_LB",
-        "q_UB",
-        "v_max",
-    ):
+    mechanics = ("J_m", "B_m", "J_c", "rho", "J_GB", "eta_GB", "lead", "M_BS", "B_BS", "C_eq")
+    for name in (*mechanics, "q_LB", "q_UB", "v_max"):
         start = found[name].start
         starts = start if isinstance(start, tuple) else (start,) * 3
         assert starts == tuple(getattr(emla, name) for emla in EMLAS), name
@@ -72,41 +55,22 @@ def test_it_accelerates_as_three_plants_under_its_load_force(
     m: Moment, tau_m: list[float], d_2: list[float], F_2: list[float]
 ) -> None:
     more = {"screw.B_BS": [50.0, 40.0, 30.0], "screw.C_eq": [2.0, 1.0, 0.5], "uncertainty.F_2": F_2}
-    merged = running(
-        HdrmPlant,
-        tau_m=tau_m,
-        d_2=d_2,
-        **{"payload.m": m.payload, "start.x_L": m.q, "start.v_L": m.v, **more},
-    )
+    start = {"payload.m": m.payload, "start.x_L": m.q, "start.v_L": m.v}
+    merged = started(HdrmPlant, {"tau_m": tau_m, "d_2": d_2, **start, **more})
     for i, emla in enumerate(EMLAS):
-        plant = running(
-            EmlaPlant,
-            i_q_ref=tau_m[i] / (1.5 * emla.N_p * emla.Phi_PM),
-            F_L=merged["F_L"][i],
-            d_2=d_2[i],
-            use_commanded_current=True,
-            v_L=m.v[i],
-            **{
-                "start.x_L": m.q[i],
-                "motor.N_p": emla.N_p,
-                "motor.Phi_PM": emla.Phi_PM,
-                "motor.J_m": emla.J_m,
-                "gearbox.rho": emla.rho,
-                "screw.lead": emla.lead,
-                "screw.M_BS": emla.M_BS,
-                **{name: values[i] for name, values in more.items()},
-            },
-        )
+        motor = {f"motor.{name}": getattr(emla, name) for name in ("N_p", "Phi_PM", "J_m")}
+        screw = {"gearbox.rho": emla.rho, "screw.lead": emla.lead, "screw.M_BS": emla.M_BS}
+        acting = {
+            "i_q_ref": tau_m[i] / (1.5 * emla.N_p * emla.Phi_PM),
+            "F_L": merged["F_L"][i],
+            "d_2": d_2[i],
+            "use_commanded_current": True,
+        }
+        own = {name: values[i] for name, values in more.items()}
+        start = {"start.x_L": m.q[i], "v_L": m.v[i]}
+        plant = started(EmlaPlant, motor | screw | acting | own | start)
         assert plant["tau_m"] == pytest.approx(tau_m[i], rel=1e-14)
         assert merged["a_L"][i] == pytest.approx(plant["a_L"], rel=1e-9, abs=1e-9)
-
-
-def test_the_manipulator_finds_the_same_force_and_tip() -> None:
-    merged = running(HdrmPlant, tau_m=[50.0, -20.0, 5.0], **{"start.v_L": [0.1, -0.05, 0.2]})
-    motion = {name: merged[name] for name in ("x_L", "v_L", "a_L")}
-    alone = running(HdrmManipulator, **motion)
-    for name in ("F_L", "tip.x", "tip.y"):
-        assert alone[name] == merged[name]
 
 
 # ---- energy -------------------------------------------------------------------------------------
@@ -152,7 +116,7 @@ def test_energy_is_conserved_over_ten_seconds_of_free_motion(sessions: dict[str,
 
 
 def test_a_step_beyond_the_triangle_is_discarded() -> None:
-    plant = running(HdrmPlant, tau_m=[2000.0, 8.0, -6.0])
+    plant = started(HdrmPlant, {"tau_m": [2000.0, 8.0, -6.0]})
     time = 0.0
     with pytest.raises(StepDiscardedError, match=r"x_L\[\d\] became nan"):
         for k in range(200):

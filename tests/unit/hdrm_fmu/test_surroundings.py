@@ -9,7 +9,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from hdrm_fmu.base import base_corners, lowest_ground
+from hdrm_fmu.base import base_corners
 from hdrm_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
 from hdrm_fmu.optimisation.narrowing import narrowed
 from hdrm_fmu.optimisation.problem import MotionProblem
@@ -101,11 +101,6 @@ def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None
         assert "the clearance from the ground by" in str(error)
         return
     assert not is_kept or min(height(problem, q) for q in seen) >= 0.2 - 2e-6
-
-
-def test_the_ground_is_at_the_foot_of_the_base() -> None:
-    assert lowest_ground(HDRM) == pytest.approx(1.15 * math.sin(math.radians(-70.0)) - 0.3, abs=1e-12)
-    assert lowest_ground(HDRM) == pytest.approx(-1.381, abs=1e-3)
 
 
 @given(q=anywhere())
