@@ -6,49 +6,25 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.linearization.margins import compute_margins
-from emla_cosim.linearization.response import count_integrators, transform_response
-from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, State
-
-STEP = 1e-2
+from fmublock import DiscreteState
+from tests.support.state_feedback import STEP, WIRES, MatrixCart, MatrixGain
 
 
-class LinearizedCart(Block):
-    """A mass of 1 kg."""
-
-    default_experiment = DefaultExperiment(stop_time=4.0, step_size=STEP)
-    force = Input(0.0, unit="N")
-    x = State(0.1, unit="m")
-    v = State(0.0, unit="m/s")
-    position = Output(unit="m")
-    speed = Output(unit="m/s")
-
-    def derivatives(self, v):
-        return {"x": v.v, "v": v.force}
-
-    def outputs(self, v):
-        return {"position": v.x, "speed": v.v}
+class LinearizedCart(MatrixCart):
+    """The mass for co-simulation."""
 
 
-class LinearizedGain(Block):
-    """State feedback, with an input that is added to its output."""
+class LinearizedGain(MatrixGain):
+    """The state feedback for co-simulation, which a discrete state makes the only kind."""
 
-    default_experiment = DefaultExperiment(stop_time=4.0, step_size=STEP)
-    position = Input(0.0, unit="m")
-    speed = Input(0.0, unit="m/s")
-    feed = Input(0.0, unit="N")
     before = DiscreteState(0.0)
-    force = Output(unit="N")
 
     def update(self, v):
         return {"before": v.position}
 
-    def outputs(self, v):
-        return {"force": 2.0 * v.feed - 4.0 * v.position - 4.0 * v.speed}
-
 
 def closed() -> ec.System:
-    wires = ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force")
-    return ec.System.of({"cart": LinearizedCart, "gain": LinearizedGain}, wires)
+    return ec.System.of({"cart": LinearizedCart, "gain": LinearizedGain}, WIRES)
 
 
 def loop_gain(frequency: np.ndarray) -> np.ndarray:
@@ -97,15 +73,6 @@ def test_margins_of_a_delayed_double_integrator() -> None:
     assert margins.gain_up_dB > 0.0 > margins.gain_down_dB
 
 
-def test_responses_with_integrators_are_transformed() -> None:
-    f = np.array([1.0, 10.0])
-    z = np.exp(2j * np.pi * f * STEP)
-    ramp = np.arange(500.0)
-    order = count_integrators(ramp)
-    assert order == 2
-    assert transform_response(ramp, order, f, STEP) == pytest.approx(z / (z - 1.0) ** 2)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -133,10 +100,7 @@ def test_unstable_operating_point_is_refused() -> None:
         def outputs(self, v):
             return {"force": 4.0 * v.position + 4.0 * v.speed}
 
-    system = ec.System.of(
-        {"cart": LinearizedCart, "gain": LinearizedRunaway},
-        ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force"),
-    )
+    system = ec.System.of({"cart": LinearizedCart, "gain": LinearizedRunaway}, WIRES)
     with pytest.raises(ec.RunError, match="unstable"):
         ec.linearize(system, open="gain.force->cart.force", stop_time=6.0, step_size=STEP, duration=3.0)
 
@@ -148,9 +112,3 @@ def test_runs_are_repeated_where_states_cannot_be_restored(monkeypatch: pytest.M
     assert not result.rolled_back
     (response,) = (m.response for m in result.responses.values())
     assert np.abs(response.value / loop_gain(response.frequency) - 1.0).max() < 1e-2
-
-
-def test_folder_has_all_files(tmp_path) -> None:
-    ec.linearize(closed(), open="gain.force->cart.force", output=tmp_path / "out", **OPTIONS)
-    names = {"linearize.json", "responses.csv", "bode.png", "nyquist.png"}
-    assert names <= {p.name for p in (tmp_path / "out").iterdir()}

@@ -9,7 +9,6 @@ import emla_cosim as ec
 from emla_cosim.linearization.margins import compute_margins
 from emla_cosim.linearization.places import default_openings
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
-from tests.support.linear_drive import GAINS as GAINS_OF_MODEL
 from tests.support.tiers import mostly_slow
 
 AT, DURATION = 0.35, 0.15
@@ -33,17 +32,9 @@ def drive(controller: str, fmus: Path) -> LinearDrive:
 @pytest.mark.parametrize("controller", mostly_slow(GAINS, ["rsba"]))
 def test_loop_gain_of_a_joint_equals_its_equations(controller: str, fmu_folder: Path) -> None:
     places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
-    result = ec.linearize(
-        "lift",
-        controller=controller,
-        gains=GAINS[controller],
-        set=DELAY,
-        open=list(places.values()),
-        at=AT,
-        duration=DURATION,
-        stop_time=0.5,
-        fmus=fmu_folder,
-    )
+    at = {"at": AT, "duration": DURATION, "stop_time": 0.5, "fmus": fmu_folder}
+    given = {"controller": controller, "gains": GAINS[controller], "set": DELAY}
+    result = ec.linearize("lift", open=list(places.values()), **given, **at)
     expected = drive(controller, fmu_folder)
     for opened_at, name in places.items():
         response, found = result[name], result.margins[name]
@@ -68,18 +59,6 @@ def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controll
         limit = 10.0 ** (-margin / 20.0)
         assert LinearDrive(controller, 0.05, 33.0, 0.0, limit**0.9).is_stable()
         assert not LinearDrive(controller, 0.05, 33.0, 0.0, limit**1.1).is_stable()
-
-
-@pytest.mark.parametrize(("w_i", "phase", "up", "down"), [(0.0, 6.2, 4.0, -2.0), (233.6, 5.7, 3.4, -2.1)])
-def test_integral_of_current_controllers_reduces_margins(
-    w_i: float, phase: float, up: float, down: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A model of others, without this integral, has the first figures for `tuned` of FOC."""
-    monkeypatch.setitem(GAINS_OF_MODEL["foc"], "w_i", w_i)
-    frequency = np.geomspace(20.0, 4999.0, 2000)
-    margins = compute_margins(frequency, LinearDrive("foc", 0.05, 33.0, 0.0).loop_gain(POSITION, frequency))
-    found = margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB
-    assert found == pytest.approx((phase, up, down), abs=0.1)
 
 
 @pytest.mark.parametrize("opened_at", PLACES)
@@ -108,16 +87,8 @@ OPTIONS = {"gains": "compensated", "set": DELAY}
 @pytest.fixture(scope="module")
 def compliance(fmu_folder: Path) -> ec.FrequencyResponse:
     """From the load to the position."""
-    result = ec.linearize(
-        "lift",
-        perturb=FORCE,
-        read=POSITION_OUT,
-        at=AT,
-        duration=DURATION,
-        stop_time=0.5,
-        fmus=fmu_folder,
-        **OPTIONS,
-    )
+    at = {"at": AT, "duration": DURATION, "stop_time": 0.5, "fmus": fmu_folder}
+    result = ec.linearize("lift", perturb=FORCE, read=POSITION_OUT, **at, **OPTIONS)
     return result[f"{FORCE} to {POSITION_OUT}"]
 
 

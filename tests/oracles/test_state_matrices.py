@@ -11,45 +11,12 @@ from typer.testing import CliRunner
 import emla_cosim as ec
 from emla_cosim.cli.app import app
 from emla_fmu import EmlaPlant
-from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, minimum
+from fmublock import Block, DefaultExperiment, Input, Output, State, minimum
 from tests.support.hand_written_fmus import build_integrated_fmu
 from tests.support.linear_drive import LinearDrive
+from tests.support.state_feedback import STEP, WIRES, MatrixCart, MatrixGain
 
-STEP = 1e-2
 ME = {"kind": {"*": "me"}, "step_size": STEP, "stop_time": 0.1}
-
-
-class MatrixCart(Block):
-    """A mass with a spring and a damper."""
-
-    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
-    stiffness = Parameter(0.0, unit="N/m")
-    damping = Parameter(0.0, unit="N.s/m")
-    gravity = Parameter(0.0, unit="N")
-    force = Input(0.0, unit="N")
-    x = State(0.1, unit="m")
-    v = State(0.0, unit="m/s")
-    position = Output(unit="m")
-    speed = Output(unit="m/s")
-
-    def derivatives(self, v):
-        return {"x": v.v, "v": v.force - v.gravity - v.stiffness * v.x - v.damping * v.v}
-
-    def outputs(self, v):
-        return {"position": v.x, "speed": v.v}
-
-
-class MatrixGain(Block):
-    """State feedback, with an input that is added to its output."""
-
-    default_experiment = DefaultExperiment(stop_time=1.0, step_size=STEP)
-    position = Input(0.0, unit="m")
-    speed = Input(0.0, unit="m/s")
-    feed = Input(0.0, unit="N")
-    force = Output(unit="N")
-
-    def outputs(self, v):
-        return {"force": 2.0 * v.feed - 4.0 * v.position - 4.0 * v.speed}
 
 
 class MatrixTank(Block):
@@ -79,8 +46,7 @@ class MatrixLimit(Block):
 
 
 def closed() -> ec.System:
-    wires = ("cart.position -> gain.position", "cart.speed -> gain.speed", "gain.force -> cart.force")
-    return ec.System.of({"cart": MatrixCart, "gain": MatrixGain}, wires)
+    return ec.System.of({"cart": MatrixCart, "gain": MatrixGain}, WIRES)
 
 
 def linearize(source: object, **options: object) -> ec.LinearizeResult:
