@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import types
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from emla_cosim.recorders.metrics import METRICS
 from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.stored import read_sweep
+from emla_cosim.system.model import System
 from tests.support.clusters import CODE, At, family, outside_cluster
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault
@@ -34,6 +36,17 @@ from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
+
+
+@pytest.fixture
+def system(faulty_fmu: Path) -> System:
+    """A line of FMUs of which `j.bad` fails as its parameter says."""
+    return line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+
+
+def runs_with(faults: Sequence[Fault]) -> dict[str, Any]:
+    """The factor `run`, whose values are these faults."""
+    return {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}}
 
 
 def killing(flag: Path, value: float) -> Any:
@@ -60,17 +73,11 @@ def numbers(result: Any) -> list[int]:
     return result.variants["variant"].to_list()
 
 
-def test_variant_that_ends_its_process_is_reported(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+def test_variant_that_ends_its_process_is_reported(cluster: Client, system: System, tmp_path: Path) -> None:
     """One variant's FMU ends every process that it comes to; another's process is killed once."""
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     faults = [Fault.NONE] * 2 + [Fault.SEGFAULT] + [Fault.NONE] * 2
-    result = sweep(
-        system,
-        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
-        metrics={"y": killing(tmp_path / "flag", 3.0)},
-        scheduler=cluster,
-        **RUN,
-    )
+    metrics = {"y": killing(tmp_path / "flag", 3.0)}
+    result = sweep(system, runs_with(faults), metrics=metrics, scheduler=cluster, **RUN)
     assert (tmp_path / "flag").exists()
     assert numbers(result) == list(range(5)) and result.complete
     assert result.variants["status"].to_list() == ["done"] * 2 + ["died"] + ["done"] * 2
@@ -95,17 +102,9 @@ def undisturbed(cluster: Client, fmu_folder: Path, tmp_path_factory: pytest.Temp
 
 def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
     """The sweep of `command`."""
-    return sweep(
-        "lift",
-        {"lift.plant.motor.R_s": "0.1:0.2:100"},
-        metrics=["lift.torque_peak_N_m"],
-        signals=["lift.plant.x_L"],
-        scheduler=cluster,
-        stop_time=0.1,
-        fmus=fmus,
-        output=output,
-        **more,
-    )
+    kept: dict[str, Any] = {"metrics": ["lift.torque_peak_N_m"], "signals": ["lift.plant.x_L"]}
+    vary = {"lift.plant.motor.R_s": "0.1:0.2:100"}
+    return sweep("lift", vary, **kept, scheduler=cluster, stop_time=0.1, fmus=fmus, output=output, **more)
 
 
 @pytest.mark.slow
@@ -118,9 +117,8 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
     temporary.mkdir()
     environment = {**os.environ, "TMPDIR": str(temporary)}
     process = subprocess.Popen(
-        command(fmu_folder, "--workers", "2"),
-        cwd=tmp_path, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        env=environment,
+        command(fmu_folder, "--workers", "2"), cwd=tmp_path, env=environment, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
     )  # fmt: skip
     out = tmp_path / "out"
     try:
@@ -160,10 +158,9 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
 
 @pytest.mark.slow
 def test_sweep_survives_the_loss_of_worker_and_scheduler(
-    faulty_fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    system: System, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A worker of it is killed, then the scheduler; the local cluster goes on with what there is."""
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     plan: dict[str, Any] = {
         "vary": {"j.bad.b": "0.1:0.5:40"},
         "metrics": {"y": killing(tmp_path / "flag", 2.0 + 2.0 * (0.1 + 0.4 * 20 / 39))},
@@ -216,7 +213,7 @@ def files_of_fmus(folder: Path) -> set[Path]:
 
 
 @pytest.mark.slow
-def test_chunk_of_long_variants_returns_early(cluster: Client, faulty_fmu: Path) -> None:
+def test_chunk_of_long_variants_returns_early(cluster: Client, system: System) -> None:
     """Long variants after many short ones: no process keeps those that another one could run."""
 
     def process_of(result: Any) -> float:
@@ -226,10 +223,8 @@ def test_chunk_of_long_variants_returns_early(cluster: Client, faulty_fmu: Path)
         time.sleep(0.5 if result["j.bad.y"][-1] > 3.0 else 0.0)
         return float(os.getpid())
 
-    result = sweep(
-        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1] * 200 + [0.9] * 8},
-        metrics={"process": process_of}, scheduler=cluster, **RUN,
-    )  # fmt: skip
+    vary = {"j.bad.b": [0.1] * 200 + [0.9] * 8}
+    result = sweep(system, vary, metrics={"process": process_of}, scheduler=cluster, **RUN)
     processes = result.variants["process"].to_list()[200:]
     assert len(set(processes)) == 2 and sorted(map(processes.count, set(processes)))[0] >= 2
 
@@ -253,9 +248,8 @@ def test_own_cluster_shows_nothing_to_other_users(cluster: Client) -> None:
 
 
 def test_unreachable_scheduler_is_reported(
-    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    system: System, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     monkeypatch.setattr(executor, "_CONNECT_S", 0.5)
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
@@ -277,10 +271,10 @@ class Notes(Progress):
 
 
 @pytest.mark.slow
-def test_scheduler_without_workers_is_waited_for(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_scheduler_without_workers_is_waited_for(system: System, tmp_path: Path) -> None:
     """It is said what is waited for; an adaptive cluster starts workers for what waits."""
     plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
-    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
+    seen = Notes()
     with (
         LocalCluster(
             n_workers=0, threads_per_worker=1, processes=False, protocol="tcp://",
@@ -298,9 +292,9 @@ def test_scheduler_without_workers_is_waited_for(faulty_fmu: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_hanging_variant_is_named_and_ended(cluster: Client, faulty_fmu: Path, tmp_path: Path) -> None:
+def test_hanging_variant_is_named_and_ended(cluster: Client, system: System, tmp_path: Path) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
-    system, seen = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), Notes()
+    seen = Notes()
     cluster.run(set_slow_s, 0.5)
     faults = [int(Fault.HANG if n in (3, 7) else Fault.NONE) for n in range(12)]
     plan: dict[str, Any] = {"vary": {"j.bad.fault": faults}, "metrics": ["y = last(j.bad.y)"], **RUN}
@@ -308,9 +302,8 @@ def test_hanging_variant_is_named_and_ended(cluster: Client, faulty_fmu: Path, t
     partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
     assert not partial.complete and not {3, 7} & set(numbers(partial))
     wait_for(lambda: sum(cluster.run(count_lost_processes).values()) == 0)
-    result = sweep(
-        system, **plan, scheduler=cluster, output=out, resume=True, timeout="5 s", progress=seen,
-    )  # fmt: skip
+    more: dict[str, Any] = {"resume": True, "timeout": "5 s", "progress": seen}
+    result = sweep(system, **plan, scheduler=cluster, output=out, **more)
     assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
     assert result.variants["problem"][3] == "it took more than 5 s; see --timeout."
     assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
@@ -333,7 +326,7 @@ def set_slow_s(seconds: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "killers"), [("here", 1), ("nanny", 3), ("no nanny", 3)])
 def test_variants_that_end_processes_cost_no_worker(
-    kind: str, killers: int, cluster: Client, faulty_fmu: Path, tmp_path: Path
+    kind: str, killers: int, cluster: Client, system: System, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
     chosen = random.Random(killers).sample(range(5, 40), killers)
@@ -344,11 +337,8 @@ def test_variants_that_end_processes_cost_no_worker(
         if kind != "here":
             more = () if kind == "nanny" else ("--no-nanny",)
             scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
-        result = sweep(
-            line_with_a_fault(faulty_fmu, Fault.NONE, 0.45),
-            {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
-            metrics=["y = last(j.bad.y)"], signals=["j.bad.y"], scheduler=scheduler, **RUN,
-        )  # fmt: skip
+        kept: dict[str, Any] = {"metrics": ["y = last(j.bad.y)"], "signals": ["j.bad.y"]}
+        result = sweep(system, runs_with(faults), scheduler=scheduler, **kept, **RUN)
         if kind != "here":
             with Client(scheduler, set_as_default=False) as client:
                 assert sum(dict(client.nthreads()).values()) == 2
@@ -358,17 +348,14 @@ def test_variants_that_end_processes_cost_no_worker(
 
 
 @pytest.mark.slow
-def test_worker_without_the_package_is_reported(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_worker_without_the_package_is_reported(system: System, tmp_path: Path) -> None:
     """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
     (tmp_path / "other/emla_cosim").mkdir(parents=True)
     (tmp_path / "other/emla_cosim/__init__.py").write_text("raise ImportError('no emla_cosim here')")
     with outside_cluster(tmp_path, workers=0) as outside:
         outside.worker("--no-nanny", path=f"{tmp_path / 'other'}{os.pathsep}{CODE}")
         with pytest.raises(RunError, match="cannot run this: no emla_cosim here; install the same versions"):
-            sweep(
-                line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1]},
-                scheduler=outside.address, **RUN,
-            )  # fmt: skip
+            sweep(system, {"j.bad.b": [0.1]}, scheduler=outside.address, **RUN)
         assert outside.workers[0].poll() is None
 
 
@@ -438,26 +425,22 @@ def test_definitions_of_a_script_run_on_workers(cluster: Client, fmu_folder: Pat
 
 @pytest.mark.slow
 def test_worker_of_another_version_is_refused(
-    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+    cluster: Client, system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is refused, and the cluster remains as good as it was."""
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     with monkeypatch.context() as patched, pytest.raises(CommandError) as caught:
         patched.setattr(worker_payload, "version", lambda _: "0.0.1")
         sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
     left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
     assert not [name for name in left if "emla" in name], "new workers would be refused as well"
-    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].to_list() == [
-        "done"
-    ]
+    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].item() == "done"
 
 
 def test_modules_that_workers_lack_are_reported(
-    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+    cluster: Client, system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A metric of a module that only the caller has."""
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     module = types.ModuleType("only_here")
     exec("def metric(result):\n    return 1.0", module.__dict__)
     monkeypatch.setitem(sys.modules, "only_here", module)

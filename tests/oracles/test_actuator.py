@@ -496,6 +496,7 @@ def test_actuator_in_a_scenario_file_runs(fmu_folder: Path, tmp_path: Path) -> N
     settings = result.record["settings"]["actuator"]["prototype"]
     assert settings["file"].endswith("my.toml") and len(settings["sha256"]) == 64
     assert "motor.R 2.32 Ohm line to line -> plant motor.R_s = 1.16 Ohm" in settings["conversion"]
+    assert settings["entered"]["motor.kT"] == "1.693717 N m/A rms"
     again = ec.load("prototype", actuator={"prototype": ec.Actuator.read(FILE)}, fmus=fmu_folder)
     with again.prepare() as simulation:
         assert (simulation.run()["prototype.plant.x_L"] == result["prototype.plant.x_L"]).all()
@@ -530,16 +531,6 @@ def test_actuator_with_measured_load_and_reference(emla: Emla, tmp_path: Path) -
     assert 0.0 < figures["position_error_m"] < 1e-4
     most = 12e3 * 2e-3 / (2 * math.pi) / 0.8075
     assert figures["torque_effort_N_m"] == pytest.approx(most, rel=0.1)
-
-
-def test_terminal_shows_sheet_and_model_before_the_run(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
-    own = f"prototype={FILE}"
-    arguments = ("run", "prototype", "--actuator", own, "--stop-time", "0.1", "--no-plots")
-    shown = emla(*arguments, "--fmus", str(fmu_folder), "--output", str(tmp_path)).stdout
-    before, _ = shown.split("prototype, 0.1 s simulated")
-    assert "R_s = 1.16 Ohm" in before and "Phi_PM = 0.199606 Wb" in before
-    record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
-    assert record["settings"]["actuator"]["prototype"]["entered"]["motor.kT"] == "1.693717 N m/A rms"
 
 
 def test_workers_need_no_actuator_file(fmu_folder: Path) -> None:

@@ -18,6 +18,10 @@ TIME = np.linspace(0.0, 1.0, 400)
 LINE = np.column_stack([np.ones_like(TIME), TIME])
 
 
+NOISE = np.random.default_rng(3).standard_normal(len(TIME))
+BOTH = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+
+
 def fitted(values: np.ndarray, columns: np.ndarray = LINE) -> tuple[np.ndarray, np.ndarray]:
     """The least-squares estimates of the columns' factors, and the residuals."""
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
@@ -25,10 +29,8 @@ def fitted(values: np.ndarray, columns: np.ndarray = LINE) -> tuple[np.ndarray, 
 
 
 def test_white_residuals_give_the_covariance_of_regression() -> None:
-    noise = np.random.default_rng(3).standard_normal(len(TIME))
-    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
-    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
-    got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)])
+    found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
+    got = judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)])
     variance = residuals @ residuals / (len(TIME) - 2)
     expected = np.sqrt(np.diag(variance * np.linalg.inv(LINE.T @ LINE)))
     assert [one.value for one in got.estimates] == pytest.approx(found)
@@ -44,11 +46,10 @@ MEMORIES = [(0.0, 0.92), (0.5, 0.9), (0.9, 0.84)]
 def test_intervals_contain_true_values_with_correlated_residuals(memory: float, least: float) -> None:
     """With the covariance of independent residuals, that would be 0.33 of 400 for a memory of 0.9."""
     random, inside, runs = np.random.default_rng(1), np.zeros(2), 400
-    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
     for _ in range(runs):
         noise = lfilter([1.0], [1.0, -memory], random.standard_normal(len(TIME) + 200))[200:]
         found, residuals = fitted(LINE @ [4.0, 6.0] + 0.2 * noise)
-        got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
+        got = judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
         inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
                    for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
     assert (inside / runs > least).all() and (inside / runs < 0.985).all(), inside / runs
@@ -57,13 +58,12 @@ def test_intervals_contain_true_values_with_correlated_residuals(memory: float, 
 @pytest.mark.parametrize("loss", mostly_slow(["soft_l1", "huber", "cauchy"], ["cauchy"]))
 def test_intervals_contain_true_values_despite_outliers(loss: str) -> None:
     random, inside, runs, widths = np.random.default_rng(1), np.zeros(2), 300, list[float]()
-    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
     for _ in range(runs):
         noise = random.standard_normal(len(TIME)) * np.where(random.random(len(TIME)) < 0.05, 30.0, 1.0)
         values = LINE @ [4.0, 6.0] + noise
         found = least_squares(lambda p, y=values: LINE @ p - y, fitted(values)[0], loss=loss).x
         residuals = LINE @ found - values
-        got = judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss).estimates
+        got = judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss).estimates
         widths.append(float(got[1].error or np.inf))
         inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
                    for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
@@ -103,12 +103,10 @@ def test_unidentifiable_parameters_are_named() -> None:
 
 def test_uncertain_derivatives_widen_intervals() -> None:
     """Where another step of the differences changes a slope by a fifth, the error is a quarter larger."""
-    noise = np.random.default_rng(3).standard_normal(len(TIME))
-    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
-    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
     shown = 10.0 * LINE
     sure, unsure, lost = (
-        judge(parameters, found / 10.0, residuals, shown, [len(TIME)], factor * shown).estimates
+        judge(BOTH, found / 10.0, residuals, shown, [len(TIME)], factor * shown).estimates
         for factor in (0.0, 0.2, 0.6)
     )
     for one, other in zip(sure, unsure, strict=True):
@@ -118,11 +116,9 @@ def test_uncertain_derivatives_widen_intervals() -> None:
 
 def test_uneven_response_widens_intervals() -> None:
     """Where nearby costs exceed the tangent by 1.5 variances, 2 standard errors away costs as much."""
-    noise = np.random.default_rng(3).standard_normal(len(TIME))
-    found, residuals = fitted(LINE @ [4.0, 6.0] + noise)
-    parameters = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
+    found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
     even, uneven = (
-        judge(parameters, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], unevenness=x).estimates
+        judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], unevenness=x).estimates
         for x in (0.0, 1.5)
     )
     for one, other in zip(even, uneven, strict=True):

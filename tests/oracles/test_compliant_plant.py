@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from emla_cosim.fmu.models import fmu_path
-from emla_fmu import EmlaCompliantPlant, EmlaPlant, motion_law, transmission
+from emla_fmu import EmlaCompliantPlant, EmlaPlant, transmission
 from tests.support.in_process import started
 from tests.support.reference_drive import Transmission
 
@@ -166,16 +166,6 @@ def test_force_is_the_reference_and_contacts_never_pull(
         assert abs(deflection) > 0.5 * backlash or found == 0.0
 
 
-def test_a_tiny_backlash_has_no_effect(fmu_folder: Path) -> None:
-    """Under a load that keeps the contact closed."""
-    values = {"F_L": 2e4, "load.m": 2e3, "transmission.damping": 1e4, "start.deflection": 1e-4}
-    one, other = (
-        moved(fmu_folder, 0.05, ["transmission.deflection"], {**values, "transmission.backlash": b})[0]
-        for b in (0.0, 1e-9)
-    )
-    assert other == pytest.approx(one, abs=2e-9)
-
-
 # ---- the sensor ---------------------------------------------------------------------------------
 
 
@@ -192,14 +182,3 @@ def test_encoder_is_at_the_motor_or_at_the_load() -> None:
         EmlaCompliantPlant, {"start.deflection": 3e-4, "sensor.at_load": True, "sensor.resolution": 1e-3}
     )
     assert rounded["x_measured"] == pytest.approx(0.240, abs=1e-15)
-
-
-def test_power_into_the_load_is_that_of_the_second_mass() -> None:
-    plant = started(EmlaCompliantPlant, {"F_L": 1e3, "load.v": 0.02})
-    assert plant["P_L"] == 20.0
-
-
-def test_eigenfrequency_of_the_page() -> None:
-    """The formula of the FMU's page for the internal step."""
-    values = SimpleNamespace(J_m=0.016, J_c=0.0, J_GB=0.0, M_BS=156.5, rho=1.0 / 7.0, lead=0.02)
-    assert motion_law.alpha_RL(values) * motion_law.A_eq(values) == pytest.approx(M_1, rel=1e-12)

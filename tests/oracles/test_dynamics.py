@@ -6,7 +6,6 @@ import casadi
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hdrm_fmu import HDRM, HdrmParameters, dynamics
 from hdrm_fmu.parameters import PAYLOAD
@@ -126,16 +125,6 @@ def test_power_is_the_change_of_energy(m: Moment, p: HdrmParameters) -> None:
     force = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
     rounding = 1e-15 * abs(energy(0.0)) / h
     assert np.dot(force, m.v) == pytest.approx(change, rel=1e-6, abs=100.0 * rounding + 1e-3)
-
-
-@given(
-    A=st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9),
-    b=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3),
-)
-def test_the_solution_written_out_solves(A: list[float], b: list[float]) -> None:
-    root = np.array(A).reshape(3, 3)
-    M = root @ root.T + 0.1 * np.eye(3)
-    assert dynamics.solve(M.tolist(), b) == pytest.approx(np.linalg.solve(M, b), rel=1e-10, abs=1e-12)
 
 
 @lru_cache

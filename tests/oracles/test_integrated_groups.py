@@ -7,7 +7,7 @@ import dataclasses
 import json
 import math
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -186,15 +186,9 @@ def test_an_instance_without_states_is_refused_by_name(build: Build) -> None:
             run(system, **options)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"b.fails": 0.5}, r"a\+b cannot be integrated at t = "),
-    ],
-)
-def test_failures_name_the_component(fmu: Path, values: Mapping[str, float], message: str) -> None:
-    with pytest.raises(RunError, match=message):
-        run(pair(fmu, SWAPPED).with_parameters(values))
+def test_failures_name_the_component(fmu: Path) -> None:
+    with pytest.raises(RunError, match=r"a\+b cannot be integrated at t = "):
+        run(pair(fmu, SWAPPED).with_parameters({"b.fails": 0.5}))
 
 
 def test_a_member_may_end_the_run(fmu: Path) -> None:

@@ -51,16 +51,6 @@ def test_output_derivatives_are_those_of_differences(sessions: dict[str, Session
 # ---- against closed forms ----------------------------------------------------------------------
 
 
-def test_output_derivatives_of_states_are_their_derivatives(sessions: dict[str, Session]) -> None:
-    session = sessions["EmlaPlant"]
-    slave = session.instance(**FACTS["EmlaPlant"].smooth)
-    move(session, slave, u_q=(200.0, -1e3), F_L=(1e3, 1e4, 1e5), d_3=(1.0, 2.0))
-    slave.doStep(0.0, 0.02)
-    rates = session.get(slave, *(f"der({s})" for s in session.states))
-    assert slopes(session, slave, *session.states) == rates
-    assert 0.0 not in rates
-
-
 def test_output_derivatives_of_the_toy_follow_the_product_rule(toy: Session) -> None:
     """The noise in its power holds between steps."""
     slave = toy.instance()
@@ -88,25 +78,6 @@ def test_output_derivatives_of_the_reference_are_its_next_outputs(sessions: dict
         moving += a_d != 0.0
     assert time > 3.1
     assert 20 < moving < len(steps)
-
-
-def test_output_derivatives_of_the_disturbance_are_those_of_its_formulas(
-    sessions: dict[str, Session],
-) -> None:
-    """While a load ramp is on and the speed moves."""
-    session = sessions["Disturbance"]
-    slave = session.instance(**FACTS["Disturbance"].smooth)
-    move(session, slave, v_L=(0.4, 3.0))
-    slave.doStep(0.0, 0.3)
-    v, rate = 0.1 + 0.4 * 0.3 + 3.0 * 0.3**2 / 2.0, 0.4 + 3.0 * 0.3
-    decaying = 3.0 * math.exp(-0.6) * (rate / (1.0 + v * v) - 2.0 * math.atan(v))
-    expected = {
-        "F_L": 100.0 / 0.5 + 0.5 * 7.0 * 2.0 * math.pi * math.cos(2.0 * math.pi * 0.3),
-        "d_2": decaying + 0.5 * 7.0 * math.cos(7.0 * 0.3),
-        "d_3": -1.5 * 9.0 * math.sin(9.0 * 0.3),
-        "d_4": -2.5 * 5.0 * math.sin(5.0 * 0.3 + 0.5),
-    }
-    assert slopes(session, slave, *expected) == pytest.approx(list(expected.values()), rel=1e-12)
 
 
 # ---- when --------------------------------------------------------------------------------------

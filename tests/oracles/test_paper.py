@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pytest
 
 from emla_cosim.study.loading import load
@@ -62,8 +61,6 @@ OBSERVER = {
     "m_decay": 0.001,
 }
 """(101) and (102), for all joints; and m = 200 exp(-0.001 t)."""
-P = ((1.4078, -0.1975), (-0.1975, 4.4535))
-"""(101), which follows from A and Q."""
 
 X_HAT, ETA_HAT = (0.24, 0.358, 0.5), (1, 0.5, 0.2)
 """(103): start values of the observer."""
@@ -151,42 +148,6 @@ def test_parameters_of_a_joint_are_those_of_the_tables(
     for component, expected in joint_parameters(joint).items():
         values = dict.fromkeys(PLANT_STARTS, 0.0) | dict(simulated[f"{joint}.{component}"])
         assert {name: values[name] for name in expected} == pytest.approx(expected, rel=1e-14), component
-
-
-def test_p_follows_from_the_printed_matrices() -> None:
-    """A' p + p A = -Q, within the digits that are printed."""
-    A = np.array([[-OBSERVER["alpha_1"], 1.0], [-OBSERVER["alpha_2"], 0.0]])
-    Q = np.array([[OBSERVER["Q_11"], OBSERVER["Q_12"]], [OBSERVER["Q_12"], OBSERVER["Q_22"]]])
-    p = np.array(P)
-    np.testing.assert_allclose(A.T @ p + p @ A, -Q, atol=2e-3)
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_disturbances(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
-    """(98) and (99), as functions of time."""
-    found, t, v_L = simulated[f"{joint}.disturbance"], np.linspace(0.0, 2.0, 41), 0.05
-    get = {name: float(found.get(name, 0.0)) for name in ("d_2.arctan", "d_2.decay", "d_2.low", "d_2.high")}
-
-    def waves(name: str, function: Any, count: int = 2) -> Any:
-        ends = [f"[{i + 1}]" for i in range(count)] if count > 1 else [""]
-        fields = ("amplitude", "omega", "phase")
-        parts = ([float(found.get(f"{name}.{field}{end}", 0.0)) for field in fields] for end in ends)
-        return sum(a * function(w * t + phase) for a, w, phase in parts)
-
-    sines, bounds = {
-        "lift": (0.8 * np.sin(8 * t) + 0.7 * np.sin(20 * t), (0.0, 0.0)),
-        "tilt": (0.8 * np.sin(7 * t) + 0.95 * np.sin(18 * t), (0.0, 2.0)),
-        "telescope": (0.9 * np.sin(65 * t) - 0.3 * np.sin(50 * t + math.pi / 4), (0.0, 0.0)),
-    }[joint]
-    np.testing.assert_allclose(waves("d_2", np.sin), sines, atol=1e-12)
-    assert (get["d_2.low"], get["d_2.high"]) == bounds
-    arctan = get["d_2.arctan"] * np.arctan(v_L) * np.exp(-get["d_2.decay"] * t)
-    printed = 1.2 * np.arctan(v_L) * np.exp(-3 * t) if joint == "lift" else 0.0 * t
-    np.testing.assert_allclose(arctan, printed, atol=1e-15)
-    d_3 = 0.42 * np.cos(8 * t + math.pi / 3) + 0.032 * np.sin(5 * t)
-    np.testing.assert_allclose(waves("d_3", np.cos), d_3, atol=1e-12)
-    d_4 = -0.15 * np.cos(12 * t + math.pi / 6)
-    np.testing.assert_allclose(waves("d_4", np.cos, count=1), d_4, atol=1e-12)
 
 
 def test_gains_of_the_experiments() -> None:

@@ -66,14 +66,6 @@ def test_beyond_its_ends_it_holds_still() -> None:
         assert shown(spline, time)[1].all()
 
 
-def test_its_derivatives_are_those_of_its_positions() -> None:
-    spline, h = default_spline(), 1e-4
-    for time in (0.1, 12.0, 36.4, 37.5):
-        before, now, after = (shown(spline, t) for t in (time - h, time, time + h))
-        assert now[1] == pytest.approx((after[0] - before[0]) / (2.0 * h), rel=1e-4, abs=1e-7)
-        assert now[2] == pytest.approx((after[1] - before[1]) / (2.0 * h), rel=1e-4, abs=1e-6)
-
-
 # ---- what is no spline -------------------------------------------------------------------------
 
 

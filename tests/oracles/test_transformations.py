@@ -39,10 +39,6 @@ DEFAULT_PAIRS = [
     ("strong, controlled", "none"),
 ]
 all_pairs = pytest.mark.parametrize(("way", "extrapolation"), mostly_slow(ALL_PAIRS, DEFAULT_PAIRS))
-fixed_pairs = pytest.mark.parametrize(
-    ("way", "extrapolation"), mostly_slow(ALL_PAIRS[: 3 * len(WAYS)], DEFAULT_PAIRS[:6])
-)
-
 Transformation = tuple[float, float]
 """Factor and offset."""
 
@@ -137,50 +133,17 @@ def test_transformation_on_a_link_or_in_its_target_is_the_same(
     assert found.shape != without.shape or np.abs(found - without).max() > 0.1
 
 
-def in_other_units(way: str, extrapolation: str, factors: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows where sources are in other units and links convert, back in the first units; and rows without."""
+@all_pairs
+def test_units_of_powers_of_two_change_no_bit(way: str, extrapolation: str) -> None:
+    """Sources are in other units, and links convert; the motion is the same, also in its steps."""
+    factors = [4.0, 2.0**-20, 64.0, 1.0, 0.125]
     source, *others = factors
     gains = [source, np.array(others[:2]), np.array(others[2:])]
     translated = [(1.0 / factor, 0.0) for factor in (others[0], others[1], others[3], source)]
     rows = run(network(translated, gains=gains), way, extrapolation)
     rows[:, 1:] /= factors
-    return rows, run(network(NO_TRANSFORMATIONS), way, extrapolation)
-
-
-@all_pairs
-def test_units_of_powers_of_two_change_no_bit(way: str, extrapolation: str) -> None:
-    """The same motion, also in its steps."""
-    rows, expected = in_other_units(way, extrapolation, [4.0, 2.0**-20, 64.0, 1.0, 0.125])
+    expected = run(network(NO_TRANSFORMATIONS), way, extrapolation)
     assert rows.shape == expected.shape and (rows == expected).all()
-
-
-@fixed_pairs
-def test_other_units_change_only_the_rounding(way: str, extrapolation: str) -> None:
-    rows, expected = in_other_units(way, extrapolation, [1.0 / RAD_S_PER_RPM, 1e3, 60.0, 1e-3, 1e-3])
-    # strong coupling agrees to 1e-8
-    assert rows == pytest.approx(expected, abs=1e-6 if way == "strong" else 1e-12)
-
-
-# ---- heat, in kelvin and in degrees Celsius ----------------------------------------------------
-
-
-def rooms(celsius: bool) -> Network:
-    """Two rooms with a wall between them; the second gives its temperature in Celsius or in kelvin."""
-    shift = KELVIN if celsius else 0.0
-    first = FakeSlave("first", 1, [300.0], lambda u, x, t, h: x + h * (u - x))
-    second = FakeSlave("second", 1, [280.0], lambda u, x, t, h: x + 2.0 * h * (u - x), lambda u, x: x - shift)
-    first.inputs[:] = second.inputs[:] = 290.0
-    for slave in (first, second):
-        compilable(slave)
-    return Network([first, second], [Link(1, 0, 0, 0, False, offset=shift), Link(0, 0, 1, 0, False)])
-
-
-@fixed_pairs
-def test_offset_converts_celsius_to_kelvin(way: str, extrapolation: str) -> None:
-    rows = run(rooms(True), way, extrapolation)
-    rows[:, 2] += KELVIN
-    expected = run(rooms(False), way, extrapolation)
-    assert rows == pytest.approx(expected, abs=1e-4 if way == "strong" else 1e-10)
 
 
 # ---- what is not transformed -------------------------------------------------------------------
