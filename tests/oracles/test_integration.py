@@ -143,13 +143,6 @@ def test_without_states_strong_and_error_control_are_refused(stateless: Path) ->
         run(stateless, checkpoint=Path("never.npz"))
 
 
-@pytest.mark.slow
-def test_isolated_run_is_the_same(fmu: Path) -> None:
-    plain, isolated = (run(chain(fmu), stop_time=1.0, isolate=isolate) for isolate in ([], ["b"]))
-    for name in plain.names:
-        assert np.array_equal(plain[name], isolated[name]), name
-
-
 def test_resumes_bit_for_bit(fmu: Path, tmp_path: Path) -> None:
     whole = run(chain(fmu), checkpoint=tmp_path / "whole.npz")
     run(chain(fmu), stop_time=1.0, checkpoint=tmp_path / "half.npz")

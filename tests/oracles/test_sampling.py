@@ -1,13 +1,12 @@
 """Slaves with a step multiple sample like a drive: against difference equations written down by hand."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from emla_cosim.master.algorithms.explicit import Explicit
+from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
@@ -17,7 +16,7 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave
 from tests.support.simulated import simulated
-from tests.support.slaves import FakeSlave, compilable
+from tests.support.slaves import FakeSlave
 
 A, B = np.array([[0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0], [2.0]])
 START = np.array([0.3, 0.0])
@@ -41,7 +40,7 @@ def loop() -> Network:
 
     plant = LinearSlave("plant", A, B, np.eye(2), np.zeros((2, 1)), START)
     links = [Link(0, i, 1, i, True) for i in range(2)] + [Link(1, 0, 0, 0, False)]
-    return Network([compilable(plant), compilable(pid())], links)
+    return Network([plant, pid()], links)
 
 
 def by_hand(late: int) -> np.ndarray:
@@ -62,14 +61,11 @@ def by_hand(late: int) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1), (Strong, 0)])
-def test_sampled_controller_adds_no_delay(
-    kind: type[OperationTableAlgorithm], late: int, compiled: bool
-) -> None:
+def test_sampled_controller_adds_no_delay(kind: type[OperationTableAlgorithm], late: int) -> None:
     """At the stop time the controller has been waiting for seven steps."""
     algorithm = kind(step_multiples={"controller": MULTIPLE})
-    rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP), compiled=compiled)
+    rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))
     expected = by_hand(late)
     assert np.abs(rows[:, 1:] - expected).max() < 1e-12 * np.abs(expected).max()
     assert np.abs(by_hand(0) - by_hand(1)).max() > 1e-3  # so that the two can be told apart
@@ -86,21 +82,16 @@ def test_slow_slave_that_is_first_in_the_order_is_late_by_a_short_step() -> None
     assert rows[k, 2] == pytest.approx(-(KP + KI * MULTIPLE * STEP) * position - KD * speed, rel=1e-12)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_long_steps_begin_and_end_at_communication_points(compiled: bool) -> None:
+def test_long_steps_begin_and_end_at_communication_points() -> None:
     taken: list[tuple[float, float]] = []
 
     def noted(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
         taken.append((time, time + step))
         return x
 
-    slave = compilable(FakeSlave("slow", 0, [0.0], noted))
-    simulated(
-        Network([slave], []),
-        Jacobi(step_multiples={"slow": 3}),
-        make_communication_points(1.1, 0.1),
-        compiled=compiled,
-    )
+    slave = FakeSlave("slow", 0, [0.0], noted)
+    algorithm = Jacobi(step_multiples={"slow": 3})
+    simulated(Network([slave], []), algorithm, make_communication_points(1.1, 0.1))
     assert taken == [(0.0, 0.3), (0.3, 0.6), (0.6, 0.9)]
 
 
@@ -110,42 +101,40 @@ SIGNAL = [0.0, 3.0, 1.0, 5.0, 5.0, 4.0, 9.0, 0.5, 0.25, 8.0, 7.0, 7.5, 1.0]
 """Of the source at its points; nothing about it is smooth."""
 
 
-def jumping(extrapolation: str, kind: type[Explicit], compiled: bool) -> Sequence[float]:
-    """The integral of the signal, by a slave that does three steps of 0.5 s at once."""
+JUMPING = {"integral": 3}
+"""The slave that integrates does three steps of 0.5 s at once."""
+
+
+def integrated(algorithm: Algorithm) -> list[float]:
+    """The integral of the signal in steps of 0.5 s."""
     source = FakeSlave("source", 0, SIGNAL[:1], lambda u, x, t, h: [SIGNAL[round((t + h) / 0.5)]])
     integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
-    network = Network([compilable(source), compilable(integral)], [Link(0, 0, 1, 0, False)])
-    algorithm = kind(extrapolation, {"integral": 3})
-    rows = simulated(
-        network, algorithm, make_communication_points(0.5 * (len(SIGNAL) - 1), 0.5), compiled=compiled
-    )
-    return rows[::3, 2].tolist()
+    network = Network([source, integral], [Link(0, 0, 1, 0, False)])
+    times = make_communication_points(0.5 * (len(SIGNAL) - 1), 0.5)
+    return simulated(network, algorithm, times)[:, 2].tolist()
 
 
-@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])
-def test_line_of_an_input_covers_a_long_step(extrapolation: str, compiled: bool) -> None:
+def test_line_of_an_input_covers_a_long_step(extrapolation: str) -> None:
     """From what was taken last to what is there now, whatever the source did in between."""
     samples = np.array(SIGNAL[::3])
     expected = [0.0, *np.cumsum(1.5 * 0.5 * (samples[1:] + samples[:-1]))]
-    assert jumping(extrapolation, GaussSeidel, compiled) == pytest.approx(expected, abs=1e-12)
+    assert integrated(GaussSeidel(extrapolation, JUMPING))[::3] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_late_line_is_extrapolated_by_a_short_step(compiled: bool) -> None:
+def test_late_line_is_extrapolated_by_a_short_step() -> None:
     """`jacobi`: from the sample of a short step ago, along the chord over the three steps before it."""
     newest = np.array(SIGNAL[2::3])
     before = np.array([SIGNAL[0], *newest[:-1]])
     apart = np.array([1.0, *[1.5] * (len(newest) - 1)])
     middle = newest + (0.5 - 0.75) * (newest - before) / apart
     expected = [0.0, *np.cumsum(1.5 * middle)]
-    assert jumping("fmu", Jacobi, compiled) == pytest.approx(expected, abs=1e-12)
+    assert integrated(Jacobi("fmu", JUMPING))[::3] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_held_inputs_are_those_at_the_end_of_a_long_step(compiled: bool) -> None:
+def test_held_inputs_are_those_at_the_end_of_a_long_step() -> None:
     expected = [0.0, *np.cumsum(1.5 * np.array(SIGNAL[3::3]))]
-    assert jumping("none", GaussSeidel, compiled) == pytest.approx(expected, abs=1e-12)
+    assert integrated(GaussSeidel("none", JUMPING))[::3] == pytest.approx(expected, abs=1e-12)
 
 
 # ---- sampled in strong coupling ----------------------------------------------------------------
@@ -169,7 +158,7 @@ def machine(controller: FakeSlave, *more: FakeSlave) -> Network:
         Link(1, 1, 0, 1, True, name="v"),
         Link(0, 0, 1, 1, True, name="u"),
     ]
-    return Network([compilable(slave) for slave in slaves], links)
+    return Network(slaves, links)
 
 
 def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
@@ -193,15 +182,12 @@ def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("multiple", [1, MULTIPLE])
-def test_controller_samples_the_solution_of_a_loop(multiple: int, compiled: bool) -> None:
+def test_controller_samples_the_solution_of_a_loop(multiple: int) -> None:
     """At the end of the step, once, and holds its answer; the loop has one value to agree on."""
     controller = pid([])
     algorithm = Strong(step_multiples={"controller": multiple}, coupling_tolerance=1e-13)
-    rows = simulated(
-        machine(controller), algorithm, make_communication_points(STEPS * STEP, STEP), compiled=compiled
-    )
+    rows = simulated(machine(controller), algorithm, make_communication_points(STEPS * STEP, STEP))
     expected = machine_by_hand(multiple, STEPS)
     assert np.abs(rows[:, 1:4] - expected).max() < 1e-10 * np.abs(expected).max()
     assert np.abs(machine_by_hand(1, STEPS) - machine_by_hand(MULTIPLE, STEPS)).max() > 1e-3
@@ -227,9 +213,9 @@ def test_sampled_slaves_follow_each_other_without_delay() -> None:
     calls: list[str] = []
 
     def passing(name: str) -> FakeSlave:
-        return compilable(FakeSlave(name, 1, [0.0], lambda u, x, t, h: u, None, calls))
+        return FakeSlave(name, 1, [0.0], lambda u, x, t, h: u, None, calls)
 
-    plant = compilable(FakeSlave("plant", 1, [0.0], lambda u, x, t, h: [t + h], None, calls))
+    plant = FakeSlave("plant", 1, [0.0], lambda u, x, t, h: [t + h], None, calls)
     slaves = [passing("controller"), passing("fault"), passing("observer"), plant]
     links = [
         Link(3, 0, 2, 0, False),
@@ -254,12 +240,8 @@ def test_sampled_slaves_follow_each_other_without_delay() -> None:
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])
 def test_outputs_of_a_sampled_slave_are_held(extrapolation: str) -> None:
     """However inputs are treated: the integral of what was sampled is a sum of rectangles."""
-    source = FakeSlave("source", 0, SIGNAL[:1], lambda u, x, t, h: [SIGNAL[round((t + h) / 0.5)]])
-    integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
-    network = Network([source, integral], [Link(0, 0, 1, 0, False)])
-    algorithm = Strong(extrapolation, {"source": 1})
-    rows = simulated(network, algorithm, make_communication_points(0.5 * (len(SIGNAL) - 1), 0.5))
-    assert rows[:, 2].tolist() == pytest.approx([0.0, *np.cumsum(0.5 * np.array(SIGNAL[:-1]))], abs=1e-12)
+    expected = [0.0, *np.cumsum(0.5 * np.array(SIGNAL[:-1]))]
+    assert integrated(Strong(extrapolation, {"source": 1})) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("extrapolation", ["master", "fmu"])

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,11 @@ from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.system.model import System
-from tests.support.faulty_systems import faulty, open_system, wired
 from tests.support.linear import LinearSlave, connected
-from tests.support.simulated import Table, begun, recorded
+from tests.support.simulated import begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 from tests.support.tiers import mostly_slow
 
@@ -223,55 +219,3 @@ def test_loops_of_steps_are_solved_with_their_transformations(factor: float, off
     links = [Link(1, 0, 0, 0, True, True, factor, offset), Link(0, 0, 1, 0, True)]
     rows = run(Network([a, b], links), "strong", "none")
     assert rows[:, 1] == pytest.approx((offset + 1.0 + rows[:, 0]) / (1.0 - factor), rel=1e-6)
-
-
-# ---- FMUs --------------------------------------------------------------------------------------
-
-
-def chain(fmu: Path, scales: Sequence[float] = (1.0, 1.0)) -> System:
-    """x' = a u, y = x + b u: a source and two that follow, to whom inputs weigh so many times as much."""
-    source = faulty("j.s", fmu, a=1.0, b=0.5, u=1.0)
-    followers = [
-        faulty(f"j.{name}", fmu, a=-0.75 * scale, b=0.25 * scale)
-        for name, scale in zip("ab", scales, strict=True)
-    ]
-    return wired([source, *followers], "j.s.y -> j.a.u", "j.a.y -> j.b.u")
-
-
-@all_pairs
-def test_factor_on_a_link_or_in_the_parameters_of_an_fmu_is_the_same(
-    way: str, extrapolation: str, faulty_fmu: Path
-) -> None:
-    with open_system(chain(faulty_fmu, (4.0, -4.0)), [(1.0, 0.0)] * 2) as assembly:
-        expected = run(assembly.network, way, extrapolation)
-    with open_system(chain(faulty_fmu), [(4.0, 0.0), (-4.0, 0.0)]) as assembly:
-        found = run(assembly.network, way, extrapolation)
-    assert np.ptp(expected[:, 5]) > 0.1
-    assert found.tobytes() == expected.tobytes()
-
-
-@pytest.mark.parametrize(
-    ("name", "extrapolation"),
-    [("jacobi", "none"), ("gauss-seidel", "master"), ("gauss-seidel", "fmu"), ("strong", "fmu")],
-)
-def test_run_with_transformations_is_continued_from_a_checkpoint(
-    name: str, extrapolation: str, faulty_fmu: Path, tmp_path: Path
-) -> None:
-    times = make_communication_points(1.0, 0.02)
-    components = [faulty("j.a", faulty_fmu, a=1.0, b=0.1), faulty("j.b", faulty_fmu, a=-1.0, b=0.2)]
-    system = wired(components, "j.b.y -> j.a.u", "j.a.y -> j.b.u")
-    transformations = [(-2.0, 0.3), (RAD_S_PER_RPM, 5.0)]
-    with open_system(system, transformations) as assembly:
-        whole = recorded(FixedSteps(begun(assembly.network, ALGORITHMS[name](extrapolation), times), times))
-    with open_system(system, transformations) as assembly:
-        stepping = FixedSteps(begun(assembly.network, ALGORITHMS[name](extrapolation), times), times)
-        for _ in range(23):
-            stepping.advance(Table(5), 1)
-        save_checkpoint(tmp_path / "c", stepping, {})
-        stepping.algorithm.close()
-    with open_system(system, transformations) as assembly:
-        stepping = FixedSteps(begun(assembly.network, ALGORITHMS[name](extrapolation), times), times)
-        load_checkpoint(tmp_path / "c").restore(stepping)
-        rest = recorded(stepping)
-    assert np.ptp(whole[:, 1]) > 0.1
-    assert rest.tobytes() == whole[23:].tobytes()
