@@ -55,14 +55,19 @@ def test_forces_are_those_of_the_payload_on_each_side(found: Solution) -> None:
 
 def test_costs_and_work_are_the_sums_of_all_sides(found: Solution) -> None:
     figures = assessed(found.spline(COARSE), PROBLEM, COARSE.tie_break)
-    cost, work = 0.0, 0.0
+    cost = work = gross_work = tie_break = 0.0
     for first, last, payload in SIDES:
         times, q, v, force = constant(found, first, last, payload)
-        cost += 0.5 * simpson((v * force).sum(axis=1) ** 2, x=times)
+        power = v * force
+        cost += 0.5 * simpson(power.sum(axis=1) ** 2, x=times)
+        gross_work += simpson(np.abs(power).sum(axis=1), x=times)
+        tie_break += 0.5e-3 * simpson((power**2).sum(axis=1), x=times)
         ends = [energy(PROBLEM.machine, q[i], v[i], payload) for i in (0, -1)]
         work += ends[1] - ends[0]
     assert figures.cost == pytest.approx(cost, rel=1e-6)
+    assert figures.gross_work == pytest.approx(gross_work, rel=1e-5)
     assert figures.net_work == pytest.approx(work, rel=1e-6)
+    assert figures.tie_break == pytest.approx(tie_break, rel=1e-6)
     assert figures.least_cost == pytest.approx(work**2 / (2.0 * figures.duration), rel=1e-6)
     assert figures.least_cost <= figures.cost
     assert found.cost == pytest.approx(figures.cost + figures.tie_break, rel=1e-3)

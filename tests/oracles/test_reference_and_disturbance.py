@@ -18,7 +18,7 @@ from tests.support.in_process import started
 
 
 def outputs_at(times: np.ndarray, step: float, values: Mapping[str, Any]) -> Any:
-    """Outputs of the disturbance at these times, multiples of the step, with these start values and inputs."""
+    """Outputs of the disturbance at these times, multiples of the step; `values` are also of inputs."""
     instance, k = started(Disturbance, values), 0
     rows, names = [], ("F_L", "d_2", "d_3", "d_4")
     for time in times:

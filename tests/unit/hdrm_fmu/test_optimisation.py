@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import simpson
 from scipy.interpolate import BSpline
 
-from hdrm_fmu.dynamics import energy, inverse_dynamics
+from hdrm_fmu.dynamics import inverse_dynamics
 from hdrm_fmu.optimisation.assessment import Assessment, assessed
 from hdrm_fmu.optimisation.grid import SplineBasis, lobatto
 from hdrm_fmu.optimisation.narrowing import narrowed
@@ -81,24 +80,6 @@ def test_the_default_motion_is_reproduced(spline: Spline, figures: Assessment) -
     assert spline.evaluated(times) == pytest.approx(kept.evaluated(times), abs=1e-3)
     cost = assessed(kept, CLIPPED, USUAL.tie_break).cost
     assert figures.cost == pytest.approx(cost, rel=1e-3)
-
-
-def test_costs_and_work_of_the_motion(spline: Spline, figures: Assessment) -> None:
-    times, _, v, force = in_floats(spline, CLIPPED, 20001)
-    power = v * force
-    gained = np.diff(
-        [energy(CLIPPED.machine, q, v, CLIPPED.payload) for q, v in zip(*ends(CLIPPED), strict=True)]
-    )[0]
-    assert figures.cost == pytest.approx(0.5 * simpson(power.sum(axis=1) ** 2, x=times), rel=1e-6)
-    assert figures.gross_work == pytest.approx(simpson(np.abs(power).sum(axis=1), x=times), rel=1e-5)
-    assert figures.net_work == pytest.approx(gained, rel=1e-6)
-    assert figures.least_cost == pytest.approx(gained**2 / (2.0 * 37.7), rel=1e-9)
-    assert figures.least_cost <= figures.cost
-    assert figures.tie_break == pytest.approx(0.5e-3 * simpson((power**2).sum(axis=1), x=times), rel=1e-6)
-
-
-def ends(problem: MotionProblem) -> tuple[Any, Any]:
-    return (problem.q_S, problem.q_E), (problem.v_S, problem.v_E)
 
 
 @pytest.mark.slow

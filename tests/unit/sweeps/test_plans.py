@@ -1,4 +1,4 @@
-"""Invalid plans give one error message before any run, and leave no files."""
+"""Plans are read and merged; invalid ones give one error message before any run, and leave no files."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.sandbox.locking import exclusive_lock
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
-from emla_cosim.sweeps.plan import load_plan
+from emla_cosim.sweeps.plan import Plan, load_plan
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.variants import Chunk, VariantOutcome
@@ -63,7 +63,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown metric": ({"metrics": ["lift.torque_peak"]}, "did you mean lift.torque_peak_N_m"),
     "unknown in expression": ({"metrics": ["a = max(lift.plant.i_qq)"]}, "Did you mean lift.plant.i_q"),
     "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
-    "seed": ({"seed": -1}, "the seed -1"),
+    "seed": ({"seed": -1}, "the seed -1 of the sweep of .* must be from 0"),
     "runs of a grid": ({"runs": 3, "sampling": "grid"}, "has no number of runs"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
@@ -289,3 +289,26 @@ def test_paths_in_a_plan_are_relative_to_its_folder(tmp_path: Path) -> None:
         "lift.observer": str(away / "c.fmu"),
         "lift.reference": {"distribution": "values", "values": [str(away / "d.fmu")]},
     }
+
+
+def test_overrides_are_merged_into_tables() -> None:
+    plan = Plan("p", "lift", {"a.x": [1]}, options={"stop_time": 1.0, "set": {"a.y": 1.0, "a.z": 2.0}})
+    changed = plan.updated({"vary": {"a.w": [2]}, "options": {"stop_time": 2.0, "set": {"a.z": 3.0}}})
+    assert changed.vary == {"a.x": [1], "a.w": [2]}
+    assert changed.options == {"stop_time": 2.0, "set": {"a.y": 1.0, "a.z": 3.0}}
+    assert plan.options["set"] == {"a.y": 1.0, "a.z": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "runs"),
+    [
+        ({"sampling": "one-at-a-time"}, None),
+        ({"sampling": "grid", "runs": None}, None),
+        ({"sampling": "grid", "runs": 7}, 7),  # which is for the sampling to refuse
+        ({"sampling": "sobol"}, 2000),
+        ({"seed": 3}, 2000),
+    ],
+)
+def test_sampling_without_runs_drops_the_runs_of_the_plan(given: dict, runs: int | None) -> None:
+    plan = Plan("p", "lift", {"a.x": [1, 2]}, sampling="random", runs=2000)
+    assert plan.updated(given).runs == runs
