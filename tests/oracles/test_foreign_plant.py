@@ -177,24 +177,3 @@ def test_outputs_are_those_of_our_plant(
     assert apart.max() < 1.001 * start_values["sensor.resolution"]
     assert np.mean(apart > 1e-12) < 0.01
     assert 0.1 < column(expected, "inverter.saturated").mean() < 0.9
-
-
-# ---- the mapping -------------------------------------------------------------------------------
-
-
-def test_defaults_are_not_ours(theirs: Session) -> None:
-    """What the study sets and a mapping forgets must show."""
-    same = {
-        name
-        for joint in ("lift", "tilt", "telescope")
-        for name, value in translated(study(joint)).items()
-        if float(theirs.variables[name].start) == value
-    }
-    assert same == {"Screw.Spring_Nm_mm"}
-
-
-def test_the_mapping_has_all_that_the_study_uses() -> None:
-    system = load("study").system
-    used = {c.input for c in system.connections if c.target == "lift.plant"}
-    used |= {c.output for c in system.connections if c.source == "lift.plant"}
-    assert used <= set(ALL)

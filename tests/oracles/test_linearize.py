@@ -112,3 +112,9 @@ def test_runs_are_repeated_where_states_cannot_be_restored(monkeypatch: pytest.M
     assert not result.rolled_back
     (response,) = (m.response for m in result.responses.values())
     assert np.abs(response.value / loop_gain(response.frequency) - 1.0).max() < 1e-2
+
+
+def test_folder_has_all_files(tmp_path) -> None:
+    ec.linearize(closed(), open="gain.force->cart.force", output=tmp_path / "out", **OPTIONS)
+    names = {"linearize.json", "responses.csv", "bode.png", "nyquist.png"}
+    assert names <= {p.name for p in (tmp_path / "out").iterdir()}

@@ -105,6 +105,7 @@ FILES: dict[str, tuple[bytes, str]] = {
     "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the key 'real_time'"),
     "vary is no table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
     "brackets": (b"vary = " + b"[" * 100_000, "is not TOML"),
+    "empty": (b"", "."),
     "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
     "NUL": (PLAN.encode() + b"\0", "."),
     "runs": (b'runs = "many"\n' + PLAN.encode(), "'runs' of the plan"),
