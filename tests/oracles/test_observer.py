@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 
 from emla_fmu import EmlaObserver, observer_gains
+from fmublock.instance import BlockError, Instance
 from tests.support.joint_data import observers
 
 
@@ -93,3 +94,12 @@ def test_damped_gains_put_all_poles_at_one_place(p: float) -> None:
     assert poles == pytest.approx([-p] * 4, rel=1e-3)
     assert g.use_model and g.use_measured_current and g.interpolate and g.ahead == 1e-4
     assert observer_gains.with_poles(g, 2.0 * p) == observer_gains.damped(2.0 * p, 1e-4)
+
+
+def test_the_time_of_the_last_step_begins_at_the_start_time() -> None:
+    instance = Instance(EmlaObserver())
+    instance.setup_experiment(5.0)
+    instance.enter_initialization()
+    assert instance["before.time"] == 5.0
+    with pytest.raises(BlockError, match="cannot be set"):
+        instance["before.time"] = 1.0

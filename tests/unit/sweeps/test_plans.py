@@ -238,22 +238,25 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     assert sweep_lift(**plan, overwrite=True).complete
 
 
-OTHERS = {"parts": "parts/mine.csv", "series": "series/000000000.parquet", "strange": "series/mine.csv"}
-
-
-@pytest.mark.parametrize("what", [*OTHERS, "link"])
+@pytest.mark.parametrize("what", ["series", "parts", "strange", "link", "folder", "device"])
 def test_files_of_others_are_kept(what: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
     """An output folder may contain files with the names that a sweep uses."""
     out, other = tmp_path / "out", tmp_path / "other"
-    for path in (out / OTHERS.get(what, "mine.csv"), other / "000000000.parquet"):
+    files = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
+    for path in (out / files.get(what, "mine.csv"), other / "000000000.parquet"):
         path.parent.mkdir(parents=True)
         path.write_text("years of work")
     if what == "strange":
         (out / "sweep.json").write_text('{"identity": {}, "status": "completed"}')
     elif what == "link":
         (out / "series").symlink_to(other)
+    elif what == "folder":
+        (out / "variants.parquet").mkdir()
+    elif what == "device":
+        (out / "worst.txt").symlink_to("/dev/null")
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(CommandError, match="does not belong to a sweep; move it"):
+    refusal = r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
+    with pytest.raises(CommandError, match=refusal):
         sweep_lift(ONE, output=out)
     assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before
 
