@@ -406,6 +406,7 @@ def test_candidates_have_reasons(emla: Emla, tmp_path: Path) -> None:
     assert "faster than its actuator" in reasons["slow.toml"]
     assert "without a unit" in reasons["wrong.toml"]
     assert "good.toml holds." in lines
+    assert "Actuators of prototype, for a life of 1000 h" in result.stdout
     record = json.loads((tmp_path / "out/size.json").read_text(), parse_constant=pytest.fail)
     assert [one["holds"] for one in record["candidates"]] == [True, False, False, False]
     with (tmp_path / "out/limits.csv").open(encoding="utf-8") as stream:
