@@ -1,17 +1,15 @@
-"""The frame of a run: start, stop, what may be called when, and going back. Both flavours."""
+"""The frame of a run: start and stop, going back, and what may be called after the end."""
 
 import math
-import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from fmpy.fmi2 import fmi2LastSuccessfulTime, fmi2Terminated
 
 from tests.support.sessions import DISCARD, ERROR, FATAL, OK, WARNING, Session, opened, refused
 
-NATIVE_OUTPUTS = ("x", "v[1]", "v[2]", "power", "inverse", "random", "step_count", "force")
+NAMES = ("x", "v[1]", "v[2]", "power", "inverse", "random", "step_count", "force")
 
 
 @pytest.fixture(params=["native", "python"])
@@ -24,21 +22,6 @@ def session(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Session]
 def native(native_toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
     with opened(native_toy_fmu, tmp_path / "fmu") as session:
         yield session
-
-
-def running(
-    session: Session, start: float = 0.0, stop: float | None = None, tolerance: float | None = None
-) -> Any:
-    slave = session.new()
-    slave.setupExperiment(tolerance, start, stop)
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    return slave
-
-
-def bits(session: Session, slave: Any) -> bytes:
-    values = session.get(slave, *NATIVE_OUTPUTS)
-    return struct.pack(f"{len(values)}d", *values)
 
 
 @pytest.mark.parametrize("forget", ["reset", "set up again"])
@@ -59,9 +42,6 @@ def test_the_last_setup_counts(session: Session, forget: str) -> None:
     slave.doStep(4.0, 2.0)
 
 
-# ---- tolerance ---------------------------------------------------------------------------------
-
-
 def test_a_refused_setup_sets_nothing(native: Session) -> None:
     slave = native.new()
     slave.setupExperiment(1e-6, 2.0, 3.0)
@@ -76,39 +56,6 @@ def test_a_refused_setup_sets_nothing(native: Session) -> None:
     with refused():
         slave.doStep(2.0, 1.5)
     slave.doStep(2.0, 1.0)
-
-
-def test_a_tolerance_changes_no_result(session: Session) -> None:
-    results = []
-    for tolerance in (None, 1e-2, 1e-9):
-        slave = running(session, tolerance=tolerance)
-        slave.doStep(0.0, 0.05)
-        results.append(bits(session, slave))
-    assert results[0] == results[1] == results[2]
-
-
-# ---- going back --------------------------------------------------------------------------------
-
-
-def test_going_back_behind_a_promised_point_is_a_warning_and_exact(native: Session) -> None:
-    """noSetFMUStatePriorToCurrentPoint at t = 0.5 s promises not to go back before 0.5 s."""
-    slave = native.instance()
-    slave.doStep(0.0, 0.25, False)
-    early, bits_then = slave.getFMUstate(), bits(native, slave)
-    slave.doStep(0.25, 0.25, False)
-    late = slave.getFMUstate()
-    slave.doStep(0.5, 0.25, True)
-    bits_once = bits(native, slave)
-    assert slave.fmi2SetFMUstate(slave.component, late) == OK
-    assert native.log.lines("toy") == []
-    assert slave.fmi2SetFMUstate(slave.component, early) == WARNING
-    assert native.log.lines("toy") == [
-        "toy: set back to t = 0.25 s, though noSetFMUStatePriorToCurrentPoint was given at t = 0.5 s."
-    ]
-    assert bits(native, slave) == bits_then
-    slave.doStep(0.25, 0.25, False)
-    slave.doStep(0.5, 0.25, False)
-    assert bits(native, slave) == bits_once
 
 
 def test_how_long_a_promise_holds(native: Session) -> None:
@@ -129,43 +76,28 @@ def test_how_long_a_promise_holds(native: Session) -> None:
     native.set(slave, force=0.5)
     slave.doStep(0.0, 0.25, False)
     slave.doStep(0.25, 0.25, True)
+    native.log.all.clear()
     for _ in range(2):
         assert go_back() == WARNING
         slave.doStep(0.0, 0.25, False)
+    promise = "though noSetFMUStatePriorToCurrentPoint was given at t = 0.25 s."
+    assert native.log.lines("toy") == [f"toy: set back to t = 0 s, {promise}"] * 2
     slave.reset()
     assert go_back() == OK
-
-
-# ---- what may be called when -------------------------------------------------------------------
-
-
-def test_nothing_can_be_read_before_initialization(native: Session) -> None:
-    """Values are not computed yet; PythonFMU's are, so that it has no reason to refuse."""
-    slave = native.new()
-    for call in (
-        lambda: native.get(slave, "x"),
-        lambda: slave.getInteger(native.references(["count"])),
-        lambda: slave.getBoolean(native.references(["damped"])),
-    ):
-        with refused():
-            call()
-    assert native.log.lines("toy") == ["toy: cannot get values in phase instantiated."] * 3
-    native.initialize(slave)
-    assert native.get(slave, "x") == [0.125]
 
 
 def test_nothing_can_be_changed_after_termination(session: Session) -> None:
     slave = session.instance()
     slave.doStep(0.0, 0.1)
     slave.terminate()
-    before = bits(session, slave)
+    before = session.get(slave, *NAMES)
     for name in ("force", "count", "damped"):
         with refused(ERROR, FATAL):
             session.set(slave, **{name: 1})
         assert "cannot set values in phase terminated." in session.log.lines("toy")[-1]
     with refused(ERROR, DISCARD):
         slave.doStep(0.1, 0.1)
-    assert bits(session, slave) == before
+    assert session.get(slave, *NAMES) == before
 
 
 def test_status_functions(native: Session) -> None:

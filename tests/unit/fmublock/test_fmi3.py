@@ -76,7 +76,7 @@ def test_arrays_are_arrays(toy: Path) -> None:
     )
 
 
-class Clock(Block):
+class Watch(Block):
     """A block with a variable named time, and none in seconds."""
 
     time = Output()
@@ -86,7 +86,7 @@ class Clock(Block):
 
 
 def test_a_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
-    fmu = build(Clock, tmp_path / "Clock.fmu", fmi=3)
+    fmu = build(Watch, tmp_path / "Watch.fmu", fmi=3)
     assert validate_fmu(str(fmu)) == []
     host = Host(fmu, tmp_path / "fmu")
     causalities = {v.name: v.causality for v in host.description.modelVariables}
@@ -94,7 +94,7 @@ def test_a_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
     slave = host.started()
     slave.doStep(0.0, 0.5)
     assert slave.getFloat64([0, 1]) == [2.0, 0.5]
-    slave.freeInstance()
+    host.close()
 
 
 def test_every_function_of_the_standard_is_exported(host: Host) -> None:
@@ -106,38 +106,18 @@ def test_every_function_of_the_standard_is_exported(host: Host) -> None:
 
 
 def compare(two: Path, three: Path, kind: str, signal: Any = None, stop_time: float = 0.2) -> None:
-    """Check that both versions give the same bits of every scalar variable and array element."""
-    results = [
-        fmpy.simulate_fmu(
-            str(fmu),
-            fmi_type=kind,
-            stop_time=stop_time,
-            output_interval=0.01,
-            input=signal,
-            output=names(fmu),
-        )
-        for fmu in (two, three)
-    ]
-    recorded = results[0].dtype.names or ()
-    columns = {n: np.atleast_2d(results[1][n].T) for n in results[1].dtype.names or ()}
-    assert len(columns) > 1
-    compared = 0
-    for name, rows in columns.items():
-        if name in recorded:
-            assert results[0][name].tobytes() == rows[0].tobytes(), name
-            compared += 1
-            continue
-        for element, row in enumerate(rows.reshape(-1, rows.shape[-1]), 1):
-            assert results[0][f"{name}[{element}]"].tobytes() == row.tobytes(), name
-            compared += 1
-    assert compared == len(recorded)
-    assert len(results[0]) == round(stop_time / 0.01) + 1
-
-
-def names(fmu: Path) -> list[str]:
-    """Names of the outputs; fmpy records vectors, not matrices."""
-    found = fmpy.read_model_description(str(fmu)).modelVariables
-    return [v.name for v in found if v.causality == "output"]
+    """Check that both versions give the same bits of every output, of vectors element by element."""
+    options = {"fmi_type": kind, "stop_time": stop_time, "output_interval": 0.01, "input": signal}
+    columns = []
+    for fmu in (two, three):
+        outputs = [
+            v.name for v in fmpy.read_model_description(str(fmu)).modelVariables if v.causality == "output"
+        ]
+        rows = fmpy.simulate_fmu(str(fmu), output=outputs, **options)
+        assert len(rows) == round(stop_time / 0.01) + 1
+        columns.append(np.column_stack([rows[name] for name in rows.dtype.names]))
+    assert columns[0].shape[1] > 1
+    assert columns[0].tobytes() == columns[1].tobytes()
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
@@ -173,16 +153,6 @@ def test_values_of_arrays_and_types(host: Host) -> None:
     for get in (slave.getFloat32, slave.getInt8, slave.getUInt64, slave.getString):
         assert "force is of type Float64" in host.refused(get, [FORCE])
     assert slave.getFloat64([FORCE]) == [7.0]
-
-
-def test_damaged_states_are_refused(host: Host) -> None:
-    slave, other = host.started(), host.started()
-    data = slave.serializeFMUState(slave.getFMUState())
-    damaged = bytes([*data[:-20], data[-20] ^ 1, *data[-19:]])
-    assert "damaged" in host.refused(other.deserializeFMUState, damaged)
-    assert "bytes" in host.refused(other.deserializeFMUState, data[:-1])
-    assert "not a state" in host.refused(other.deserializeFMUState, b"x" + data[1:])
-    other.setFMUState(other.deserializeFMUState(data))
 
 
 KNOWNS, N_KNOWNS = [FORCE, GAINS, V], 5
@@ -262,12 +232,13 @@ def test_calls_in_the_wrong_order_are_refused(host: Host) -> None:
     model.updateDiscreteStates()
     model.enterContinuousTimeMode()
     assert "phase continuous-time" in host.refused(model.enterContinuousTimeMode)
-    counts = []
-    for call in (model.fmi3GetNumberOfContinuousStates, model.fmi3GetNumberOfEventIndicators):
+    for call, expected in (
+        (model.fmi3GetNumberOfContinuousStates, 3),
+        (model.fmi3GetNumberOfEventIndicators, 0),
+    ):
         count = c_size_t(99)
         call(model.component, byref(count))
-        counts.append(count.value)
-    assert counts == [3, 0]
+        assert count.value == expected
 
 
 def test_missing_features_are_refused(host: Host) -> None:

@@ -9,7 +9,6 @@ import pytest
 from fmpy.validation import validate_fmu
 
 import emla_cosim as ec
-import fmublock
 from emla_cosim.fmu.models import MODELS
 from fmublock import BuildError, build
 from tests.support.c_programs import needs_cc
@@ -76,15 +75,8 @@ def test_model_description(paths: list[Path]) -> None:
     assert validate_fmu(str(paths[0])) == []
     root = root_of(paths[0], "modelDescription.xml")
     (clock,) = root.xpath("ModelVariables/Clock")
-    assert {
-        n: clock.get(n) for n in ("intervalVariability", "intervalDecimal", "shiftDecimal", "causality")
-    } == {
-        "intervalVariability": "constant",
-        "intervalDecimal": "0.01",
-        "shiftDecimal": "0.01",
-        "causality": "input",
-    }
-    assert int(clock.get("valueReference")) == CLOCK
+    attributes = ("causality", "intervalVariability", "intervalDecimal", "shiftDecimal", "valueReference")
+    assert [clock.get(n) for n in attributes] == ["input", "constant", "0.01", "0.01", str(CLOCK)]
     clocked = root.xpath("ModelVariables/*[@clocks]")
     assert {v.get("name") for v in clocked} == {"force", "x", "v", "random", "step_count", "power", "inverse"}
     assert {(v.get("clocks"), v.get("variability")) for v in clocked} == {(str(CLOCK), "discrete")}
@@ -190,30 +182,24 @@ def test_calls_at_the_wrong_time_are_refused(hosts: list[Host]) -> None:
     slave.terminate()
 
 
-def test_a_tick_to_infinity_is_refused(hosts: list[Host]) -> None:
-    host = hosts[0]
-    slave = start(host)
-    slave.doStep(0.0, INTERVAL)
+def test_impossible_ticks_are_refused(hosts: list[Host], tmp_path: Path) -> None:
+    slave, other = start(hosts[0]), start(hosts[0])
+    for each in (slave, other):
+        each.doStep(0.0, INTERVAL)
     slave.enterEventMode()
     slave.setClock([CLOCK], [True])
     slave.setFloat64([FORCE], [1e308])
-    assert "the tick at t = 0.01 s is impossible" in host.refused(slave.updateDiscreteStates)
-    assert "the tick at t = 0.01 s is impossible" in host.refused(slave.getFloat64, [POWER])
+    for call, *arguments in ((slave.updateDiscreteStates,), (slave.getFloat64, [POWER])):
+        assert "the tick at t = 0.01 s is impossible" in hosts[0].refused(call, *arguments)
     slave.setFloat64([FORCE], [3.0])
-    seen = values(slave)
-    other = start(host)
-    other.doStep(0.0, INTERVAL)
-    assert tick(other, 3.0) == seen
-
-
-def test_a_tick_of_too_many_internal_steps_is_refused(tmp_path: Path) -> None:
+    assert values(slave) == tick(other, 3.0)
     host = Host(build(Toy, tmp_path / "slow.fmu", fmi=3, clock=10.0), tmp_path / "slow")
-    slave = host.new(eventModeUsed=True)
-    slave.enterInitializationMode()
-    slave.setFloat64([REFERENCE("solver.internal_step")], [1e-9])
+    slow = host.new(eventModeUsed=True)
+    slow.enterInitializationMode()
+    slow.setFloat64([REFERENCE("solver.internal_step")], [1e-9])
     words = "the step of 10 s needs more than 1e+09 internal steps"
-    assert words in host.refused(slave.exitInitializationMode)
-    slave.freeInstance()
+    assert words in host.refused(slow.exitInitializationMode)
+    host.close()
 
 
 def test_a_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
@@ -247,35 +233,15 @@ def test_random_calls_do_no_harm(hosts: list[Host], tmp_path: Path) -> None:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
 
 
-@pytest.mark.parametrize("model", mostly_slow(["EmlaObserver", "FocController", "Reference"], ["Reference"]))
-def test_our_models_are_valid_with_a_clock(model: str, tmp_path: Path) -> None:
-    assert validate_fmu(str(build(MODELS[model], tmp_path / f"{model}.fmu", fmi=3, clock=1e-3))) == []
-
-
-@pytest.mark.slow
-def test_clocked_controllers_give_the_bytes_of_others(fmu_folder: Path, tmp_path: Path) -> None:
-    """The clock's interval is the step size, so that observer and controller sample in each step."""
-    names = {"controller": "RsbaController", "observer": "EmlaObserver"}
-    step = 1e-4
-    clocked = {
-        f"lift.{component}": fmublock.build(MODELS[name], tmp_path / f"{name}.fmu", fmi=3, clock=step)
-        for component, name in names.items()
-    }
-    for folder, replaced in (("plain", {}), ("clocked", clocked)):
-        loaded = ec.load("lift", fmus=fmu_folder, step_size=step, stop_time=0.05, replace=replaced)
-        loaded.prepare().run().save(tmp_path / folder, plots=False)
-    plain, other = ((tmp_path / folder / "results.csv").read_bytes() for folder in ("plain", "clocked"))
-    assert plain == other and len(plain) > 10_000
-
-
 @pytest.mark.parametrize("algorithm", mostly_slow(["jacobi", "strong"], ["strong"]))
-def test_a_clock_of_ten_steps_is_a_step_multiple(algorithm: str, fmu_folder: Path, tmp_path: Path) -> None:
-    clocked = fmublock.build(MODELS["RsbaController"], tmp_path / "Clocked.fmu", fmi=3, clock=1e-3)
-    options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02}
-    sampled = {"step_multiples": {"lift.controller": 1}} if algorithm == "strong" else {}
-    replaced = {"replace": {"lift.controller": clocked}, **sampled}
+def test_clocks_of_ten_steps_are_step_multiples(algorithm: str, fmu_folder: Path, tmp_path: Path) -> None:
+    names = {"lift.controller": "RsbaController", "lift.observer": "EmlaObserver"}
+    clocked = {c: build(MODELS[n], tmp_path / f"{n}.fmu", fmi=3, clock=1e-3) for c, n in names.items()}
+    assert [validate_fmu(str(fmu)) for fmu in clocked.values()] == [[], []]
+    options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02, "output_interval": 1e-4}
+    sampled = {"step_multiples": dict.fromkeys(names, 1)} if algorithm == "strong" else {}
     plain, other = (
-        ec.load("lift", fmus=fmu_folder, output_interval=1e-4, **options, **given).prepare().run().to_polars()
-        for given in ({"step_multiples": {"lift.controller": 10}}, replaced)
+        ec.load("lift", fmus=fmu_folder, **options, **given).prepare().run().to_polars()
+        for given in ({"step_multiples": dict.fromkeys(names, 10)}, {"replace": clocked, **sampled})
     )
     assert other.select(plain.columns).equals(plain)

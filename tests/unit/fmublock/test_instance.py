@@ -17,10 +17,8 @@ from fmublock import (
     Output,
     Parameter,
     State,
-    StepDiscardedError,
     build,
 )
-from fmublock.instance import Phase
 from fmublock.results import EquationError
 from fmublock.symbolic import evaluate_symbolically
 from tests.support.arm import Arm
@@ -31,67 +29,11 @@ from tests.support.toy import Toy
 REFERENCE = Toy.layout().reference
 
 
-def test_arrays_and_names_follow_fmi() -> None:
-    names = [s.name for s in Toy.layout().scalars]
-    assert names[:9] == [
-        "force", "body.mass", "spring.k[1]", "spring.k[2]", "shape", "damped", "count", "seed", "x_0",
-    ]  # fmt: skip
-    assert names[9:] == [
-        "solver.internal_step", "x", "v[1]", "v[2]", "random", "step_count", "power", "inverse",
-    ]  # fmt: skip
-
-
-def test_a_state_can_start_from_a_parameter() -> None:
-    instance = started(Toy, {"x_0": 0.25, "seed": 11})
-    assert (instance["x"], instance["random"]) == (0.25, 11.0)
-
-
-def test_a_step_is_divided_evenly_and_not_once_too_often() -> None:
-    """0.3 / 0.1 is 2.9999... or 3.0000...4 in doubles; both mean three substeps."""
-    calls: list[float] = []
-
-    class Counting(Block):
-        x = State(0.0)
-
-        def derivatives(self, v: Any) -> dict[str, Any]:
-            calls.append(v.time)
-            return {"x": 1.0}
-
-    started(Counting, {"solver.internal_step": 0.1}).do_step(0.0, 0.3)
-    assert len(calls) == 4 * 3
-
-
 def test_calls_in_the_wrong_phase_are_refused() -> None:
     with pytest.raises(BlockError, match="cannot do a step in phase instantiated"):
         Instance(Toy()).do_step(0.0, 0.1)
     with pytest.raises(BlockError, match="cannot enter initialization mode in phase step"):
         started(Toy).enter_initialization()
-
-
-@pytest.mark.parametrize(
-    ("count", "error", "sentence"),
-    [
-        (1e9, StepDiscardedError, "an equation failed"),
-        (1e9 + 0.5, BlockError, "needs more than 1e.09 internal steps"),
-    ],
-)
-def test_largest_number_of_internal_steps(count: float, error: type[BlockError], sentence: str) -> None:
-    """The first of them fails, or else there would be a long wait."""
-
-    class Failing(Block):
-        x = State(0.0)
-
-        def derivatives(self, v: Any) -> dict[str, Any]:
-            return {"x": 1.0 / v.x}
-
-    instance = started(Failing, {"solver.internal_step": 2.0**-20})
-    with pytest.raises(error, match=sentence):
-        instance.do_step(0.0, count * 2.0**-20)
-
-
-def test_phases_are_bits_of_their_own() -> None:
-    """The C shim, which gets them from here, asks for several at once."""
-    assert [phase.value for phase in Phase] == [1 << i for i in range(len(Phase))]
 
 
 def test_an_equation_cannot_use_what_is_not_declared() -> None:
@@ -131,7 +73,6 @@ class Pair(Block):
         ({"P": 1.0, "M": 1.0}, "Wrong.outputs: M is wrong: one value is not 2 x 2 values."),
         ({"P": [1.0], "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is wrong: a list of 1 is not one value."),
         ({"P": "1", "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is '1', which is not a number."),
-        ({"P": None, "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is None, which is not a number."),
         ([1.0], r"Wrong.outputs returns \[1.0\] instead of a dict"),
     ],
 )
@@ -163,7 +104,6 @@ def test_values_have_names_and_arrays_are_lists() -> None:
     [
         ("spring.K", 1.0, "toy: there is no variable 'spring.K'; did you mean 'spring.k'"),
         ("zzz", 1.0, "toy: there is no variable 'zzz'."),
-        ("spring.k", 1.0, "toy: 1.0 is not a value for spring.k: one value is not 2 values"),
         ("spring.k", [1.0], r"toy: \[1.0\] is not a value for spring.k: a list of 1 is not 2 values"),
         ("x_0", "much", "toy: 'much' is not a value for x_0"),
         ("x_0", [1.0], r"toy: \[1.0\] is not a value for x_0"),
@@ -175,19 +115,12 @@ def test_wrong_names_and_values_are_refused(name: str, value: Any, sentence: str
         Instance(Toy(), "toy")[name] = value
 
 
-def test_matrices_have_structured_names_row_by_row() -> None:
-    scalars = {s.name: s.start for s in Arm.layout().scalars}
-    assert list(scalars)[4:12] == [
-        "M[1,1]", "M[1,2]", "M[1,3]", "M[2,1]", "M[2,2]", "M[2,3]", "same[1,1]", "same[2,1]",
-    ]  # fmt: skip
-    assert list(scalars.values())[4:12] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.0]
-
-
 def test_every_element_starts_from_its_own_element_of_the_parameter() -> None:
     instance = Instance(Arm())
     instance["q_0"] = [1.0, 10.0, 100.0]
     instance["level"] = 4.0
     instance["M[2,3]"] = 0.0
+    assert (instance["M[1,3]"], instance["M[2,1]"]) == (3.0, 4.0)  # named row by row
     assert instance["q"] == [1.0, 10.0, 100.0]
     assert instance["w"] == [4.0, 4.0]
     assert instance["y"] == [321.0, 54.0]
@@ -208,17 +141,6 @@ def test_a_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> Non
         with opened(path, tmp_path / f"{flavour}-unpacked") as session:
             found = session.get(session.instance("arm", **values), *names)
         assert found == expected, flavour
-
-
-def test_names_must_differ_and_units_need_floats() -> None:
-    class Twice(Block):
-        a = Parameter(1.0, name="k")
-        b = Parameter(2.0, name="k")
-
-    with pytest.raises(TypeError, match="declares these names twice: k"):
-        Twice.layout()
-    with pytest.raises(TypeError, match="write its start value 1 as a float"):
-        Parameter(1, unit="m")
 
 
 @pytest.mark.parametrize(

@@ -65,30 +65,13 @@ def test_categories_that_are_on_are_logged(
     slave = session.new(logging=logging)
     for is_on, categories in calls:
         slave.setDebugLogging(is_on, categories)
-    heard_categories = heard(session, slave)
-    assert heard_categories == (ALL if expected == ["logAll"] else expected)
-
-
-def test_categories_can_be_changed_at_any_time(session: Session) -> None:
-    slave = session.instance()
-    slave.setDebugLogging(False, [])
-    slave.terminate()
-    slave.setDebugLogging(True, [WRONG])
-    with refused():
-        slave.terminate()
-    assert [line.text for line in session.log.all] == [
-        "toy: initialized at t = 0 s.",
-        "toy: cannot terminate in phase terminated.",
-    ]
-
-
-def test_the_model_description_lists_the_categories(session: Session) -> None:
+    assert heard(session, slave) == (ALL if expected == ["logAll"] else expected)
     assert [c.name for c in session.description.logCategories] == list(LOG_CATEGORIES)
 
 
 @pytest.mark.parametrize("name", ["", "logEvents ", "c" * 10_000])
 def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session, name: str) -> None:
-    slave = session.new()
+    slave = session.instance()
     slave.setDebugLogging(True, [WARN, WRONG])
     for on in (True, False):
         session.log.all.clear()
@@ -98,31 +81,16 @@ def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session,
     assert heard(session, slave) == [WARN, WRONG]
 
 
-def test_categories_that_are_announced_but_missing_are_refused(session: Session) -> None:
-    slave = session.new()
-    with refused():
-        slave.fmi2SetDebugLogging(slave.component, True, 2, None)
-    assert session.log.lines("toy") == ["toy: 2 values were announced, but the array is NULL."]
-
-
-def test_an_instance_without_a_logger_is_silent(session: Session) -> None:
+@pytest.mark.parametrize("has_callbacks", [True, False])
+def test_an_instance_without_a_logger_is_silent(session: Session, has_callbacks: bool) -> None:
     session.log.callbacks.logger = type(session.log.callbacks.logger)()
-    slave = session.instance()
-    with refused():
-        slave.doStep(77.0, 0.5)
-    slave.doStep(0.0, 0.5)
-    assert session.log.all == []
-
-
-def test_an_instance_without_callbacks_works(session: Session) -> None:
-    other = session.new()
-    component = other.fmi2Instantiate(
-        b"bare", 1, session.description.guid.encode(), b"file:///", None, False, True
-    )
-    assert component is not None
+    other, callbacks = session.new(), session.log.callbacks if has_callbacks else None
+    guid = session.description.guid.encode()
+    component = other.fmi2Instantiate(b"bare", 1, guid, b"file:///", callbacks, False, True)
     with refused():
         other.fmi2DoStep(component, 0.0, 0.5, True)
     other.fmi2FreeInstance(component)
+    assert session.log.all == []
 
 
 NASTY = "50%s%n %d"

@@ -44,9 +44,6 @@ def instantiate(session: Session, name: bytes | None) -> int | None:
     )
 
 
-# ---- names -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("name", "said"), [(None, "NULL"), (b"", "empty")])
 def test_an_instance_needs_a_name(session: Session, name: bytes | None, said: str) -> None:
     assert instantiate(session, name) is None
@@ -66,8 +63,6 @@ def test_an_instance_of_the_python_flavour_needs_a_name(python_toy_fmu: Path, tm
         slave.doStep(0.0, 0.1)
         assert session.get(slave, "step_count") == [1.0]
 
-
-# ---- places ------------------------------------------------------------------------------------
 
 CO_SIMULATION: list[tuple[str, Sequence[Any], str]] = [
     ("fmi2GetReal", (REFERENCE, ONE, NULL), ARRAY),
@@ -99,27 +94,49 @@ CO_SIMULATION: list[tuple[str, Sequence[Any], str]] = [
 ]
 
 
+MODEL_EXCHANGE: list[tuple[str, Sequence[Any]]] = [
+    ("fmi2SetContinuousStates", (NULL, c_size_t(3))),
+    ("fmi2GetContinuousStates", (NULL, c_size_t(3))),
+    ("fmi2GetNominalsOfContinuousStates", (NULL, c_size_t(3))),
+    ("fmi2GetDerivatives", (NULL, c_size_t(3))),
+    ("fmi2CompletedIntegratorStep", (c_int(1), NULL, byref(c_int()))),
+    ("fmi2CompletedIntegratorStep", (c_int(1), byref(c_int()), NULL)),
+]
+
+
 def test_null_arrays_and_pointers_are_refused(session: Session) -> None:
     slave = session.instance()
-    for function, arguments, sentence in CO_SIMULATION:
+    saved = slave.getFMUstate()
+    size = c_size_t(len(slave.serializeFMUstate(saved)))
+    of_a_state = [
+        ("fmi2SerializedFMUstateSize", (saved, NULL), "the pointer to the size is NULL."),
+        ("fmi2SerializeFMUstate", (saved, NULL, size), "the pointer to the bytes is NULL."),
+        (
+            "fmi2DeSerializeFMUstate",
+            (slave.serializeFMUstate(saved), size, NULL),
+            "the pointer to the state is NULL.",
+        ),
+    ]
+    for function, arguments, sentence in (*CO_SIMULATION, *of_a_state):
         session.log.all.clear()
         assert answer(slave, function, *arguments) == ERROR, function
         (line,) = session.log.lines("toy")
         assert line.startswith(f"toy: {sentence}"), function
+    assert answer(slave, "fmi2FreeFMUstate", NULL) == OK
+    slave.freeFMUstate(saved)
     slave.doStep(0.0, 0.1)  # still usable
 
 
-def test_states_need_pointers(session: Session) -> None:
-    slave = session.instance()
-    saved = slave.getFMUstate()
-    bytes_ = slave.serializeFMUstate(saved)
-    session.log.all.clear()
-    assert answer(slave, "fmi2SerializedFMUstateSize", saved, NULL) == ERROR
-    assert answer(slave, "fmi2SerializeFMUstate", saved, NULL, c_size_t(len(bytes_))) == ERROR
-    assert answer(slave, "fmi2DeSerializeFMUstate", bytes_, c_size_t(len(bytes_)), NULL) == ERROR
-    assert len(session.log.lines("toy")) == 3
-    assert answer(slave, "fmi2FreeFMUstate", NULL) == OK
-    slave.freeFMUstate(saved)
+def test_model_exchange_refuses_null(session: Session) -> None:
+    model = session.instance(of=FMU2Model)
+    for function, arguments in MODEL_EXCHANGE:
+        session.log.all.clear()
+        assert answer(model, function, *arguments) == ERROR, function
+        (line,) = session.log.lines("toy")
+        assert line.endswith(" is NULL."), function
+    model.enterEventMode()
+    assert answer(model, "fmi2NewDiscreteStates", NULL) == ERROR
+    assert session.log.lines("toy")[-1] == "toy: the pointer to the event information is NULL."
 
 
 def test_no_values_need_no_arrays(session: Session) -> None:
@@ -131,29 +148,3 @@ def test_no_values_need_no_arrays(session: Session) -> None:
     for function in ("fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"):
         assert answer(slave, function, NULL, none, NULL, NULL) == OK
     assert answer(slave, "fmi2SetDebugLogging", c_int(1), none, NULL) == OK
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments"),
-    [
-        ("fmi2SetContinuousStates", (NULL, c_size_t(3))),
-        ("fmi2GetContinuousStates", (NULL, c_size_t(3))),
-        ("fmi2GetNominalsOfContinuousStates", (NULL, c_size_t(3))),
-        ("fmi2GetDerivatives", (NULL, c_size_t(3))),
-        ("fmi2CompletedIntegratorStep", (c_int(1), NULL, byref(c_int()))),
-        ("fmi2CompletedIntegratorStep", (c_int(1), byref(c_int()), NULL)),
-    ],
-)
-def test_model_exchange_refuses_null(session: Session, function: str, arguments: Sequence[Any]) -> None:
-    model = session.instance(of=FMU2Model)
-    session.log.all.clear()
-    assert answer(model, function, *arguments) == ERROR
-    (line,) = session.log.lines("toy")
-    assert line.endswith(" is NULL.")
-
-
-def test_events_need_a_pointer(session: Session) -> None:
-    model = session.instance(of=FMU2Model)
-    model.enterEventMode()
-    assert answer(model, "fmi2NewDiscreteStates", NULL) == ERROR
-    assert session.log.lines("toy") == ["toy: the pointer to the event information is NULL."]

@@ -1,13 +1,11 @@
 """FMUs of data over time: what they say between the rows, before and after them, and to a host."""
 
-import shutil
 import zipfile
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Slave, fmi2Discard, fmi2Terminated
+from fmpy.fmi2 import fmi2Terminated
 from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,6 +16,7 @@ from emla_cosim import Verdict, verify
 from fmublock.errors import BuildError
 from fmublock.table import ENDS, MOST_OUTPUTS, TableColumn, TableContent, TableOutput, build_table
 from fmublock.units import SiUnit
+from tests.support.sessions import DISCARD, Session, opened, refused
 from tests.support.tiers import mostly_slow
 
 Array = NDArray[np.float64]
@@ -38,46 +37,21 @@ def a_table(times: Array, values: Array, end: str = "hold") -> TableContent:
     return TableContent(times, columns, shown, end)
 
 
-class Stepped:
-    """An instance of a table's FMU, and its outputs by name."""
-
-    def __init__(self, path: Path, folder: Path, start: float = 0.0) -> None:
-        description = fmpy.read_model_description(str(path))
-        fmpy.extract(str(path), str(folder))
-        self.names = {v.name: v.valueReference for v in description.modelVariables}
-        self.fmu = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="table",
-        )
-        self.fmu.instantiate()
-        self.begin(start)
-
-    def begin(self, start: float) -> None:
-        self.fmu.setupExperiment(startTime=start)
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
-
-    def __getitem__(self, name: str) -> float:
-        return self.fmu.getReal([self.names[name]])[0]
-
-    def close(self) -> None:
-        self.fmu.terminate()
-        self.fmu.freeInstance()
+def two_rows(shown: list[TableOutput]) -> TableContent:
+    """A line from 1 to 3 within 1 s."""
+    return TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown)
 
 
 def outputs(table: TableContent, folder: Path, start: float, step: float, count: int) -> dict[str, Array]:
     """All outputs at the communication points."""
-    shutil.rmtree(folder / "unpacked", ignore_errors=True)
-    stepped = Stepped(build_table(table, folder / "table.fmu"), folder / "unpacked", start)
     rows = []
-    for k in range(count + 1):
-        rows.append([stepped[name] for name in stepped.names])
-        if k < count:
-            stepped.fmu.doStep(start + k * step, step)
-    stepped.close()
-    return dict(zip(stepped.names, np.array(rows).T, strict=True))
+    with opened(build_table(table, folder / "table.fmu"), folder / "unpacked") as session:
+        slave, names = session.instance(time=start), session.names("output")
+        for k in range(count):
+            rows.append(session.get(slave, *names))
+            slave.doStep(start + k * step, step)
+        rows.append(session.get(slave, *names))
+    return dict(zip(names, np.array(rows).T, strict=True))
 
 
 increasing = st.lists(st.integers(1, 400), min_size=1, max_size=12).map(
@@ -120,89 +94,71 @@ def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Pat
     np.testing.assert_array_equal(found["cubic"], values)
 
 
-def test_a_repeated_table_starts_again_with_a_periodic_spline(tmp_path: Path) -> None:
-    times = np.linspace(1.0, 3.0, 41)
-    values = np.cos(np.pi * times)
-    values[-1] = values[0]
-    found = outputs(a_table(times, values, "repeat"), tmp_path, 0.0, 0.05, 400)
-    points = 0.05 * np.arange(401)
-    begun = points >= 1.0
-    np.testing.assert_array_equal(found["linear"][~begun], values[0])
-    np.testing.assert_allclose(found["cubic"][begun], np.cos(np.pi * points[begun]), atol=1e-6)
-    np.testing.assert_allclose(
-        found["rate"][begun], -np.pi * np.sin(np.pi * points[begun]), atol=1e-4
-    )  # also where it begins anew
-
-
 @pytest.mark.parametrize("end", ENDS)
 def test_splines_are_periodic_only_in_repeated_tables(end: str, tmp_path: Path) -> None:
     """Not because its ends are equal, as those of a load that comes and goes."""
     times, values = np.linspace(0.0, 1.0, 6), np.array([1.0, 3.0, 2.0, -1.0, 4.0, 1.0])
-    found = outputs(a_table(times, values, end), tmp_path, 0.0, 0.05, 19)
-    points = 0.05 * np.arange(20)
+    count = 79 if end == "repeat" else 19
+    found = outputs(a_table(times, values, end), tmp_path, 0.0, 0.05, count)
+    points = 0.05 * np.arange(count + 1)
     spline = CubicSpline(times, values, bc_type="periodic" if end == "repeat" else "not-a-knot")
     for order, name in enumerate(("cubic", "rate", "bend")):
         np.testing.assert_allclose(found[name], spline(points, order), rtol=1e-9, atol=1e-9)
 
 
 def test_the_first_row_of_a_repeated_table_replaces_the_last(tmp_path: Path) -> None:
-    found = outputs(
-        a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 9.0]), "repeat"), tmp_path, 0.0, 0.5, 10
-    )
-    assert found["held"].tolist() == [1, 1, 2, 2, 1, 1, 2, 2, 1, 1, 2]
-    np.testing.assert_allclose(found["linear"], [1, 1.5, 2, 5.5, 1, 1.5, 2, 5.5, 1, 1.5, 2], atol=1e-12)
+    """From the first row on: before it, the table rests."""
+    table = a_table(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 9.0]), "repeat")
+    found = outputs(table, tmp_path, 0.0, 0.5, 12)
+    assert found["held"].tolist() == [1, 1, 1, 1, 2, 2, 1, 1, 2, 2, 1, 1, 2]
+    expected = [1, 1, 1, 1.5, 2, 5.5, 1, 1.5, 2, 5.5, 1, 1.5, 2]
+    np.testing.assert_allclose(found["linear"], expected, atol=1e-12)
 
 
 def test_a_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
     table = a_table(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "stop")
-    stepped = Stepped(build_table(table, tmp_path / "t.fmu"), tmp_path / "t")
-    stepped.fmu.doStep(0.0, 0.75)
-    with pytest.raises(Exception, match="status 2"):
-        stepped.fmu.doStep(0.75, 0.5)
-    assert fmi2Discard == 2 and stepped.fmu.getBooleanStatus(fmi2Terminated)
-    assert stepped["linear"] == 0.75
-    stepped.fmu.doStep(0.75, 0.25)  # a step that fits goes on
-    assert stepped["linear"] == 1.0 and not stepped.fmu.getBooleanStatus(fmi2Terminated)
-    stepped.close()
+    with opened(build_table(table, tmp_path / "t.fmu"), tmp_path / "t") as session:
+        slave = session.instance()
+        slave.doStep(0.0, 0.75)
+        with refused(DISCARD):
+            slave.doStep(0.75, 0.5)
+        assert slave.getBooleanStatus(fmi2Terminated) and session.get(slave, "linear") == [0.75]
+        slave.doStep(0.75, 0.25)  # a step that fits goes on
+        assert session.get(slave, "linear") == [1.0] and not slave.getBooleanStatus(fmi2Terminated)
 
 
 def test_states_of_tables_are_restored_and_instances_are_independent(tmp_path: Path) -> None:
     times = np.linspace(0.0, 1.0, 11)
     path = build_table(a_table(times, times**2), tmp_path / "t.fmu")
-    one, other = Stepped(path, tmp_path / "a b%20ü#c"), Stepped(path, tmp_path / "other", 0.5)
-    one.fmu.doStep(0.0, 0.25)
-    state, before = one.fmu.getFMUState(), one["linear"]
-    one.fmu.doStep(0.25, 0.6)
-    assert one["linear"] != before and other["linear"] == pytest.approx(0.25)
-    kept = one.fmu.serializeFMUState(state)
-    one.fmu.setFMUState(state)
-    one.fmu.freeFMUState(state)
-    assert one["linear"] == before
-    one.fmu.doStep(0.25, 0.5)
-    after = one["linear"]
-    one.fmu.reset()
-    one.begin(0.0)
-    assert one["linear"] == 0.0
-    other.fmu.setFMUState(other.fmu.deSerializeFMUstate(kept))  # also of another instance
-    other.fmu.doStep(0.25, 0.5)
-    assert other["linear"] == after
-    one.close()
-    other.close()
+    with opened(path, tmp_path / "a b%20ü#c") as session, opened(path, tmp_path / "other") as elsewhere:
+        one, other = session.instance(), elsewhere.instance(time=0.5)
+        one.doStep(0.0, 0.25)
+        state, before = one.getFMUstate(), session.get(one, "linear")
+        one.doStep(0.25, 0.6)
+        assert session.get(one, "linear") != before and elsewhere.get(other, "linear") == [0.25]
+        kept = one.serializeFMUstate(state)
+        one.setFMUstate(state)
+        one.freeFMUstate(state)
+        assert session.get(one, "linear") == before
+        one.doStep(0.25, 0.5)
+        after = session.get(one, "linear")
+        one.reset()
+        session.initialize(one)
+        assert session.get(one, "linear") == [0.0]
+        other.setFMUstate(other.deSerializeFMUstate(kept))  # also of another instance
+        other.doStep(0.25, 0.5)
+        assert elsewhere.get(other, "linear") == after
 
 
 def test_an_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
     shown = [TableOutput("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')]
-    path = build_table(
-        TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([0.0, 500.0]))], shown), tmp_path / "t.fmu"
-    )
+    path = build_table(two_rows(shown), tmp_path / "t.fmu")
     assert validate_fmu(str(path)) == []
-    description = fmpy.read_model_description(str(path))
-    (unit,) = description.unitDefinitions
-    assert (unit.name, unit.baseUnit.kg, unit.baseUnit.s, unit.baseUnit.factor) == ("kN", 1, -2, 1e3)
-    assert description.modelVariables[0].description == '<a> & "b"'
-    stepped = Stepped(path, tmp_path / "t", 1.0)
-    assert stepped["lift.plant.F_L"] == 2.5
-    stepped.close()
+    with opened(path, tmp_path / "t") as session:
+        (unit,) = session.description.unitDefinitions
+        assert (unit.name, unit.baseUnit.kg, unit.baseUnit.s, unit.baseUnit.factor) == ("kN", 1, -2, 1e3)
+        assert session.variables["lift.plant.F_L"].description == '<a> & "b"'
+        assert session.get(session.instance(time=1.0), "lift.plant.F_L") == [2.003]
 
 
 @pytest.mark.slow
@@ -213,64 +169,46 @@ def test_verify_reports_no_problem(tmp_path: Path) -> None:
     assert [str(f) for f in examined.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)] == []
 
 
-def test_bytes_depend_on_the_content_only(tmp_path: Path) -> None:
+def test_bytes_depend_on_the_content_and_libraries_do_not(tmp_path: Path) -> None:
     times = np.array([0.0, 1.0])
     paths = [
         build_table(a_table(times, np.array([0.0, y])), tmp_path / f"{i}.fmu")
         for i, y in enumerate((1.0, 1.0, 2.0))
     ]
     assert paths[0].read_bytes() == paths[1].read_bytes() != paths[2].read_bytes()
-    libraries = {library_of(path) for path in paths}
-    assert len(libraries) == 1
-
-
-def library_of(path: Path) -> bytes:
-    with zipfile.ZipFile(path) as archive:
-        return archive.read(next(n for n in archive.namelist() if n.startswith("binaries/")))
+    archives = [zipfile.ZipFile(path) for path in paths]
+    (name,) = (n for n in archives[0].namelist() if n.startswith("binaries/"))
+    assert len({archive.read(name) for archive in archives}) == 1
 
 
 @pytest.mark.parametrize("count", mostly_slow([16, 17, MOST_OUTPUTS], [17]))
 def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
     shown = [TableOutput(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
-    path = build_table(
-        TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu"
-    )
-    stepped = Stepped(path, tmp_path / "t")
-    stepped.fmu.doStep(0.0, 0.5)
-    assert stepped[f"y[{count - 1}]"] == 2.0 * (count - 1)
-    with pytest.raises(Exception, match="fmi2GetReal"):
-        stepped.fmu.getReal([count])
-    stepped.close()
+    with opened(build_table(two_rows(shown), tmp_path / "t.fmu"), tmp_path / "t") as session:
+        slave = session.instance()
+        slave.doStep(0.0, 0.5)
+        assert session.get(slave, f"y[{count - 1}]") == [2.0 * (count - 1)]
+        with refused():
+            slave.getReal([count])
 
 
 def test_too_many_outputs_are_refused(tmp_path: Path) -> None:
     shown = [TableOutput(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
     with pytest.raises(BuildError, match=f"can have {MOST_OUTPUTS} outputs"):
-        build_table(
-            TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu"
-        )
+        build_table(two_rows(shown), tmp_path / "t.fmu")
 
 
 @pytest.mark.parametrize("end", ENDS)
 def test_damaged_data_are_refused(tmp_path: Path, end: str) -> None:
-    path = build_table(a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 1.0]), end), tmp_path / "t.fmu")
-    folder = tmp_path / "t"
-    fmpy.extract(str(path), str(folder))
-    numbers = folder / "resources" / "table.bin"
+    table = a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 1.0]), end)
+    session = Session(build_table(table, tmp_path / "t.fmu"), tmp_path / "t")
+    numbers = session.folder / "resources" / "table.bin"
     whole = numbers.read_bytes()
-    description = fmpy.read_model_description(str(path))
     random = np.random.default_rng(3)
     damaged = [b"", whole[:-1], whole + b"\0", whole[:40], b"EMLATBL2" + whole[8:]]
     for place in random.integers(0, len(whole), 25):
         damaged.append(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
     for content in (*damaged, None):
         numbers.unlink() if content is None else numbers.write_bytes(content)
-        fmu = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier="DataTable",
-            instanceName="table",
-        )
         with pytest.raises(Exception, match="Failed to instantiate"):
-            fmu.instantiate()
-        fmu.freeLibrary()
+            session.new()
