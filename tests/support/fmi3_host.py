@@ -83,22 +83,14 @@ def call_at_random(
     library, headers = folder / "Toy.so", files("fmpy").joinpath("c-code")
     runtime = subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True)
     source = host.folder / "sources" / "fmi3_block.c"
-    options = [
-        *WARNINGS,
-        "-shared",
-        "-fPIC",
-        "-fvisibility=hidden",
-        *SANITIZERS["address"],
-        "-I",
-        str(headers),
-    ]
+    shared = ["-shared", "-fPIC", "-fvisibility=hidden"]
+    options = [*WARNINGS, *SANITIZERS["address"], *shared, "-I", str(headers)]
     subprocess.run(["cc", *options, str(source), "-o", str(library), "-lm"], check=True)
     script = files("tests.support").joinpath("fmi3_calls.py")
     numbers = map(str, (references, 1, calls, clock, *needed))
     run = subprocess.run(
         [sys.executable, str(script), str(library), str(host.description.guid), *numbers],
-        env={**os.environ, "LD_PRELOAD": runtime.strip(), "PYTHONMALLOC": "malloc"}
-        | {"ASAN_OPTIONS": "detect_leaks=0"},
+        env=dict(os.environ, LD_PRELOAD=runtime.strip(), PYTHONMALLOC="malloc", ASAN_OPTIONS="detect_leaks=0"),
         capture_output=True,
         text=True,
         check=False,

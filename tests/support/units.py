@@ -1,8 +1,11 @@
-"""One instance of a block behind one interface: in process, or as an FMU of any flavour and FMI version."""
+"""One instance of a block behind one interface: in process, or as an FMU of any flavour and FMI version.
+
+Calls of a unit return whether they succeeded, and what is logged is in its `messages`.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from fmpy.fmi1 import FMICallException
 
@@ -11,31 +14,6 @@ from tests.support.fmi3_host import Host
 from tests.support.sessions import WARNING, Session
 
 KINDS = ("block", "native", "python", "fmi3")
-
-
-class Unit(Protocol):
-    """An instance; calls return whether they succeeded, and what is logged is in `messages`."""
-
-    messages: list[str]
-
-    def enter(self, time: float = 0.0, stop: float | None = None) -> bool: ...
-    def exit(self) -> bool: ...
-    def set(self, **values: Any) -> bool: ...
-    def get(self, *names: str) -> list[float]: ...
-    def step(self, time: float, step: float) -> bool: ...
-    def save(self) -> Any: ...
-    def restore(self, state: Any) -> None: ...
-
-
-Make = Callable[..., Unit]
-
-
-def start(unit: Unit, time: float = 0.0, stop: float | None = None, **values: Any) -> Unit:
-    """Set start values, and initialize."""
-    assert unit.set(**values)
-    assert unit.enter(time, stop)
-    assert unit.exit(), unit.messages
-    return unit
 
 
 class BlockUnit:
@@ -80,7 +58,19 @@ class BlockUnit:
         self.instance.set_state(state)
 
 
-class Fmi2Unit:
+class FmuUnit:
+    """What instances of both FMI versions have in common."""
+
+    slave: Any
+
+    def exit(self) -> bool:
+        return _is_done(self.slave.exitInitializationMode)
+
+    def step(self, time: float, step: float) -> bool:
+        return _is_done(self.slave.doStep, time, step)
+
+
+class Fmi2Unit(FmuUnit):
     """An instance of an FMU for FMI 2.0."""
 
     def __init__(self, session: Session, name: str) -> None:
@@ -97,17 +87,11 @@ class Fmi2Unit:
             self.slave.enterInitializationMode
         )
 
-    def exit(self) -> bool:
-        return _is_done(self.slave.exitInitializationMode)
-
     def set(self, **values: Any) -> bool:
         return _is_done(lambda: self.session.set(self.slave, **values))
 
     def get(self, *names: str) -> list[float]:
         return self.session.get(self.slave, *names)
-
-    def step(self, time: float, step: float) -> bool:
-        return _is_done(self.slave.doStep, time, step)
 
     def save(self) -> bytes:
         saved = self.slave.getFMUstate()
@@ -121,7 +105,7 @@ class Fmi2Unit:
         self.slave.freeFMUstate(copy)
 
 
-class Fmi3Unit:
+class Fmi3Unit(FmuUnit):
     """An instance of an FMU for FMI 3.0, where an array is one variable."""
 
     def __init__(self, host: Host, name: str) -> None:
@@ -137,18 +121,14 @@ class Fmi3Unit:
     def enter(self, time: float = 0.0, stop: float | None = None) -> bool:
         return _is_done(self.slave.enterInitializationMode, None, time, stop)
 
-    def exit(self) -> bool:
-        return _is_done(self.slave.exitInitializationMode)
-
     def set(self, **values: Any) -> bool:
         return all(_is_done(self._set, name, value) for name, value in values.items())
 
     def _set(self, name: str, value: Any) -> None:
-        array, is_element, index = name.removesuffix("]").partition("[")
-        variable = self._variables[array if is_element else name]
-        if is_element:
-            elements = self._start.setdefault(array, [float(x) for x in variable.start.split()])
-            elements[int(index) - 1] = value
+        variable, index = self._find(name)
+        if variable.dimensions:
+            elements = self._start.setdefault(variable.name, [float(x) for x in variable.start.split()])
+            elements[index] = value
             self.slave.setFloat64([variable.valueReference], elements)
             return
         setters = {"Float64": self.slave.setFloat64, "Boolean": self.slave.setBoolean}
@@ -157,18 +137,15 @@ class Fmi3Unit:
 
     def get(self, *names: str) -> list[float]:
         values = []
-        for name in names:
-            array, is_element, index = name.removesuffix("]").partition("[")
-            variable = self._variables[array if is_element else name]
-            values.append(self._array(variable)[int(index or 1) - 1])
+        for variable, index in map(self._find, names):
+            size = int(variable.dimensions[0].start) if variable.dimensions else 1
+            values.append(self.slave.getFloat64([variable.valueReference], nValues=size)[index])
         return values
 
-    def _array(self, variable: Any) -> list[float]:
-        size = int(variable.dimensions[0].start) if variable.dimensions else 1
-        return list(self.slave.getFloat64([variable.valueReference], nValues=size))
-
-    def step(self, time: float, step: float) -> bool:
-        return _is_done(self.slave.doStep, time, step)
+    def _find(self, name: str) -> tuple[Any, int]:
+        """Return the variable and the position in it."""
+        array, _, number = name.removesuffix("]").partition("[")
+        return self._variables[array], int(number or 1) - 1
 
     def save(self) -> bytes:
         saved = self.slave.getFMUState()
@@ -180,6 +157,10 @@ class Fmi3Unit:
         copy = self.slave.deserializeFMUState(state)
         self.slave.setFMUState(copy)
         self.slave.freeFMUState(copy)
+
+
+Unit = BlockUnit | Fmi2Unit | Fmi3Unit
+Make = Callable[..., Unit]
 
 
 class Units:
@@ -206,6 +187,14 @@ class Units:
     def close(self) -> None:
         for opened in self._opened.values():
             opened.close()
+
+
+def start(unit: Unit, time: float = 0.0, stop: float | None = None, **values: Any) -> Unit:
+    """Set start values, and initialize."""
+    assert unit.set(**values)
+    assert unit.enter(time, stop)
+    assert unit.exit(), unit.messages
+    return unit
 
 
 def _is_done(call: Callable[..., Any], *arguments: Any) -> bool:

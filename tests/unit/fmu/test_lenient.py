@@ -29,7 +29,6 @@ from tests.support.ssp_documents import (
     ssv,
     system,
 )
-from tests.unit.run.test_single_fmu import with_description
 
 SHORT = {"stop_time": 0.02, "step_size": 0.001}
 UNKNOWN = ("<CoSimulation ", '<CoSimulation colour="red" ')
@@ -47,7 +46,7 @@ def dated(fmu: Path) -> tuple[str, str]:
 
 
 def test_harmless_faults_change_nothing_and_are_listed(reference: Path, tmp_path: Path) -> None:
-    faulty = with_description(reference, tmp_path / "x.fmu", dated(reference))
+    faulty = edit_description(reference, tmp_path / "x.fmu", *dated(reference))
     result = load(faulty, **SHORT).prepare().run()
     expected = load(reference, **SHORT).prepare().run()
     for name in expected.names:
@@ -61,9 +60,10 @@ def test_harmless_faults_change_nothing_and_are_listed(reference: Path, tmp_path
 
 def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Path) -> None:
     here = fake_fmu(tmp_path / "a.fmu", "y:output:m", "u:input:m", units={"K": 'K="1"'})
+    edit_description(here, here, 'unit="m"', 'unit="m" displayUnit="mm"')
     with accept_faults(lenient=False) as faults:
         interface = read_interface(here)
-    assert str(interface.unit("y")) == "m"
+    assert (str(interface.unit("y")), interface.variables["y"].displayUnit) == ("m", None)
     assert [p for p in faults.by_file[str(here)] if '"m" of variable "y"' in p]
     there = fake_fmu(tmp_path / "b.fmu", "u:input:mm")
     parts = (component("a", "a.fmu", "y:output"), component("b", "b.fmu", "u:input"))
@@ -76,18 +76,8 @@ def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Pat
     assert any("taken as equal" in p for found in scenario.accepted.values() for p in found)
 
 
-def test_display_unit_of_an_undefined_unit_is_harmless(tmp_path: Path) -> None:
-    text = description("a", "y:output:m", units={"K": 'K="1"'}).replace(
-        'unit="m"', 'unit="m" displayUnit="mm"'
-    )
-    write_archive(tmp_path / "a.fmu", {"modelDescription.xml": text.encode()})
-    with accept_faults(lenient=False) as faults:
-        assert read_interface(tmp_path / "a.fmu").variables["y"].displayUnit is None
-    assert faults.by_file
-
-
 def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Emla) -> None:
-    faulty = with_description(reference, tmp_path / "x.fmu", UNKNOWN, dated(reference))
+    faulty = edit_description(reference, tmp_path / "x.fmu", *UNKNOWN, *dated(reference))
     times = ("--stop-time", "0.02", "--step-size", "1 ms", "--no-plots")
     refused = emla("run", str(faulty), *times, "--output", str(tmp_path / "no"))
     assert "attribute 'colour'" in sentence(refused, 2)
@@ -149,64 +139,55 @@ def values(path: Path, lenient: bool) -> tuple[dict[str, object], list[str]]:
     return found, [p for problems in faults.by_file.values() for p in problems]
 
 
-def test_undefined_units_of_parameters_need_the_option(fmu: Path, tmp_path: Path) -> None:
-    root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
-    path = folder(tmp_path / "s", root=root, a__fmu=fmu, k__ssv=ssv(k=(9.5, "[m]")))
-    with pytest.raises(CommandError, match=r"have the units \[m\] and m, one of which is not defined"):
+END = "</ssv:Parameters>"
+SECOND = "<ssv:Parameter name='k'><ssv:Real value='{}'/></ssv:Parameter></ssv:Parameters>"
+BOUND = system("r", component("a", "a.fmu", bindings=binding("k.ssv", "")))
+OUTSIDE = system("r", component("a", "../a.fmu"))
+PORT = 'kind="input"'
+COLOURED = system("r", component("a", "a.fmu", "u:input")).replace(PORT, f'{PORT} colour="red"')
+
+
+@pytest.mark.parametrize(
+    ("root", "parameters", "refused", "accepted", "value"),
+    [
+        (BOUND, ssv(k=(9.5, "[m]")), r"the units \[m\] and m, one of which is", "taken as equal", 9.5),
+        (BOUND, ssv(k=1.0).replace(END, SECOND.format(2)), "second value", "second value", 2.0),
+        (COLOURED, "", "'colour' is not allowed", "colour", None),
+        (OUTSIDE, "", "outside the package", "'../a.fmu' is outside the package", None),
+    ],
+    ids=["units", "two values", "attribute", "file"],
+)
+def test_faults_of_packages_need_the_option(
+    root: str, parameters: str, refused: str, accepted: str, value: float | None, fmu: Path, tmp_path: Path
+) -> None:
+    path = folder(tmp_path / "s", root=ssd(root), a__fmu=fmu, k__ssv=parameters)
+    with pytest.raises(CommandError, match=f"{refused}.*`--lenient`"):
         values(path, lenient=False)
     found, faults = values(path, lenient=True)
-    assert found == {"k": 9.5}
-    assert any("taken as equal" in fault for fault in faults)
+    assert found.get("k") == value
+    assert any(accepted in fault for fault in faults)
 
 
-def test_second_different_value_needs_the_option(fmu: Path, tmp_path: Path) -> None:
-    root = ssd(system("r", component("a", "a.fmu", bindings=binding("k.ssv", ""))))
-    more = "<ssv:Parameter name='k'><ssv:Real value='{}'/></ssv:Parameter></ssv:Parameters>"
-    for second, lenient, expected in (("1", False, 1.0), ("2", True, 2.0)):
-        text = ssv(k=1.0).replace("</ssv:Parameters>", more.format(second))
-        path = folder(tmp_path / f"s{second}", root=root, a__fmu=fmu, k__ssv=text)
-        found, faults = values(path, lenient)
-        assert found == {"k": expected}
-        assert len(faults) == 1
-    with pytest.raises(CommandError, match=r"second value\. `--lenient`"):
-        values(path, lenient=False)
+def test_second_equal_value_is_accepted(fmu: Path, tmp_path: Path) -> None:
+    equal = ssv(k=1.0).replace(END, SECOND.format(1))
+    found, faults = values(folder(tmp_path / "s", root=ssd(BOUND), a__fmu=fmu, k__ssv=equal), lenient=False)
+    assert (found, len(faults)) == ({"k": 1.0}, 1)
 
 
-def test_unknown_elements_need_the_option(fmu: Path, tmp_path: Path) -> None:
-    root = system("r", component("a", "a.fmu", "u:input")).replace(
-        'kind="input"', 'kind="input" colour="red"'
-    )
-    path = folder(tmp_path / "s", root=ssd(root), a__fmu=fmu)
-    with pytest.raises(CommandError, match=r"'colour' is not allowed\. `--lenient`"):
-        values(path, lenient=False)
-    assert "colour" in values(path, lenient=True)[1][0]
-    broken = ssd(root).replace(' name="u"', "")
+def test_some_faults_of_packages_are_never_accepted(fmu: Path, tmp_path: Path) -> None:
+    incomplete = folder(tmp_path / "t", root=ssd(COLOURED).replace(' name="u"', ""), a__fmu=fmu)
     with pytest.raises(CommandError, match="'name' is required but missing"):
-        values(folder(tmp_path / "t", root=broken, a__fmu=fmu), lenient=True)
-
-
-def test_files_outside_of_a_folder_need_the_option(fmu: Path, tmp_path: Path) -> None:
-    root = ssd(system("r", component("a", "../a.fmu")))
-    path = folder(tmp_path / "s", root=root)
-    with pytest.raises(CommandError, match=r"outside the package\. `--lenient`"):
-        values(path, lenient=False)
-    assert values(path, lenient=True)[1] == ["'../a.fmu' is outside the package"]
-    archive = packed(tmp_path / "s.ssp", path)
+        values(incomplete, lenient=True)
     with pytest.raises(CommandError, match=r"outside the package\.$"):
-        values(archive, lenient=True)
+        values(packed(tmp_path / "s.ssp", folder(tmp_path / "s", root=ssd(OUTSIDE))), lenient=True)
 
 
-# ---- one FMU -----------------------------------------------------------------------------------
-
-
-def test_single_fmu_takes_names_of_variables_alone(reference: Path, tmp_path: Path) -> None:
-    plain = load(reference, set={"waypoint[2]": "300 mm"}, **SHORT).prepare().run()
-    full = load(reference, set={"Reference.waypoint[2]": 0.3}, **SHORT).prepare().run()
-    assert plain.record["components"]["Reference"]["parameters"] == {"waypoint[2]": 0.3}
-    assert (plain["Reference.x_d"] == full["Reference.x_d"]).all()
+def test_variables_alone_are_names_in_a_single_fmu_only(reference: Path) -> None:
+    with load(reference, set={"waypoint[2]": "300 mm"}, **SHORT).prepare() as simulation:
+        assert simulation.run().record["components"]["Reference"]["parameters"] == {"waypoint[2]": 0.3}
     with pytest.raises(CommandError, match="no variable 'waipoint"):
         load(reference, set={"waipoint[2]": 1.0}, **SHORT).prepare()
-    two = System.of({"a": reference, "b": reference})  # here only full names are clear
+    two = System.of({"a": reference, "b": reference})
     with pytest.raises(CommandError, match="not a variable"):
         load(two, set={"waypoint": 1.0}, **SHORT).prepare()
 

@@ -13,15 +13,14 @@ import casadi
 import numpy as np
 import pytest
 
-from emla_cosim.fmu.models import fmu_path
 from emla_fmu import EmlaPlant
 from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, exp, sin, where
 from fmublock.c_equations import _Equations, c_equations
 from fmublock.errors import BuildError
 from fmublock.graph import Rank
-from fmublock.instance import Instance
 from fmublock.symbolic import SymbolicBlock, evaluate_symbolically
-from tests.support.slaves import fmu_slave
+from tests.support.in_process import started
+from tests.support.sessions import Session
 from tests.support.tiers import mostly_slow
 
 VALUES = 6
@@ -174,32 +173,29 @@ class Mixed(Block):
         return {"y": sin(v.p) + cos(v.x) + v.n, "z": cos(v.x) + where(v.wave > 0.0, ripple, 0.0)}
 
 
-def functions(text: str) -> dict[str, str]:
-    """The bodies of the C functions by name."""
+@pytest.fixture(scope="module")
+def body() -> dict[str, str]:
+    """The bodies of the C functions of that block by name."""
+    text = c_equations(Mixed(), evaluate_symbolically(Mixed()))
     return dict(re.findall(r"static void (\w+)\(.*?\) \{\n(.*?)\n\}", text, re.DOTALL))
 
 
-def test_values_are_computed_where_they_can_change() -> None:
-    block = Mixed()
-    body = functions(c_equations(block, evaluate_symbolically(block)))
+def test_values_are_computed_where_they_can_change(body: dict[str, str]) -> None:
     assert "sin(" in body["fixed_values"] and "exp(" not in body["fixed_values"]
     assert "exp(" in body["stepwise_values"] and "sin(" not in body["stepwise_values"]
     assert body["derivatives"].count("cos(") == 1
     assert not re.search(r"sin\(|exp\(", body["derivatives"])
 
 
-def test_update_and_outputs_share_common_terms() -> None:
-    block = Mixed()
-    body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
-    assert len(re.findall(r"cos\(v\[", body)) == 1  # of the state, for n, y and z
+def test_update_and_outputs_share_common_terms(body: dict[str, str]) -> None:
+    assert len(re.findall(r"cos\(v\[", body["update_and_outputs"])) == 1  # of the state, for n, y and z
 
 
-def test_terms_of_a_rejected_choice_are_behind_a_branch() -> None:
-    block = Mixed()
-    body = functions(c_equations(block, evaluate_symbolically(block)))["update_and_outputs"]
-    (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", body, re.DOTALL)
+def test_terms_of_a_rejected_choice_are_behind_a_branch(body: dict[str, str]) -> None:
+    whole = body["update_and_outputs"]
+    (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", whole, re.DOTALL)
     assert "sin(" in inside and "/" in inside
-    outside = body.replace(inside, "")
+    outside = whole.replace(inside, "")
     assert "sin(" not in outside and "/" not in outside
 
 
@@ -217,34 +213,25 @@ def test_unsupported_operations_of_casadi_are_refused() -> None:
 # ---- what parameters decide, in an FMU ---------------------------------------------------------
 
 
-def test_terms_of_parameters_follow_them(fmu_folder: Path) -> None:
+def test_terms_of_parameters_follow_them(sessions: dict[str, Session]) -> None:
     """Set twice while outputs are looked at, and brought along by a state from another instance."""
-    path = fmu_path("EmlaPlant", "native", fmu_folder)
-    names = ["a_L", "tau_m", "x_L"]
+    session, names = sessions["EmlaPlant"], ("a_L", "tau_m", "x_L")
 
     def stepped(parameters: dict[str, float], state: bytes | None = None) -> tuple[list[float], bytes]:
-        with fmu_slave(path, [], names) as slave:
-            slave.enter_initialization(0.0, None)
-            for name, value in parameters.items():
-                slave.get_outputs()
-                slave.set_value(slave.file.variables[name], value)
-            slave.exit_initialization()
-            if state is not None:
-                slave.deserialize(state)
-            before = slave.serialize()
-            slave.do_step(0.0, 1e-3)
-            slave.get_outputs()
-            return slave.outputs.tolist(), before
+        slave = session.instance(running=False)
+        for name, value in parameters.items():
+            session.get(slave, *names)
+            session.set(slave, **{name: value})
+        slave.exitInitializationMode()
+        if state is not None:
+            slave.setFMUstate(slave.deSerializeFMUstate(state))
+        before = slave.serializeFMUstate(slave.getFMUstate())
+        slave.doStep(0.0, 1e-3)
+        return session.get(slave, *names), before
 
     given = {"motor.J_m": 2e-3, "gearbox.eta_GB": 0.8, "start.x_L": 0.3, "F_L": 1e3}
     heavy, state = stepped(given)
-    instance = Instance(EmlaPlant(), "test")
-    layout = instance.layout
-    for name, value in given.items():
-        instance.set([layout.reference(name)], [value])
-    instance.setup_experiment(0.0)
-    instance.enter_initialization()
-    instance.exit_initialization()
+    instance = started(EmlaPlant, given)
     instance.do_step(0.0, 1e-3)
-    assert heavy == list(instance.get([layout.reference(name) for name in names]))
+    assert heavy == [instance[name] for name in names]
     assert stepped({}, state)[0] == heavy != stepped({})[0]

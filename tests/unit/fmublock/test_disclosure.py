@@ -58,13 +58,8 @@ class Spring(Block):
         return {"start.x must not exceed 5 m": v.x_start <= 5.0}
 
 
-VALUES = {
-    "spring.k": 7.654321,
-    "spring.law": "cubic",
-    "gains[2]": 0.25,
-    "damper.on": False,
-    "start.x": 0.4375,
-}
+VALUES = {"spring.k": 7.654321, "spring.law": "cubic", "gains[2]": 0.25}
+VALUES |= {"damper.on": False, "start.x": 0.4375}
 ASKED = Disclosure(
     values=VALUES, fixed=["body.m", "gains"], hidden=["spring.*", "damper.on", "start.x", "stop.x"]
 )
@@ -130,21 +125,14 @@ def test_hidden_and_fixed_variables_cannot_be_accessed(session: Session) -> None
     slave = session.instance(running=False)
     k, m, start, y = (Spring.layout().reference(n) for n in ("spring.k", "body.m", "start.x", "y"))
     for call, message in (
-        (
-            lambda: slave.setReal([k], [1.0]),
-            "there is no variable with value reference 1",
-        ),
-        (
-            lambda: slave.setReal([m], [1.0]),
-            "body.m is fixed in this FMU and cannot be set",
-        ),
+        (lambda: slave.setReal([k], [1.0]), "there is no variable with value reference 1"),
+        (lambda: slave.setReal([m], [1.0]), "body.m is fixed in this FMU and cannot be set"),
         (lambda: slave.getReal([start]), "there is no variable with value reference"),
         (lambda: slave.getDirectionalDerivative([y], [m], [1.0]), "body.m"),
     ):
-        session.log.all.clear()
         with refused():
             call()
-        assert message in session.log.lines("toy")[0]
+        assert message in session.log.lines("toy")[-1]
     assert session.get(slave, "body.m") == [2.0]
 
 
@@ -199,17 +187,10 @@ def test_readable_fmus_cannot_hide(tmp_path: Path) -> None:
 
 
 def test_disclosures_have_different_keys() -> None:
-    asked = [
-        None,
-        Disclosure(sources=False),
-        Disclosure(hidden=["track.high"]),
-        Disclosure(fixed=["track.high"]),
-        Disclosure(values={"track.high": 3.0}),
-    ]
-    keys = [Recipe.of(Cart, "native", disclosure=d).key() for d in asked]
-    assert None not in keys
-    assert len(set(keys)) == len(keys)
-    assert Recipe.of(Cart, "native", disclosure=asked[2]).key() == keys[2]
+    name = ["v_max"]
+    changes = ({}, {"sources": False}, {"hidden": name}, {"fixed": name}, {"values": {"v_max": 3.0}})
+    keys = {Recipe.of(Cart, "native", disclosure=Disclosure(**change)).key() for change in changes}
+    assert len(keys) == len(changes) and None not in keys
 
 
 def test_the_command_hides_and_refuses(
