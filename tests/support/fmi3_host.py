@@ -88,9 +88,12 @@ def call_at_random(
     subprocess.run(["cc", *options, str(source), "-o", str(library), "-lm"], check=True)
     script = files("tests.support").joinpath("fmi3_calls.py")
     numbers = map(str, (references, 1, calls, clock, *needed))
+    environment = {"LD_PRELOAD": runtime.strip(), "PYTHONMALLOC": "malloc", "ASAN_OPTIONS": "detect_leaks=0"}
     run = subprocess.run(
         [sys.executable, str(script), str(library), str(host.description.guid), *numbers],
-        env=dict(os.environ, LD_PRELOAD=runtime.strip(), PYTHONMALLOC="malloc", ASAN_OPTIONS="detect_leaks=0"),
+        env=dict(
+            os.environ, LD_PRELOAD=runtime.strip(), PYTHONMALLOC="malloc", ASAN_OPTIONS="detect_leaks=0"
+        ),
         capture_output=True,
         text=True,
         check=False,

@@ -199,17 +199,6 @@ def test_failed_reading_ends_the_run(fmu: Path, compiled: bool, isolated: tuple[
         assert check_again["a.count"][-1] == 6
 
 
-def test_single_fmu_needs_no_name(fmu: Path) -> None:
-    times = {"step_size": 0.01, "stop_time": 0.1, "output_interval": 0.02}
-    with ec.load(str(fmu), signals=["half", "x", "co*"], **times).prepare() as simulation:
-        assert set(simulation.run().names) == {"AllTypes.x", "AllTypes.count", "AllTypes.half"}
-        for name in ("hal", "AllTypes.hal"):
-            with pytest.raises(
-                CommandError, match=r"no signal matches .AllTypes\.hal.; did you mean AllTypes"
-            ):
-                simulation.run(signals=[name])
-
-
 def test_metrics_and_signals_of_a_sweep_name_locals(fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
     result = ec.sweep(
         str(fmu),
