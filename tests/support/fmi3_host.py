@@ -91,9 +91,7 @@ def call_at_random(
     environment = {"LD_PRELOAD": runtime.strip(), "PYTHONMALLOC": "malloc", "ASAN_OPTIONS": "detect_leaks=0"}
     run = subprocess.run(
         [sys.executable, str(script), str(library), str(host.description.guid), *numbers],
-        env=dict(
-            os.environ, LD_PRELOAD=runtime.strip(), PYTHONMALLOC="malloc", ASAN_OPTIONS="detect_leaks=0"
-        ),
+        env={**os.environ, **environment},
         capture_output=True,
         text=True,
         check=False,
