@@ -6,6 +6,7 @@ import random
 import re
 import subprocess
 from collections.abc import Sequence
+from operator import add, mul, neg, sub, truediv
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,16 @@ SEEDS = range(30)
 
 # ---- random equations --------------------------------------------------------------------------
 
+UNARY = (
+    *(neg, casadi.fabs, casadi.sign, casadi.floor, casadi.sqrt),
+    *(casadi.sin, casadi.exp, casadi.log, casadi.tanh),
+    lambda x: 2.0 * x,
+    lambda x: 1.0 / x,
+    lambda x: casadi.SX.unary(casadi.OP_SQ, x),
+    lambda x: casadi.cos(casadi.sin(x)),
+)
+BINARY = (add, sub, mul, truediv, casadi.fmin, casadi.fmax, casadi.fmod, casadi.atan2)
+
 
 def expression(chance: random.Random, leaves: Sequence[casadi.SX], size: int) -> list[casadi.SX]:
     """So many values, each of some before."""
@@ -49,27 +60,8 @@ def expression(chance: random.Random, leaves: Sequence[casadi.SX], size: int) ->
         return first
 
     makers = [
-        lambda: any_of() + any_of(),
-        lambda: any_of() - any_of(),
-        lambda: any_of() * any_of(),
-        lambda: any_of() / any_of(),
-        lambda: -any_of(),
-        lambda: 2.0 * any_of(),
-        lambda: casadi.SX.unary(casadi.OP_SQ, any_of()),
-        lambda: 1.0 / any_of(),
-        lambda: casadi.fabs(any_of()),
-        lambda: casadi.sign(any_of()),
-        lambda: casadi.floor(any_of()),
-        lambda: casadi.fmin(any_of(), any_of()),
-        lambda: casadi.fmax(any_of(), any_of()),
-        lambda: casadi.fmod(any_of(), any_of()),
-        lambda: casadi.sqrt(any_of()),
-        lambda: casadi.sin(any_of()),
-        lambda: casadi.cos(casadi.sin(any_of())),
-        lambda: casadi.exp(any_of()),
-        lambda: casadi.log(any_of()),
-        lambda: casadi.tanh(any_of()),
-        lambda: casadi.atan2(any_of(), any_of()),
+        *(lambda f=f: f(any_of()) for f in UNARY),
+        *(lambda f=f: f(any_of(), any_of()) for f in BINARY),
         *[lambda: casadi.if_else(condition(), casadi.sin(any_of() / any_of()), any_of())] * 5,
         *[lambda: casadi.if_else(condition(), any_of(), casadi.exp(any_of()) + any_of())] * 5,
     ]

@@ -17,6 +17,7 @@ from fmublock import (
     Output,
     Parameter,
     State,
+    StepDiscardedError,
     build,
 )
 from fmublock.results import EquationError
@@ -34,6 +35,21 @@ def test_calls_in_the_wrong_phase_are_refused() -> None:
         Instance(Toy()).do_step(0.0, 0.1)
     with pytest.raises(BlockError, match="cannot enter initialization mode in phase step"):
         started(Toy).enter_initialization()
+
+
+class Reciprocal(Block):
+    x = State(0.0)
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        return {"x": 1.0 / v.x}
+
+
+def test_a_step_whose_equation_fails_is_discarded() -> None:
+    """Also one of 1e9 internal steps, which are not too many: the first of them fails."""
+    instance = started(Reciprocal, {"solver.internal_step": 2.0**-20})
+    with pytest.raises(StepDiscardedError, match=r"discarded: an equation failed \(float division by zero\)"):
+        instance.do_step(0.0, 1e9 * 2.0**-20)
+    assert instance.time == 0.0
 
 
 def test_an_equation_cannot_use_what_is_not_declared() -> None:
