@@ -45,10 +45,12 @@ class Reciprocal(Block):
 
 
 def test_a_step_whose_equation_fails_is_discarded() -> None:
-    """Also one of 1e9 internal steps, which are not too many: the first of them fails."""
+    """Also one of 1e9 internal steps, the first of which fails; more of them are refused."""
     instance = started(Reciprocal, {"solver.internal_step": 2.0**-20})
     with pytest.raises(StepDiscardedError, match=r"discarded: an equation failed \(float division by zero\)"):
         instance.do_step(0.0, 1e9 * 2.0**-20)
+    with pytest.raises(BlockError, match=r"needs more than 1e\+09 internal steps"):
+        instance.do_step(0.0, (1e9 + 0.5) * 2.0**-20)
     assert instance.time == 0.0
 
 
