@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.fmi3_host import Host
+from tests.support.sessions import Session, opened
 from tests.support.toy import Toy
 from tests.support.toy_fmu import build_toy
 from tests.support.units import KINDS, Make, Units
@@ -33,6 +35,28 @@ def fmi3_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def toy_fmu(request: pytest.FixtureRequest) -> Path:
     """The toy as an FMU, once per flavour and FMI version."""
     return request.getfixturevalue(f"{request.param}_toy_fmu")
+
+
+@pytest.fixture
+def session(native_toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
+    """The native toy, open for instances."""
+    with opened(native_toy_fmu, tmp_path / "native toy") as session:
+        yield session
+
+
+@pytest.fixture(params=["native", "python"])
+def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Session]:
+    """The toy of either flavour, open for instances."""
+    with opened(request.getfixturevalue(f"{request.param}_toy_fmu"), tmp_path / "toy") as session:
+        yield session
+
+
+@pytest.fixture
+def host(fmi3_toy_fmu: Path, tmp_path: Path) -> Iterator[Host]:
+    """The toy for FMI 3.0, open for instances."""
+    host = Host(fmi3_toy_fmu, tmp_path / "toy for FMI 3.0")
+    yield host
+    host.close()
 
 
 @pytest.fixture(scope="session")

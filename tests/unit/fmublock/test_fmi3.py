@@ -1,7 +1,7 @@
 """FMUs for FMI 3.0, against those for FMI 2.0 of the same block, differences and the published schemas."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from ctypes import byref, c_double, c_int, c_size_t, c_uint32
 from importlib.resources import files
 from pathlib import Path
@@ -35,32 +35,22 @@ RATES = len(Toy.layout().scalars)
 TIME = RATES + 3
 
 
-@pytest.fixture(scope="session")
-def toy(fmi3_toy_fmu: Path) -> Path:
-    return fmi3_toy_fmu
-
-
-@pytest.fixture
-def host(toy: Path, tmp_path: Path) -> Iterator[Host]:
-    host = Host(toy, tmp_path / "fmu")
-    yield host
-    host.close()
-
-
-def test_the_documents_follow_the_published_schemas(toy: Path) -> None:
-    assert validate_fmu(str(toy)) == []
-    assert read_built(toy).platforms == {host_platform()}
+def test_the_documents_follow_the_published_schemas(fmi3_toy_fmu: Path) -> None:
+    assert validate_fmu(str(fmi3_toy_fmu)) == []
+    assert read_built(fmi3_toy_fmu).platforms == {host_platform()}
     for name, schema in {
         "modelDescription.xml": "ModelDescription",
         "sources/buildDescription.xml": "BuildDescription",
         "terminalsAndIcons/terminalsAndIcons.xml": "TerminalsAndIcons",
     }.items():
         place = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
-        etree.XMLSchema(etree.parse(str(place))).assertValid(root_of(toy, name))
+        etree.XMLSchema(etree.parse(str(place))).assertValid(root_of(fmi3_toy_fmu, name))
 
 
-def test_arrays_are_arrays(toy: Path) -> None:
-    variables = {v.get("name"): v for v in root_of(toy, "modelDescription.xml").find("ModelVariables")}
+def test_arrays_are_arrays(fmi3_toy_fmu: Path) -> None:
+    variables = {
+        v.get("name"): v for v in root_of(fmi3_toy_fmu, "modelDescription.xml").find("ModelVariables")
+    }
     gains, rate = variables["spring.k"], variables["der(v)"]
     assert (gains.tag, gains.get("start"), gains.get("unit")) == ("Float64", "3.0 0.25", "N/m")
     assert [d.get("start") for d in gains.findall("Dimension")] == ["2"]
@@ -121,9 +111,9 @@ def compare(two: Path, three: Path, kind: str, signal: Any = None, stop_time: fl
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
-def test_both_versions_give_the_same_bits(toy: Path, native_toy_fmu: Path, kind: str) -> None:
+def test_both_versions_give_the_same_bits(fmi3_toy_fmu: Path, native_toy_fmu: Path, kind: str) -> None:
     signal = np.array([(0.0, 0.5), (0.07, 1.5), (0.2, -1.0)], dtype=[("time", float), ("force", float)])
-    compare(native_toy_fmu, toy, kind, signal)
+    compare(native_toy_fmu, fmi3_toy_fmu, kind, signal)
 
 
 @pytest.mark.parametrize("model", mostly_slow(OWN, ["Reference"]))
@@ -196,13 +186,13 @@ def dependencies_of(slave: Any, unknown: int) -> tuple[Sequence[int], ...]:
     return tuple(map(list, found[:3]))
 
 
-def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, toy: Path) -> None:
+def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, fmi3_toy_fmu: Path) -> None:
     slave = host.started()
     found = set(zip(*dependencies_of(slave, RATES + 1), strict=True))
     assert found == {(1, FORCE, 1), (1, X, 1), (1, V, 1), (2, V, 2), (2, TIME, 1)}
     structure = {
         int(u.get("valueReference")): {int(known) for known in u.get("dependencies").split()}
-        for u in root_of(toy, "modelDescription.xml").find("ModelStructure")
+        for u in root_of(fmi3_toy_fmu, "modelDescription.xml").find("ModelStructure")
         if u.tag != "InitialUnknown"
     }
     for unknown, knowns in structure.items():

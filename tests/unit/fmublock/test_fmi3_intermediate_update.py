@@ -1,7 +1,7 @@
 """Intermediate update and early return of FMUs for FMI 3.0, against steps as long as an internal one."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from ctypes import c_double, c_int32, c_uint32
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,6 @@ FORCE, X, V, POWER, INVERSE = (REFERENCE(n) for n in ("force", "x", "v[1]", "pow
 INTERNAL, STEP, DISCARD = 2.0**-9, 2.0**-7, 2
 INTERNAL_STEP = REFERENCE("solver.internal_step")
 READ = [X, V, POWER, INVERSE]
-
-
-@pytest.fixture
-def host(fmi3_toy_fmu: Path, tmp_path: Path) -> Iterator[Host]:
-    host = Host(fmi3_toy_fmu, tmp_path / "unpacked")
-    yield host
-    host.close()
 
 
 class Updates:

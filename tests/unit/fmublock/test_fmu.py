@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
@@ -14,14 +13,8 @@ from fmpy.model_description import Unknown
 from fmpy.validation import validate_fmu
 
 from fmublock.description import BUILD_TIME
-from tests.support.sessions import ERROR, FATAL, Session, opened, refused
+from tests.support.sessions import ERROR, FATAL, Session, refused
 from tests.support.toy_fmu import build_toy
-
-
-@pytest.fixture(params=["native", "python"])
-def session(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Session]:
-    with opened(request.getfixturevalue(f"{request.param}_toy_fmu"), tmp_path / "fmu") as session:
-        yield session
 
 
 def test_building_twice_gives_the_same_bytes(fmi3_toy_fmu: Path, tmp_path: Path) -> None:
@@ -29,8 +22,8 @@ def test_building_twice_gives_the_same_bytes(fmi3_toy_fmu: Path, tmp_path: Path)
     assert build_toy("native", tmp_path / "Toy.fmu", fmi=3).read_bytes() == fmi3_toy_fmu.read_bytes()
 
 
-def test_model_description_of_the_toy(session: Session) -> None:
-    description = session.description
+def test_model_description_of_the_toy(either: Session) -> None:
+    description = either.description
     variables = {v.name: v for v in description.modelVariables}
     assert (description.modelName, description.generationDateAndTime) == ("Toy", BUILD_TIME)
     assert description.variableNamingConvention == "structured"
@@ -93,9 +86,9 @@ def test_documentation_and_licence_are_inside(toy_fmu: Path) -> None:
     assert "http" not in page.replace("http://www.w3.org/1998/Math/MathML", "")
 
 
-def test_wrong_types_and_references_are_refused(session: Session) -> None:
-    slave = session.instance()
-    count, force = session.references(["count", "force"])
+def test_wrong_types_and_references_are_refused(either: Session) -> None:
+    slave = either.instance()
+    count, force = either.references(["count", "force"])
     for call, reference in ((slave.getReal, count), (slave.getInteger, force), (slave.getReal, 10_000)):
         with refused(ERROR, FATAL):
             call([reference])

@@ -1,9 +1,8 @@
 """Inputs that move within a step: fmi2SetRealInputDerivatives of native FMUs."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from fmpy.fmi2 import FMU2Slave
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 
-from tests.support.sessions import DISCARD, Session, opened, refused
+from tests.support.sessions import DISCARD, Session, refused
 from tests.support.toy import Shape
 
 STATES = ("x", "v[1]", "v[2]")
@@ -20,17 +19,6 @@ MASS, GAINS, X_0, V_0 = 2.0, (3.0, 0.25), 0.125, (0.5, -0.5)
 
 FORCES = {1: Polynomial([0.5, 4.0]), 2: Polynomial([0.5, -4.0, 9.0]), 3: Polynomial([0.5, 3.0, -9.0, 5.0])}
 """Forces over time by their order."""
-
-
-@pytest.fixture(scope="module")
-def session(native_toy_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    with opened(native_toy_fmu, tmp_path_factory.mktemp("moving")) as session:
-        yield session
-
-
-@pytest.fixture(autouse=True)
-def no_lines(session: Session) -> None:
-    session.log.all.clear()
 
 
 def move(session: Session, slave: FMU2Slave, force: Polynomial, time: float) -> None:

@@ -1,23 +1,15 @@
 """What native FMUs log, and when."""
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from fmublock.description import LOG_CATEGORIES
-from tests.support.sessions import DISCARD, ERROR, OK, WARNING, Line, Session, opened, refused
+from tests.support.sessions import DISCARD, ERROR, OK, WARNING, Line, Session, refused
 
 EVENT, WARN = "logEvents", "logStatusWarning"
 DISCARDED, WRONG = "logStatusDiscard", "logStatusError"
 STATUSES = {EVENT: OK, WARN: WARNING, DISCARDED: DISCARD, WRONG: ERROR}
-
-
-@pytest.fixture
-def session(native_toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    with opened(native_toy_fmu, tmp_path / "fmu") as session:
-        yield session
 
 
 def heard(session: Session, slave: Any) -> list[str]:

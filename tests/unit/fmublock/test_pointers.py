@@ -1,7 +1,7 @@
 """NULL where the FMI wants a name, a place to write to or something to read from."""
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,6 @@ DAMPED = (c_uint * 1)(Toy.layout().reference("damped"))
 VALUE, ORDER = (c_double * 1)(0.5), (c_int * 1)(1)
 ONE = c_size_t(1)
 ARRAY = "1 values were announced, but the array is NULL."
-
-
-@pytest.fixture
-def session(native_toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    with opened(native_toy_fmu, tmp_path / "fmu") as session:
-        yield session
 
 
 def answer(slave: Any, function: str, *arguments: Any) -> int:
