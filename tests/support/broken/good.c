@@ -26,6 +26,7 @@ enum { EVENTS, WARNINGS, ERRORS, N_CATEGORIES };
 #define THRESHOLD 0.02
 #define SUBSTEP 1e-3  /* s, of the integration */
 #define LATER 0.5     /* s, when faults of steps begin */
+#define BLOCKS 64     /* of memory, that some faults use */
 #define MAGIC 0x600dU /* what the bytes of a state begin with */
 
 typedef struct {
@@ -394,11 +395,33 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 
 /* ---- co-simulation --------------------------------------------------------------------- */
 
+typedef double Reading(const volatile double *block, double before);
+
+/* Allocates blocks, reads what `reading` says of each, and frees them. One block could be the same in all runs: the C
+ * library returns the last one that anybody freed. It cannot have so many of a size at hand. */
+static double use_memory(Reading *reading) {
+    void *volatile blocks[BLOCKS];
+    double found = 0.0;
+    for (int k = 0; k < BLOCKS; k++) blocks[k] = malloc(40);
+    for (int k = 0; k < BLOCKS; k++) found = reading(blocks[k], found);
+    for (int k = 0; k < BLOCKS; k++) free(blocks[k]);
+    return found;
+}
+
+/* A number from 0 to 1 that is another one for each sequence of addresses. */
+static double hash_address(const volatile double *block, double before) {
+    return fmod(before * 1021.0 + (double)((uintptr_t)block % 65521U) / 65521.0, 1.0);
+}
+
+static double add_content(const volatile double *block, double before) {
+    const double content = block[3]; /* the C library has pointers at the start of what is free */
+    return fabs(content) < 100.0 ? before + content : before;
+}
+
 /* What a step does that it should not. */
 static fmi2Status misbehave(Instance *i) {
     Now *n = i->now;
     struct timespec now;
-    volatile double *fresh;
     if (IS(SEGFAULT)) raise(SIGSEGV);
     if (IS(EXIT)) exit(0);
     if (IS(ABORT)) abort();
@@ -415,12 +438,8 @@ static fmi2Status misbehave(Instance *i) {
         n->v += 1e-6 * ((double)now.tv_nsec / 1e9);
     }
     if (IS(SECONDS)) n->v += 1e-8 * (double)(time(NULL) % 101);
-    if (IS(ADDRESS)) n->v += 1e-6 * (double)((uintptr_t)i % 4099U) / 4099.0;
-    if (IS(UNINITIALIZED)) {
-        fresh = taken = malloc(40);
-        if (fabs(fresh[3]) < 100.0) n->v += 1e-6 * fresh[3];
-        free((void *)fresh);
-    }
+    if (IS(ADDRESS)) n->v += 1e-3 * use_memory(hash_address);
+    if (IS(UNINITIALIZED)) n->v += 1e-6 * use_memory(add_content);
     if (IS(MEMORY)) {
         if ((taken = malloc(1 << 24)) == NULL) return REFUSE(i, "out of memory.");
         memset(taken, 1, 1 << 24);
@@ -443,7 +462,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boole
     if (IS(SLOW)) usleep(50000);
     if (IS(THREADS)) {
         scratch = n->v;
-        usleep(20);
+        for (int k = 0; k < 50 && scratch == n->v; k++) usleep(20); /* until another thread writes there */
         n->v = scratch;
     }
     if (IS(ORDER) && n->last_set == U) n->v += 1e-3;
