@@ -10,6 +10,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import fmpy
@@ -28,9 +29,9 @@ from emla_cosim.verification.verdict import Verdict
 from fmublock import Block
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting, with_files
-from tests.support.broken.examining import examine
 from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
+from tests.support.waiting import wait_for
 
 
 @pytest.fixture
@@ -87,10 +88,24 @@ def test_invalid_arguments(arguments: list[str], message: str, plant: str, emla:
     assert message in sentence(emla("verify", *words), 2)
 
 
-def test_invalid_arguments_of_the_function(plant: str) -> None:
-    for wrong in ({"only": "q"}, {"seconds": -1}, {"tolerance": -1.0}, {"tolerance": "x"}, {"only": [3]}):
-        with pytest.raises(CommandError):
-            ec.verify(plant, **wrong)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"only": "q"}, "there is no check 'q'"),
+        ({"only": [3]}, "only"),
+        ({"seconds": -1}, "'seconds' is -1"),
+        ({"tolerance": -1.0}, "tolerance"),
+        ({"tolerance": "x"}, "tolerance"),
+        ({"only": "archive", "must_run": "run"}, "'run' must run, but"),
+        ({"fail_on": "x"}, "there is no value of fail-on 'x'"),
+    ],
+)
+def test_invalid_arguments_of_the_function(wrong: dict[str, Any], message: str, plant: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        ec.verify(plant, **wrong)
+
+
+def test_paths_of_the_function_are_paths() -> None:
     with pytest.raises(CommandError, match="must be"):
         ec.verify([3])  # type: ignore[list-item]
 
@@ -136,46 +151,11 @@ def test_all_reports_name_an_fmu_that_cannot_run(tmp_path: Path, emla: Emla) -> 
     assert "Not examined" in page and "Not passed" in page
 
 
-@pytest.mark.slow
-def test_no_temporary_files_remain(plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    ec.verify(plant, only="run")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_ctrl_c_ends_it(tmp_path: Path, plant: str) -> None:
-    copies = [shutil.copy(plant, tmp_path / f"{i}.fmu").as_posix() for i in range(300)]
-    script = tmp_path / "many.py"
-    script.write_text(
-        "import signal\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)  # who began this may ignore it\n"
-        "import emla_cosim as ec\n"
-        "print('ready', flush=True)\n"
-        f"ec.verify({copies!r})\n"
-    )
-    temporary = tmp_path / "temporary"
-    temporary.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, str(script)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "TMPDIR": str(temporary)},
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    time.sleep(2.0)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
-    assert process.returncode != 0
-    assert errors.strip().endswith("KeyboardInterrupt")
-    assert list(temporary.iterdir()) == []
-
-
-OF_FMI_2 = [c for c in CHECKS if c.only_for != 3]
 CALLING = ("run.deterministic", *(sorted({c.group for c in DYNAMIC} - {"run"})))
-"""Checks that call an FMU in many ways: they take most of the time."""
+"""Groups of checks that call an FMU in many ways: they take most of the time."""
+
+OF_FMI_2 = {c.name: c.name in CALLING or c.group in CALLING for c in CHECKS if c.only_for != 3}
+"""Whether a check of FMI 2.0 calls, by its name."""
 
 FEW = {"EmlaPlant": MODELS["EmlaPlant"], "SignalFault": MODELS["SignalFault"]}
 """With continuous states, and without."""
@@ -208,15 +188,7 @@ def test_our_fmus_pass_checks_of_files_and_runs(
         described = read_model_description(str(build(block.__name__, "native", [], python_fmu_folder)))
         outputs = {v.name for v in described.modelVariables if v.causality == "output"}
         assert {c["signal"] for c in agrees["comparisons"]} == outputs
-        asked = {c.name for c in OF_FMI_2 if c.name not in CALLING and c.group not in CALLING}
-        assert {f["check"] for f in one["findings"]} == asked
-
-
-@pytest.mark.slow
-def test_our_fmu_passes_dynamic_checks_in_this_process(fmu_folder: Path) -> None:
-    skipped = Settings(skip=("instance.cycles", "run.deterministic", "state.freed", "sanitizer"))
-    report = examine(fmu_path("SignalFault", "native", fmu_folder), *CALLING, settings=skipped, apart=())
-    assert report.passed, report.of(Verdict.FAILED)
+        assert {f["check"] for f in one["findings"]} == {n for n, calls in OF_FMI_2.items() if not calls}
 
 
 SLOW = [*((m, "native") for m in ("EmlaPlant", "FocController", "HdrmPlant")), ("SignalFault", "python")]
@@ -231,20 +203,23 @@ SLOW = [*((m, "native") for m in ("EmlaPlant", "FocController", "HdrmPlant")), (
 )
 def test_our_fmus_pass_dynamic_checks(model: str, flavour: str, python_fmu_folder: Path) -> None:
     """Of PythonFMU FMUs few: the code that answers is the same in all; bits agree with the native ones."""
-    report = ec.verify(fmu_path(model, flavour, python_fmu_folder), only=CALLING)
-    failures = {f.check for one in report.examined for f in one.of(Verdict.FAILED)}
+    (one,) = ec.verify(fmu_path(model, flavour, python_fmu_folder), only=CALLING).examined
+    failures = {f.check for f in one.of(Verdict.FAILED)}
     # PythonFMU's libraries leave the pointer to a freed state; the equations are not at fault
     assert failures == ({"state.freed"} if flavour == "python" else set())
-    asked = {c.name for c in OF_FMI_2 if c.name in CALLING or c.group in CALLING}
-    assert all({f.check for f in one.findings} == asked for one in report.examined)
+    assert {f.check for f in one.findings} == {name for name, calls in OF_FMI_2.items() if calls}
 
 
 @pytest.mark.slow
-def test_fmu_in_a_folder_with_an_odd_name(plant: str, tmp_path: Path) -> None:
-    strange = tmp_path / "ä b&c <i>"
-    strange.mkdir()
-    copy = Path(shutil.copy(plant, strange / "EmlaPlant.fmu"))
-    assert ec.verify(copy, only="run").passed
+def test_fmu_in_a_folder_with_an_odd_name_leaves_no_temporary_files(
+    plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strange, temporary = tmp_path / "ä b&c <i>", tmp_path / "temporary"
+    for folder in (strange, temporary):
+        folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    assert ec.verify(shutil.copy(plant, strange / "EmlaPlant.fmu"), only="run").passed
+    assert list(temporary.iterdir()) == []
 
 
 def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -> None:
@@ -254,7 +229,6 @@ def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -
     for arguments, message in (
         (("--json", "x.fmu"), "the JSON report 'x.fmu' is also the file to verify. Choose another file."),
         (("--html", "link.json"), "the page 'link.json' cannot be written: it is a symbolic link"),
-        (("--junit", "r", "--json", "r"), "the JSON report 'r' is also the JUnit report"),
         (("--json", "gone/r"), "the JSON report 'gone/r' cannot be written: there is no folder 'gone'."),
         (("--json", "."), "the JSON report '.' cannot be written"),
         (("--json", "/dev/null/x"), "cannot be written"),
@@ -266,21 +240,30 @@ def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -
 
 def test_names_with_escape_sequences(tmp_path: Path, emla: Emla) -> None:
     """Neither markup nor escape sequences in names have an effect."""
-    path = tmp_path / "[red]\x1b[2J.fmu"
-    path.write_bytes(b"PK no zip")
+    (path := tmp_path / "[red]\x1b[2J.fmu").write_bytes(b"PK no zip")
     shown = emla("verify", str(path)).stdout
     assert "\x1b[2J" not in shown
     assert r"[red]\x1b[2J.fmu" in shown
 
 
 @pytest.mark.slow
-def test_killed_parent_ends_an_fmu_that_hangs(tmp_path: Path) -> None:
-    """Ctrl-C, or worse, comes while it is in a call that never returns."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=lambda n: n.name)
+def test_end_of_the_program_ends_an_fmu_that_hangs(number: signal.Signals, tmp_path: Path) -> None:
+    """It is in a call that never returns. Ctrl-C leaves no temporary files."""
     temporary = tmp_path / "temporary"
     temporary.mkdir()
-    fmu = str(build_good_fmu(tmp_path, "HANG"))
-    script = f"import emla_cosim as ec\nec.verify({fmu!r}, only='run', seconds=99)"
-    process = subprocess.Popen([sys.executable, "-c", script], env={**os.environ, "TMPDIR": str(temporary)})
+    script = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # who began this may ignore it\n"
+        "import emla_cosim as ec\n"
+        f"ec.verify({str(build_good_fmu(tmp_path, 'HANG'))!r}, only='run', seconds=99)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
 
     def examiners() -> list[psutil.Process]:
         with_folder = psutil.process_iter(["cmdline"])
@@ -289,12 +272,13 @@ def test_killed_parent_ends_an_fmu_that_hangs(tmp_path: Path) -> None:
     while len(examiners()) < 2 or not _busy(examiners()):
         assert process.poll() is None
         time.sleep(0.1)
-    process.kill()
-    process.wait()
-    until = time.monotonic() + 20.0
-    while examiners() and time.monotonic() < until:
-        time.sleep(0.1)
-    assert examiners() == []
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    wait_for(lambda: not examiners(), 20.0)
+    assert process.returncode != 0
+    if number == signal.SIGINT:
+        assert errors.strip().endswith("KeyboardInterrupt")
+        assert list(temporary.iterdir()) == []
 
 
 def _busy(processes: list[psutil.Process]) -> bool:

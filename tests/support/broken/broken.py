@@ -1,11 +1,15 @@
 """What is wrong with an FMU that was broken on purpose, and which check has to say so."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import fmpy
+
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
+from fmublock.archive import write_archive
 
 
 @dataclass(frozen=True)
@@ -24,3 +28,23 @@ class Broken:
     build: Callable[[Path], Path]
     settings: Settings = field(default_factory=Settings)
     verdict: Verdict = Verdict.FAILED
+
+
+def name_fault(*words: str) -> str:
+    """Return the name of an FMU, by its fault: StepKillGroup."""
+    return "".join(word.capitalize() for word in re.split(r"[:_ .()]+", " ".join(words)))
+
+
+def write_fmu(
+    path: Path, description: str, library: bytes, fault: str, more: Mapping[str, bytes] | None = None
+) -> Path:
+    """Write an FMU of FMI 2.0 whose library reads a fault; `more` are further files by path."""
+    content = {
+        "modelDescription.xml": description.encode(),
+        f"binaries/{fmpy.platform}/{path.stem}{fmpy.sharedLibraryExtension}": library,
+        "documentation/index.html": b"<!doctype html><title>About</title><p>It does what it says.",
+        "documentation/licenses/license.txt": b"Do what you want.",
+        "resources/fault.txt": f"{fault}\n".encode(),
+    }
+    write_archive(path, {**content, **(more or {})})
+    return path

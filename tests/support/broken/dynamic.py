@@ -1,64 +1,75 @@
 """FMUs that do one thing wrong when they are called: a good one, in C, with a fault."""
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Mapping
+from functools import cache, partial
 from pathlib import Path
 from string import Template
 
-import fmpy
-
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
-from fmublock.archive import write_archive
-from tests.support.broken.broken import Broken
+from tests.support.broken.broken import Broken, name_fault, write_fmu
 from tests.support.hand_written_fmus import compile_library
 
 _FOLDER = Path(__file__).parent
-_GUID = "{600d0000-0000-4000-8000-000000000000}"
+GUID = "{600d0000-0000-4000-8000-000000000000}"
 
 
-def build_good_fmu(folder: Path, fault: str = "", name: str = "Good", total: str = "2 9") -> Path:
-    """Build the FMU in a folder, with a fault of good.c; `total`: declared dependencies of this output."""
-    template = Template((_FOLDER / "good.xml").read_text(encoding="utf-8"))
-    path = folder / f"{name}.fmu"
-    once = str(fault == "ONLY_ONCE").lower()
-    order = 2 if fault == "DERIVATIVE_ORDER" else 1
-    text = template.substitute(name=name, guid=_GUID, total=total, once=once, order=order)
-    content = {
-        "modelDescription.xml": text.encode(),
-        f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
-        "documentation/index.html": b"<!doctype html><title>Good</title><p>It does what it says.",
-        "documentation/licenses/license.txt": b"Do what you want.",
-        "resources/fault.txt": f"{fault}\n".encode(),
-    }
-    write_archive(path, content)
-    return path
+def build_good_fmu(
+    folder: Path,
+    fault: str = "",
+    name: str = "Good",
+    total: str = "2 9",
+    sources: Mapping[str, bytes] | None = None,
+) -> Path:
+    """Build the FMU in a folder.
+
+    Args:
+        folder: The folder.
+        fault: What is wrong, as good.c names it.
+        name: Name of the FMU.
+        total: Declared dependencies of this output.
+        sources: Its source files by name, of which the first one is listed.
+    """
+    listed = "".join(f'<SourceFiles><File name="{file}"/></SourceFiles>' for file in [*(sources or {})][:1])
+    description = Template((_FOLDER / "good.xml").read_text(encoding="utf-8")).substitute(
+        name=name,
+        guid=GUID,
+        total=total,
+        once=str(fault == "ONLY_ONCE").lower(),
+        order=2 if fault == "DERIVATIVE_ORDER" else 1,
+        sources=listed,
+    )
+    files = {f"sources/{file}": content for file, content in (sources or {}).items()}
+    return write_fmu(folder / f"{name}.fmu", description, _library(), fault, files)
 
 
 @cache
 def _library() -> bytes:
     """Compiled once, for all faults."""
-    return compile_library(_FOLDER / "good.c", {"MODEL_GUID": f'"{_GUID}"'})
+    return compile_library(_FOLDER / "good.c", {"MODEL_GUID": f'"{GUID}"'})
 
 
-def _built(fault: str, name: str, total: str) -> Callable[[Path], Path]:
-    return lambda folder: build_good_fmu(folder, fault, name, total)
+def _fails(
+    fault: str,
+    check: str,
+    what: str,
+    settings: Settings | None = None,
+    total: str = "2 9",
+    verdict: Verdict = Verdict.FAILED,
+) -> Broken:
+    name = name_fault(fault or "Dependency")
+    return Broken(
+        name,
+        what,
+        check,
+        lambda folder: build_good_fmu(folder, fault, name, total),
+        settings or Settings(),
+        verdict,
+    )
 
 
-def _fails(fault: str, check: str, what: str, settings: Settings | None = None, total: str = "2 9") -> Broken:
-    name = "".join(word.capitalize() for word in fault.split("_")) if fault else "Dependency"
-    return Broken(name, what, check, _built(fault, name, total), settings or Settings())
-
-
-def _warns(fault: str, check: str, what: str, verdict: Verdict = Verdict.WARNING) -> Broken:
-    name = "".join(word.capitalize() for word in fault.split("_"))
-    return Broken(name, what, check, _built(fault, name, "2 9"), verdict=verdict)
-
-
-def _notes(fault: str, check: str, what: str) -> Broken:
-    return _warns(fault, check, what, Verdict.PASSED)
-
-
+_warns = partial(_fails, verdict=Verdict.WARNING)
+_notes = partial(_fails, verdict=Verdict.PASSED)
 _SHORT = Settings(seconds=1.5)
 _SMALL = Settings(memory=100 * 2**20)
 

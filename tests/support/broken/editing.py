@@ -14,6 +14,7 @@ from tests.support.toy_fmu import build_toy
 
 DESCRIPTION = "modelDescription.xml"
 Files = dict[str, bytes]
+Build = Callable[[Path], Path]
 
 
 @cache

@@ -4,18 +4,14 @@ Their binary is that of the good one: most such faults show only in a build with
 """
 
 import re
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 from emla_cosim.verification.verdict import Verdict
-from fmublock.archive import write_archive
-from tests.support.broken.broken import Broken
-from tests.support.broken.dynamic import build_good_fmu
-from tests.support.broken.editing import DESCRIPTION, read_files
+from tests.support.broken.broken import Broken, name_fault
+from tests.support.broken.dynamic import GUID, build_good_fmu
 
 _FOLDER = Path(__file__).parent
-_LISTED = '<SourceFiles><File name="memory.c"/></SourceFiles>'
 
 
 @cache
@@ -28,29 +24,21 @@ def _faults() -> dict[str, int]:
 
 def build_memory_fmu(folder: Path, fault: str = "SOUND", name: str = "Memory") -> Path:
     """Build the FMU in a folder, with one fault in its sources."""
-    path = build_good_fmu(folder, name=name)
-    content = read_files(path.read_bytes())
-    text = content[DESCRIPTION].decode()
-    guid = re.search(r'guid="([^"]*)"', text)
-    assert guid
-    described, count = re.subn(r"(<(ModelExchange|CoSimulation)\b[^>]*)/>", rf"\1>{_LISTED}</\2>", text)
-    assert count == 2
-    head = f'#define MODEL_GUID "{guid[1]}"\n#define FAULT {_faults()[fault]}\n'
-    content[DESCRIPTION] = described.encode()
-    content["sources/memory.c"] = head.encode() + (_FOLDER / "memory.c").read_bytes()
-    content["sources/good.c"] = (_FOLDER / "good.c").read_bytes()
-    path.unlink()
-    write_archive(path, content)
-    return path
-
-
-def _built(fault: str, name: str) -> Callable[[Path], Path]:
-    return lambda folder: build_memory_fmu(folder, fault, name)
+    head = f'#define MODEL_GUID "{GUID}"\n#define FAULT {_faults()[fault]}\n'
+    sources = {file: (_FOLDER / file).read_bytes() for file in ("memory.c", "good.c")}
+    sources["memory.c"] = head.encode() + sources["memory.c"]
+    return build_good_fmu(folder, name=name, sources=sources)
 
 
 def _fails(fault: str, check: str, what: str, verdict: Verdict = Verdict.FAILED) -> Broken:
-    name = "".join(word.capitalize() for word in fault.split("_"))
-    return Broken(name, what, f"sanitizer.{check}", _built(fault, name), verdict=verdict)
+    name = name_fault(fault)
+    return Broken(
+        name,
+        what,
+        f"sanitizer.{check}",
+        lambda folder: build_memory_fmu(folder, fault, name),
+        verdict=verdict,
+    )
 
 
 # fmt: off

@@ -7,12 +7,11 @@ import re
 
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
-from tests.support.broken.clocked import CLOCKED
 from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
-from tests.support.broken.third import THIRD
+from tests.support.broken.third import CLOCKED, THIRD
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 

@@ -1,4 +1,7 @@
-"""FMUs of FMI 3.0 that are wrong in one thing: the toy with another description, or a fault of third.c."""
+"""FMUs of FMI 3.0 that are wrong in one thing: the toy with another description, or a fault of third.c.
+
+Those with a Clock are the toy with a clock.
+"""
 
 import re
 import tempfile
@@ -20,6 +23,8 @@ BUILD = "sources/buildDescription.xml"
 _SOURCE = "sources/fmi3_block.c"
 _NO_FAULT = b"@fault:none"
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+INTERVAL = 0.025
+"""The interval of the clock in s, which is no multiple of the step size."""
 
 _files, _text, _tree = (partial(make, fmi=3) for make in (with_files, with_text, with_tree))
 _setting, _without = partial(setting, fmi=3), partial(without, fmi=3)
@@ -35,14 +40,8 @@ def _listed(kind: str, reference: int) -> str:
 
 def _with_clock(root: etree._Element) -> None:
     """A Clock whose interval is missing, which the FMU does not know."""
-    etree.SubElement(
-        root.find("ModelVariables"),
-        "Clock",
-        name="clock",
-        valueReference="99",
-        causality="input",
-        intervalVariability="constant",
-    )
+    clock = '<Clock name="clock" valueReference="99" causality="input" intervalVariability="constant"/>'
+    root.find("ModelVariables").append(etree.fromstring(clock))
     root.find("CoSimulation").set("hasEventMode", "true")
 
 
@@ -120,6 +119,8 @@ def _remove_time(root: etree._Element) -> None:
         unknown.set("dependencies", " ".join(known))
 
 
+_clocked = partial(with_function, clock=INTERVAL)
+
 # fmt: off
 THIRD: list[Broken] = [
     Broken("third-no-identifier", "an FMI 3.0 co-simulation without a model identifier", "description.schema",
@@ -174,5 +175,22 @@ THIRD: list[Broken] = [
         with_source("shift"), verdict=Verdict.WARNING),
     Broken("third-element", "a dependency on an element that does not exist", "dependencies.elements",
         with_function("element")),
+]
+
+CLOCKED: list[Broken] = [
+    Broken("clocked-interval", "a Clock with another interval than it declares", "clocks.intervals",
+        _clocked("interval")),
+    Broken("clocked-between", "a clocked output that changes between two ticks", "clocks.ticks",
+        _clocked("between")),
+    Broken("clocked-readable", "a clocked output that can be read between two ticks", "clocks.ticks",
+        _clocked("readable"), verdict=Verdict.WARNING),
+    Broken("clocked-not-restored", "an FMU with a Clock whose state is not restored", "state.restored",
+        _clocked("state")),
+    Broken("clocked-any-mode", "a Clock that can be set in step mode", "calls.phases",
+        _clocked("any_mode"), verdict=Verdict.WARNING),
+    Broken("clocked-leak", "`fmi3SetClock` leaves memory behind", "sanitizer.leaks",
+        with_source("clock_leak", INTERVAL)),
+    Broken("clocked-endless", "an update of discrete states that always asks for another one",
+        "run.completes", _clocked("endless")),
 ]
 # fmt: on

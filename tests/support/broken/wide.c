@@ -4,25 +4,49 @@
  *     mode = mode_in,          mode_2 = mode_p,                flag = on and not latch,   flag_2 = enabled,
  *     text = name,             echo = label.
  *
- * resources/fault.txt has the name of a fault, and the variable that is wrong: its type and reference, "r3".
+ * resources/fault.txt has the name of a fault, and the value reference of the variable that is wrong. Functions that
+ * a fault changes call those of toyfmu.h, which have other names here.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "fmi2Functions.h"
 
-enum { U, W, K, D, X, DER_X, Y, G, T, N_REALS };
+#undef fmi2GetVersion
+#undef fmi2GetReal
+#undef fmi2GetInteger
+#undef fmi2GetBoolean
+#undef fmi2GetString
+#undef fmi2SetFMUstate
+#undef fmi2FreeFMUstate
+#undef fmi2SerializeFMUstate
+#define fmi2GetVersion toy_version
+#define fmi2GetReal toy_get_Real
+#define fmi2GetInteger toy_get_Integer
+#define fmi2GetBoolean toy_get_Boolean
+#define fmi2GetString toy_get_String
+#define fmi2SetFMUstate toy_set_state
+#define fmi2FreeFMUstate toy_free_state
+#define fmi2SerializeFMUstate toy_serialize
+#define FMI 2
+#include "toyfmu.h"
+#undef fmi2GetVersion
+#undef fmi2GetReal
+#undef fmi2GetInteger
+#undef fmi2GetBoolean
+#undef fmi2GetString
+#undef fmi2SetFMUstate
+#undef fmi2FreeFMUstate
+#undef fmi2SerializeFMUstate
+
+enum { U, W, K, D, X, DER_X, Y, G, N_REALS, TIME = 8 };
 enum { N, M, P, MODE_IN, MODE_P, SUM, MODE, MODE_2, COUNT, C_INTEGER, N_INTEGERS };
 enum { ON, LATCH, ENABLED, FLAG, FLAG_2, C_BOOLEAN, N_BOOLEANS };
-enum { LABEL, NAME, TAG, TEXT, ECHO, C_STRING, N_STRINGS };
-enum { INSTANTIATED, INITIALIZATION, RUNNING, TERMINATED };
+enum { LABEL, NAME_P, TAG, TEXT, ECHO, C_STRING, N_STRINGS };
+enum { REALS = 0, INTEGERS = 100, BOOLEANS = 200, STRINGS = 300 }; /* the first value references */
 
 #define SUBSTEP 1e-3 /* s, of the integration */
-#define LONGEST 32   /* characters of a String */
+#define LONGEST 64   /* characters of a String */
 
 typedef struct {
     double r[N_REALS], slope[2];
@@ -30,28 +54,52 @@ typedef struct {
     char s[N_STRINGS][LONGEST];
 } Values;
 
-typedef struct {
+struct Model {
+    COMMON;
     Values now;
-    int phase, steps;
-    char *name;
-    fmi2CallbackLogger logger;
-    fmi2ComponentEnvironment environment;
-} Instance;
+};
 
 static const Values STARTS = {
     .r = {[K] = 2.0, [D] = 1.0, [X] = 0.5, [G] = 9.81},
     .i = {[N] = 1, [M] = 3, [P] = 5, [MODE_IN] = 1, [MODE_P] = 1, [C_INTEGER] = 7},
     .b = {[ON] = 1, [C_BOOLEAN] = 1},
-    .s = {[LABEL] = "label", [NAME] = "block", [TAG] = "tag", [C_STRING] = "always"},
+    .s = {[LABEL] = "label", [NAME_P] = "block", [TAG] = "tag", [C_STRING] = "always"},
+};
+
+#define REAL(name, settable) VARIABLE(REALS + name, FLOAT64, now.r[name], settable)
+#define INTEGER(name, settable) VARIABLE(INTEGERS + name, INT32, now.i[name], settable)
+#define TRUTH(name, settable) VARIABLE(BOOLEANS + name, BOOLEAN, now.b[name], settable)
+#define WORDS(name, settable) VARIABLE(STRINGS + name, STRING, now.s[name], settable)
+static const Variable variables[] = {
+    REAL(U, INPUT), REAL(W, INPUT), REAL(K, PARAMETER), REAL(D, INPUT), REAL(X, PARAMETER), REAL(DER_X, OUTPUT),
+    REAL(Y, OUTPUT), REAL(G, OUTPUT), VARIABLE(TIME, FLOAT64, time, OUTPUT),
+    INTEGER(N, INPUT), INTEGER(M, INPUT), INTEGER(P, PARAMETER), INTEGER(MODE_IN, INPUT), INTEGER(MODE_P, INPUT),
+    INTEGER(SUM, OUTPUT), INTEGER(MODE, OUTPUT), INTEGER(MODE_2, OUTPUT), INTEGER(COUNT, OUTPUT),
+    INTEGER(C_INTEGER, OUTPUT),
+    TRUTH(ON, INPUT), TRUTH(LATCH, INPUT), TRUTH(ENABLED, PARAMETER), TRUTH(FLAG, OUTPUT), TRUTH(FLAG_2, OUTPUT),
+    TRUTH(C_BOOLEAN, OUTPUT),
+    WORDS(LABEL, INPUT), WORDS(NAME_P, INPUT), WORDS(TAG, PARAMETER), WORDS(TEXT, OUTPUT), WORDS(ECHO, OUTPUT),
+    WORDS(C_STRING, OUTPUT),
 };
 
 static char fault[40], target[8], folder[900];
-static Values shared;
-static int alive;
+static Values shared; /* what was set last, in any instance */
 
 static int is(const char *name) { return strcmp(fault, name) == 0; }
-static int wrong(const char *name, char type, int reference) {
-    return target[0] == type && atoi(target + 1) == reference && is(name);
+static int wrong(const char *name, unsigned reference) { return is(name) && (unsigned)atoi(target) == reference; }
+
+/* The place of a variable. */
+static void *find_in(const Values *v, unsigned reference) {
+    const unsigned k = reference % 100;
+    if (reference >= STRINGS) return (void *)v->s[k];
+    if (reference >= BOOLEANS) return (void *)&v->b[k];
+    if (reference >= INTEGERS) return (void *)&v->i[k];
+    return (void *)&v->r[k];
+}
+
+static void copy_one(Values *to, const Values *from, unsigned reference) {
+    const size_t size = reference >= STRINGS ? LONGEST : reference >= INTEGERS ? sizeof(int) : sizeof(double);
+    memcpy(find_in(to, reference), find_in(from, reference), size);
 }
 
 #include "wide_faults.h"
@@ -72,36 +120,19 @@ __attribute__((constructor)) static void load(void) {
 
 __attribute__((destructor)) static void unload(void) { misbehave_at("unload"); }
 
-static fmi2Status refuse(const Instance *i, const char *text) {
-    i->logger(i->environment, i->name, fmi2Error, "logStatusError", text);
-    return fmi2Error;
+static int wrong_mode(Model *m, const char *function) { return say(m, ERROR, "%s is not allowed now.", function); }
+static int refused(Model *m, const char *function, unsigned reference) {
+    return say(m, ERROR, "%s: the variable %u does not exist, or cannot be set now.", function, reference);
 }
-
-#define REQUIRE(i, when) \
-    if ((i)->phase != (when)) return refuse((i), "This call does not belong in this phase.")
-
-/* Copies all values; with a fault, but for one variable. */
-static void copy(Values *to, const Values *from, const char *forgets) {
-    const Values before = *to;
-    *to = *from;
-    if (!is(forgets)) return;
-    const int k = atoi(target + 1);
-    if (target[0] == 'r') to->r[k] = before.r[k];
-    if (target[0] == 'i') to->i[k] = before.i[k];
-    if (target[0] == 'b') to->b[k] = before.b[k];
-    if (target[0] == 's') memcpy(to->s[k], before.s[k], LONGEST);
+static int forbids(Model *m, unsigned reference, const void *set) {
+    return set && reference < INTEGERS && !isfinite(*(const double *)set);
 }
 
 /* ---- equations ------------------------------------------------------------------------- */
 
-static void calculate(Instance *i) {
-    Values *n = &i->now, v = *n; /* what is used, which a fault makes another one than what is set */
-    copy(&v, n, "");
-    if (is("unused")) {
-        Values starts = STARTS;
-        copy(&starts, n, "unused");
-        v = starts;
-    }
+static void compute(Model *m) {
+    Values *n = &m->now, v = *n; /* what is used, which a fault makes another one than what is set */
+    if (is("unused")) copy_one(&v, &STARTS, (unsigned)atoi(target));
     if (is("unused_all")) {
         v = STARTS;
         v.r[X] = n->r[X];
@@ -113,239 +144,97 @@ static void calculate(Instance *i) {
     n->i[MODE_2] = v.i[MODE_P];
     n->b[FLAG] = v.b[ON] && !v.b[LATCH];
     n->b[FLAG_2] = v.b[ENABLED];
-    memcpy(n->s[TEXT], v.s[NAME], LONGEST);
+    memcpy(n->s[TEXT], v.s[NAME_P], LONGEST);
     memcpy(n->s[ECHO], v.s[LABEL], LONGEST);
     hide_dependency(n);
 }
 
-static void integrate(Instance *i, double length) {
-    Values *n = &i->now;
-    const int count = (int)ceil(length / SUBSTEP - 1e-6);
-    const int unused = is("unused_all") || (is("unused") && !strcmp(target, "r0"));
-    const double h = length / count, used = unused ? 0.0 : is("sign") ? -1.0 : 1.0;
-    for (int k = 0; k < count; k++) {
+static int step(Model *m, double time, double length, Step *reached) {
+    Values *n = &m->now;
+    misbehave_at("step");
+    if (is("step_nothing")) return OK;
+    const double whole = length * (is("step_double") ? 2.0 : 1.0);
+    const int steps = (int)ceil(whole / SUBSTEP - 1e-6);
+    const double h = whole / steps, used = is("unused_all") ? 0.0 : is("sign") ? -1.0 : 1.0;
+    for (int k = 0; k < steps; k++) {
         const double u = used * (n->r[U] + (is("slope_unused") ? 0.0 : n->slope[0] * (k + 0.5) * h));
         const double half = n->r[X] + 0.5 * h * (n->r[K] * u - n->r[D] * n->r[X]);
         n->r[X] += h * (n->r[K] * u - n->r[D] * half);
     }
     n->slope[0] = n->slope[1] = 0.0;
+    n->i[COUNT]++;
+    m->time = time + length;
+    return OK;
 }
 
-/* ---- instances ------------------------------------------------------------------------- */
-
-static void start(Instance *i) {
-    copy(&i->now, &STARTS, i->name[0] && i->steps >= 0 ? "reset" : "");
-    i->phase = INSTANTIATED;
-    i->steps = 0;
-    if (is("start")) change(&i->now);
-    if (is("shared")) shared = i->now;
-    calculate(i);
+static int set_slope(Model *m, unsigned reference, int order, double value) {
+    if (reference > W || order != 1) return ERROR;
+    m->now.slope[reference] = value;
+    return OK;
 }
 
-const char *fmi2GetTypesPlatform(void) {
-    return fmi2TypesPlatform;
-}
-const char *fmi2GetVersion(void) {
-    return is("version") ? target : is("version_null") ? NULL : fmi2Version;
-}
+/* ---- instances and values -------------------------------------------------------------- */
 
-fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
-                              fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
-                              fmi2Boolean visible, fmi2Boolean loggingOn) {
-    Instance *i;
-    if (strcmp(fmuGUID, MODEL_GUID) != 0) return NULL;
-    i = calloc(1, sizeof *i);
-    i->name = strdup(instanceName);
-    i->logger = functions->logger;
-    i->environment = functions->componentEnvironment;
-    i->steps = -1;
-    start(i);
-    alive++;
-    misbehave_at("instantiate");
-    return i;
+static void start(Model *m) {
+    m->now = STARTS;
+    if (is("start")) change(&m->now);
+    shared = m->now;
 }
 
-void fmi2FreeInstance(fmi2Component c) {
-    Instance *i = c;
-    if (i == NULL) return;
-    misbehave_at("free");
-    alive--;
-    free(i->name);
-    free(i);
+static void created(Model *m) { misbehave_at("instantiate"); }
+
+static int reset(Model *m) {
+    const Values before = m->now;
+    restart(m);
+    if (is("reset")) copy_one(&m->now, &before, (unsigned)atoi(target));
+    return OK;
 }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t n, const fmi2String names[]) {
-    return fmi2OK;
+static void changed(Model *m, unsigned reference) {
+    copy_one(&shared, &m->now, reference);
+    if (wrong("not_set", reference)) copy_one(&m->now, &STARTS, reference);
 }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
-                               fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
-    Instance *i = c;
-    REQUIRE(i, INSTANTIATED);
-    i->now.r[T] = startTime;
-    return fmi2OK;
-}
+static const Toy toy = {
+    MODEL(variables), .wrong_mode = wrong_mode, .refused = refused, .forbids = forbids, .compute = compute,
+    .step = step, .set_input_derivative = set_slope, .start = start, .created = created, .reset = reset,
+    .changed = changed,
+};
 
-static fmi2Status advance(Instance *i) {
-    calculate(i);
-    i->phase++;
-    return fmi2OK;
-}
+const char *fmi2GetVersion(void) { return is("version") ? target : is("version_null") ? NULL : fmi2Version; }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-    REQUIRE((Instance *)c, INSTANTIATED);
-    return advance(c);
-}
-
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
-    REQUIRE((Instance *)c, INITIALIZATION);
-    misbehave_at("initialize");
-    return advance(c);
-}
-
-fmi2Status fmi2Terminate(fmi2Component c) {
-    REQUIRE((Instance *)c, RUNNING);
-    misbehave_at("terminate");
-    return advance(c);
-}
-
-fmi2Status fmi2Reset(fmi2Component c) {
-    misbehave_at("reset");
-    start(c);
-    return fmi2OK;
-}
-
-/* ---- get and set ----------------------------------------------------------------------- */
-
-#define GET(type, letter, count, field)                                                                \
-    fmi2Status fmi2Get##type(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##type v[]) { \
-        Instance *i = c;                                                                               \
-        for (size_t k = 0; k < n; k++) {                                                               \
-            if (r[k] >= (count)) return refuse(i, "There is no such variable.");                       \
-            calculate(i);                                                                              \
-            v[k] = wrong("shared", letter[0], (int)r[k]) ? shared.field[r[k]] : i->now.field[r[k]];    \
-            misbehave_with_value(letter[0], (int)r[k], &v[k], i->now.r[T]);                            \
-        }                                                                                              \
-        return fmi2OK;                                                                                 \
+#define GET(Type, value_in_shared)                                                                      \
+    fmi2Status fmi2Get##Type(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##Type v[]) {  \
+        const fmi2Status status = toy_get_##Type(c, r, n, v);                                           \
+        for (size_t k = 0; k < n && !status; k++) {                                                     \
+            if (wrong("shared", r[k])) v[k] = value_in_shared(find_in(&shared, r[k]));                  \
+            misbehave_with_value(r[k], &v[k], ((Model *)c)->time);                                      \
+        }                                                                                               \
+        return status;                                                                                  \
     }
-#define SET(type, letter, settable, assign)                                                                   \
-    fmi2Status fmi2Set##type(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2##type v[]) { \
-        Instance *i = c;                                                                                      \
-        const int early = i->phase <= INITIALIZATION;                                                         \
-        for (size_t k = 0; k < n; k++) {                                                                      \
-            if (!(settable)) return refuse(i, "This variable cannot be set now.");                            \
-            Values *to = &i->now;                                                                             \
-            if (!wrong("not_set", letter[0], (int)r[k])) assign;                                              \
-            to = &shared;                                                                                     \
-            assign;                                                                                           \
-        }                                                                                                     \
-        return fmi2OK;                                                                                        \
-    }
-
-GET(Real, "r", N_REALS, r)
-GET(Integer, "i", N_INTEGERS, i)
-GET(Boolean, "b", N_BOOLEANS, b)
-GET(String, "s", N_STRINGS, s)
-SET(Real, "r", (r[k] <= W || r[k] == D || (early && (r[k] == K || r[k] == X))) && isfinite(v[k]), to->r[r[k]] = v[k])
-SET(Integer, "i", r[k] <= MODE_P && (early || r[k] != P), to->i[r[k]] = v[k])
-SET(Boolean, "b", r[k] <= ENABLED && (early || r[k] != ENABLED), to->b[r[k]] = v[k] != 0)
-SET(String, "s", r[k] <= TAG && (early || r[k] != TAG) && strlen(v[k]) < LONGEST, strcpy(to->s[r[k]], v[k]))
-
-/* ---- states ---------------------------------------------------------------------------- */
-
-typedef struct {
-    Values now;
-    int phase, steps;
-} State;
-
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
-    Instance *i = c;
-    if (*state == NULL) *state = malloc(sizeof(State));
-    *(State *)*state = (State){i->now, i->phase, i->steps};
-    return fmi2OK;
-}
+GET(Real, *(double *))
+GET(Integer, *(int *))
+GET(Boolean, *(int *))
+GET(String, (char *))
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
-    Instance *i = c;
-    const State *saved = state;
-    copy(&i->now, &saved->now, "state");
-    i->phase = saved->phase;
-    i->steps = saved->steps;
-    return fmi2OK;
+    Model *m = c;
+    const Values before = m->now;
+    const fmi2Status status = toy_set_state(c, state);
+    if (is("state")) copy_one(&m->now, &before, (unsigned)atoi(target));
+    return status;
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
-    if (*state == NULL && is("state_null_crash")) abort();
-    free(*state);
-    if (!is("state_kept")) *state = NULL;
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
-    *size = sizeof(State);
-    return fmi2OK;
+    const fmi2FMUstate before = *state;
+    if (before == NULL && is("state_null_crash")) abort();
+    const fmi2Status status = toy_free_state(c, state);
+    if (is("state_kept")) *state = before;
+    return status;
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    State copied = *(State *)state;
-    Values values = STARTS;
-    copy(&values, &copied.now, "bytes");
-    copied.now = values;
-    memcpy(bytes, &copied, size);
-    return fmi2OK;
+    Model copied = *(Model *)state;
+    if (is("bytes")) copy_one(&copied.now, &STARTS, (unsigned)atoi(target));
+    return toy_serialize(c, &copied, bytes, size);
 }
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
-    if (size != sizeof(State)) return refuse(c, "These bytes are no state.");
-    if (*state == NULL) *state = calloc(1, sizeof(State));
-    memcpy(*state, bytes, size);
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
-                                        const fmi2ValueReference knowns[], size_t m, const fmi2Real seed[],
-                                        fmi2Real value[]) {
-    return refuse(c, "There are no directional derivatives.");
-}
-
-/* ---- co-simulation --------------------------------------------------------------------- */
-
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
-                                       const fmi2Integer order[], const fmi2Real value[]) {
-    Instance *i = c;
-    for (size_t k = 0; k < n; k++) {
-        if (r[k] > W || order[k] != 1) return refuse(i, "Only first derivatives of inputs can be set.");
-        i->now.slope[r[k]] = value[k];
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
-                                        const fmi2Integer order[], fmi2Real value[]) {
-    return refuse(c, "There are no derivatives of outputs.");
-}
-
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boolean noReturn) {
-    Instance *i = c;
-    REQUIRE(i, RUNNING);
-    misbehave_at("step");
-    if (is("step_nothing")) return fmi2OK;
-    i->steps++;
-    integrate(i, length * (is("step_double") ? 2.0 : 1.0));
-    i->now.r[T] = time + length;
-    i->now.i[COUNT]++;
-    calculate(i);
-    return fmi2OK;
-}
-
-fmi2Status fmi2CancelStep(fmi2Component c) { return refuse(c, "No step is pending."); }
-
-#define NO_STATUS(name, type)                                                                    \
-    fmi2Status fmi2Get##name(fmi2Component c, const fmi2StatusKind kind, type *value) {             \
-        return fmi2Discard;                                                                      \
-    }
-NO_STATUS(Status, fmi2Status)
-NO_STATUS(RealStatus, fmi2Real)
-NO_STATUS(IntegerStatus, fmi2Integer)
-NO_STATUS(BooleanStatus, fmi2Boolean)
-NO_STATUS(StringStatus, fmi2String)

@@ -1,54 +1,50 @@
 """FMUs with variables of all types, in which any variable, or what is around it, is wrong."""
 
-import re
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
-import fmpy
-
 from emla_cosim.verification.verdict import Verdict
-from fmublock.archive import write_archive
-from tests.support.broken.broken import Broken
+from tests.support.broken.broken import Broken, name_fault, write_fmu
 from tests.support.hand_written_fmus import compile_library
 
 _FOLDER = Path(__file__).parent
 _GUID = "{31de0000-0000-4000-8000-000000000000}"
 
 VARIABLES = {
-    "u": ("r0", "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
-    "w": ("r1", "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
-    "k": ("r2", "parameter", "fixed", '<Real start="2"/>'),
-    "d": ("r3", "parameter", "tunable", '<Real start="1" min="0" max="5"/>'),
-    "x": ("r4", "output", "continuous", '<Real start="0.5"/>'),
-    "der(x)": ("r5", "local", "continuous", '<Real derivative="5"/>'),
-    "y": ("r6", "output", "continuous", "<Real/>"),
-    "g": ("r7", "local", "constant", '<Real start="9.81"/>'),
-    "time": ("r8", "independent", "continuous", "<Real/>"),
-    "n": ("i0", "input", "discrete", '<Integer start="1" min="0" max="5"/>'),
-    "m": ("i1", "parameter", "tunable", '<Integer start="3"/>'),
-    "p": ("i2", "parameter", "fixed", '<Integer start="5"/>'),
-    "mode_in": ("i3", "input", "discrete", '<Enumeration declaredType="Mode" start="1"/>'),
-    "mode_p": ("i4", "parameter", "tunable", '<Enumeration declaredType="Mode" start="1"/>'),
-    "sum": ("i5", "output", "discrete", "<Integer/>"),
-    "mode": ("i6", "output", "discrete", '<Enumeration declaredType="Mode"/>'),
-    "mode_2": ("i7", "output", "discrete", '<Enumeration declaredType="Mode"/>'),
-    "count": ("i8", "output", "discrete", '<Integer start="0"/>'),
-    "seven": ("i9", "local", "constant", '<Integer start="7"/>'),
-    "on": ("b0", "input", "discrete", '<Boolean start="true"/>'),
-    "latch": ("b1", "parameter", "tunable", '<Boolean start="false"/>'),
-    "enabled": ("b2", "parameter", "fixed", '<Boolean start="false"/>'),
-    "flag": ("b3", "output", "discrete", "<Boolean/>"),
-    "flag_2": ("b4", "output", "discrete", "<Boolean/>"),
-    "always": ("b5", "local", "constant", '<Boolean start="true"/>'),
-    "label": ("s0", "input", "discrete", '<String start="label"/>'),
-    "name": ("s1", "parameter", "tunable", '<String start="block"/>'),
-    "tag": ("s2", "parameter", "fixed", '<String start="tag"/>'),
-    "text": ("s3", "output", "discrete", "<String/>"),
-    "echo": ("s4", "output", "discrete", "<String/>"),
-    "always_text": ("s5", "local", "constant", '<String start="always"/>'),
+    "u": (0, "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
+    "w": (1, "input", "continuous", '<Real start="0" min="-10" max="10"/>'),
+    "k": (2, "parameter", "fixed", '<Real start="2"/>'),
+    "d": (3, "parameter", "tunable", '<Real start="1" min="0" max="5"/>'),
+    "x": (4, "output", "continuous", '<Real start="0.5"/>'),
+    "der(x)": (5, "local", "continuous", '<Real derivative="5"/>'),
+    "y": (6, "output", "continuous", "<Real/>"),
+    "g": (7, "local", "constant", '<Real start="9.81"/>'),
+    "time": (8, "independent", "continuous", "<Real/>"),
+    "n": (100, "input", "discrete", '<Integer start="1" min="0" max="5"/>'),
+    "m": (101, "parameter", "tunable", '<Integer start="3"/>'),
+    "p": (102, "parameter", "fixed", '<Integer start="5"/>'),
+    "mode_in": (103, "input", "discrete", '<Enumeration declaredType="Mode" start="1"/>'),
+    "mode_p": (104, "parameter", "tunable", '<Enumeration declaredType="Mode" start="1"/>'),
+    "sum": (105, "output", "discrete", "<Integer/>"),
+    "mode": (106, "output", "discrete", '<Enumeration declaredType="Mode"/>'),
+    "mode_2": (107, "output", "discrete", '<Enumeration declaredType="Mode"/>'),
+    "count": (108, "output", "discrete", '<Integer start="0"/>'),
+    "seven": (109, "local", "constant", '<Integer start="7"/>'),
+    "on": (200, "input", "discrete", '<Boolean start="true"/>'),
+    "latch": (201, "parameter", "tunable", '<Boolean start="false"/>'),
+    "enabled": (202, "parameter", "fixed", '<Boolean start="false"/>'),
+    "flag": (203, "output", "discrete", "<Boolean/>"),
+    "flag_2": (204, "output", "discrete", "<Boolean/>"),
+    "always": (205, "local", "constant", '<Boolean start="true"/>'),
+    "label": (300, "input", "discrete", '<String start="label"/>'),
+    "name": (301, "parameter", "tunable", '<String start="block"/>'),
+    "tag": (302, "parameter", "fixed", '<String start="tag"/>'),
+    "text": (303, "output", "discrete", "<String/>"),
+    "echo": (304, "output", "discrete", "<String/>"),
+    "always_text": (305, "local", "constant", '<String start="always"/>'),
 }
-"""Type and reference, causality, variability, and the element of the type, by name."""
+"""Value reference, causality, variability, and the element of the type, by name."""
 
 OUTPUTS = {
     "x": "x",
@@ -100,18 +96,9 @@ def build_wide_fmu(
         initial: Declared dependencies in initialization mode.
         victim: A file of the user that some faults attack.
     """
-    path = folder / f"{name}.fmu"
-    content = {
-        "modelDescription.xml": _describe(name, outputs, initial).encode(),
-        f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
-        "documentation/index.html": b"<!doctype html><title>Wide</title><p>It does what it says.",
-        "documentation/licenses/license.txt": b"Do what you want.",
-        "resources/fault.txt": f"{fault} {_reference(target)}\n".encode(),
-    }
-    if victim is not None:
-        content["resources/victim.txt"] = f"{victim}\n".encode()
-    write_archive(path, content)
-    return path
+    more = {} if victim is None else {"resources/victim.txt": f"{victim}\n".encode()}
+    description = _describe(name, outputs, initial)
+    return write_fmu(folder / f"{name}.fmu", description, _library(), f"{fault} {_reference(target)}", more)
 
 
 @cache
@@ -121,7 +108,7 @@ def _library() -> bytes:
 
 
 def _reference(target: str) -> str:
-    return VARIABLES[target][0] if target in VARIABLES else target or "-"
+    return str(VARIABLES[target][0]) if target in VARIABLES else target or "-"
 
 
 def _describe(name: str, outputs: Dependencies, initial: Dependencies) -> str:
@@ -132,7 +119,7 @@ def _describe(name: str, outputs: Dependencies, initial: Dependencies) -> str:
         return "".join(f'<Unknown index="{k}" dependencies="{on}"/>' for k, on in lines)
 
     variables = "".join(
-        f'<ScalarVariable name="{variable}" valueReference="{reference[1:]}" causality="{causality}" '
+        f'<ScalarVariable name="{variable}" valueReference="{reference}" causality="{causality}" '
         f'variability="{variability}"{_initial(variable, causality, variability)}>{element}'
         "</ScalarVariable>\n"
         for variable, (reference, causality, variability, element) in VARIABLES.items()
@@ -163,29 +150,23 @@ def _initial(variable: str, causality: str, variability: str) -> str:
 
 
 def _fails(fault: str, target: str, check: str, what: str, verdict: Verdict = Verdict.FAILED) -> Broken:
-    words = re.split(r"[:_ .()]+", f"{fault} {target}")
-    name = "".join(word.capitalize() for word in words)
+    name = name_fault(fault, target)
     return Broken(
         name, what, check, lambda folder: build_wide_fmu(folder, fault, target, name), verdict=verdict
     )
 
 
-def _warns(fault: str, target: str, check: str, what: str) -> Broken:
-    return _fails(fault, target, check, what, Verdict.WARNING)
+_warns = partial(_fails, verdict=Verdict.WARNING)
 
 
 def _lacks(output: str, known: str, what: str, *, later: bool = False) -> Broken:
     """Return an FMU whose dependencies lack one: of an output while it runs (`later`), or in both places."""
-    outputs, initial = (
-        {
-            name: " ".join(k for k in on.split() if (name, k) != (output, known))
-            for name, on in declared.items()
-        }
-        for declared in (OUTPUTS, INITIAL)
-    )
+
+    def without(declared: Dependencies) -> Dependencies:
+        return {**declared, output: " ".join(k for k in declared[output].split() if k != known)}
+
+    outputs, initial = without(OUTPUTS), INITIAL if later else without(INITIAL)
     name = f"Lack{output.capitalize()}{known.capitalize()}{'Later' * later}".replace("_", "")
-    if later:
-        initial = dict(INITIAL)
     return Broken(
         name,
         what,

@@ -11,13 +11,12 @@ from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
-from tests.support.broken.clocked import CLOCKED, INTERVAL
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.examining import CALLING, examine
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
-from tests.support.broken.third import THIRD
+from tests.support.broken.third import CLOCKED, INTERVAL, THIRD
 from tests.support.broken.wide import WIDE, build_wide_fmu
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
@@ -71,15 +70,7 @@ WORDS = {
 }
 """What the message of an FMU has: the call, the time, and how it ended."""
 
-NEEDS_AN_EXAMINER = (
-    "StepKillParent",
-    "StepKillGroup",
-    "Leak",
-    "StateNotReused",
-    "Exit",
-    "Category",
-    "LogOff",
-)
+NEEDS_AN_EXAMINER = "StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit", "Category", "LogOff"
 """FMUs that would end the process of the tests, leave memory behind, or unload what that process has."""
 
 SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "run", "process", "binaries")]
@@ -124,7 +115,6 @@ def _reported(examined: Examined) -> dict[str, str]:
 
 NOISY = ["steps.split", "model_exchange.agrees"]
 """The toy draws its noise once per step, so that half steps and Model Exchange differ."""
-
 
 NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dependencies.elements", "run")
 

@@ -29,22 +29,24 @@ def _subject(folder: Path, build: Callable[[Path], Path] = build_wide_fmu) -> Su
     return Subject(path, (folder / "fmu").resolve(), Settings())
 
 
-def test_strings_of_a_slow_run_are_not_all_read(tmp_path: Path, monkeypatch: Monkey) -> None:
-    """It says how many steps were made when the time was over, for Booleans, too."""
-    subject = _subject(tmp_path)
-    whole = typed_values.strings.examine(subject)
-    assert (whole.verdict, whole.gaps) == (Verdict.PASSED, ())
-    monkeypatch.setattr(typed_values, "_PART", 0.0)
-    for one in (typed_values.strings, typed_values.booleans):
-        outcome = one.examine(subject)
-        assert outcome.verdict == Verdict.PASSED
-        assert outcome.gaps == ("Values were read for 0 of 50 steps: more take longer than 0 s.",)
-
-
-def test_strings_beyond_the_most_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
-    monkeypatch.setattr(typed_values, "MOST", 2)
-    outcome = typed_values.strings.examine(_subject(tmp_path))
-    assert outcome.gaps == ("Only 2 of 6 variables of type String were read.",)
+@pytest.mark.parametrize(
+    ("name", "value", "gap"),
+    [
+        ("_PART", 0.4, ""),
+        ("_PART", 0.0, "Values were read for 0 of 50 steps: more take longer than 0 s."),
+        ("MOST", 2, "Only 2 of 6 variables of type {} were read."),
+    ],
+    ids=["all", "slow run", "many variables"],
+)
+@pytest.mark.parametrize("kind", ["String", "Boolean"])
+def test_values_that_are_not_read(
+    kind: str, name: str, value: float, gap: str, tmp_path: Path, monkeypatch: Monkey
+) -> None:
+    monkeypatch.setattr(typed_values, name, value)
+    one = typed_values.strings if kind == "String" else typed_values.booleans
+    outcome = one.examine(_subject(tmp_path))
+    assert outcome.verdict == Verdict.PASSED
+    assert outcome.gaps == ((gap.format(kind),) if gap else ())
 
 
 def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:

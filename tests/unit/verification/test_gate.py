@@ -14,7 +14,7 @@ from emla_cosim.verification.libraries import list_exports
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
-from tests.support.broken.editing import Files, good_bytes, setting, with_files, with_text
+from tests.support.broken.editing import Build, Files, good_bytes, setting, with_files, with_text
 from tests.support.broken.examining import examine
 from tests.support.broken.static import LIBRARY
 from tests.support.broken.wide import build_wide_fmu
@@ -23,8 +23,13 @@ from tests.support.tiers import mostly_slow
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals that end a process.")
 
 
-def move_library(files: Files, platform: str) -> None:
-    files[LIBRARY.replace(fmpy.platform, platform)] = files.pop(LIBRARY)
+def with_library_for(platform: str) -> Build:
+    """Builds the good FMU with its library in the folder of another platform."""
+
+    def edit(files: Files) -> None:
+        files[LIBRARY.replace(fmpy.platform, platform)] = files.pop(LIBRARY)
+
+    return with_files(edit)
 
 
 @pytest.mark.parametrize("platform", mostly_slow(["Linux64", "lin64", "another"], ["Linux64", "lin64"]))
@@ -33,7 +38,7 @@ def test_fmu_that_cannot_run_here_does_not_pass(platform: str, tmp_path: Path) -
         platforms = ["win64" if fmpy.platform != "win64" else "linux64"]
         path = build("Reference", "native", platforms, tmp_path)
     else:
-        path = with_files(lambda files: move_library(files, platform))(tmp_path)
+        path = with_library_for(platform)(tmp_path)
     report = examine(path, "binaries", "run")
     reason = f"There is no binary for {fmpy.platform}."
     assert not report.passed
@@ -44,7 +49,7 @@ def test_fmu_that_cannot_run_here_does_not_pass(platform: str, tmp_path: Path) -
 
 
 def test_checks_of_the_file_alone_can_still_pass(tmp_path: Path) -> None:
-    path = with_files(lambda files: move_library(files, "win64"))(tmp_path)
+    path = with_library_for("win64")(tmp_path)
     assert examine(path, "archive", "description", "variables", "structure").passed
 
 
@@ -86,26 +91,6 @@ def test_warnings_and_skipped_checks_can_fail(tmp_path: Path) -> None:
     assert passes(skips, must_run=("archive",)) and not passes(skips, must_run=("reference",))
     report = examine(path, *skips, settings=Settings(must_run=("reference",)), apart=())
     assert "--must-run reference: reference.agrees was skipped." in report.objections[0]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"must_run": "run"}, "'run' must run, but"),
-        ({"fail_on": "x"}, "there is no value of fail-on 'x'"),
-    ],
-)
-def test_invalid_options(options: dict[str, str], message: str, tmp_path: Path) -> None:
-    (path := tmp_path / "x.fmu").touch()
-    with pytest.raises(ec.CommandError, match=message):
-        ec.verify(path, only="archive", **options)  # type: ignore[arg-type]
-
-
-def test_reference_folder_without_that_fmu_does_not_pass(tmp_path: Path) -> None:
-    (path := tmp_path / "Toy.fmu").write_bytes(good_bytes())
-    report = examine(path, "reference", settings=Settings(reference=tmp_path), apart=())
-    assert not report.passed
-    assert "There is no Toy_ref.csv" in report.objections[0]
 
 
 def test_fmu_that_ends_its_examiner_keeps_all_other_findings(tmp_path: Path) -> None:

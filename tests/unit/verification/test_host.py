@@ -1,8 +1,11 @@
 """The host of examined FMUs: runs beside exact solutions, and processes that end."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,37 +24,43 @@ from emla_cosim.verification.examination import examine_fmu
 from emla_cosim.verification.host.experiment import Experiment, make_experiment
 from emla_cosim.verification.host.fresh_process import EndedError, in_fresh_process
 from emla_cosim.verification.host.hosted_instance import CallError, HostedInstance
-from emla_cosim.verification.host.instance_runs import OutputTrajectory, run_alone
-from emla_cosim.verification.host.integration import Integration
+from emla_cosim.verification.host.instance_runs import OutputTrajectory, run_alone, step_instance
+from emla_cosim.verification.host.junk import FIRST, SECOND, Junk, fill_memory
 from emla_cosim.verification.host.other_values import other_of
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine, list_problems
-from tests.support.hand_written_fmus import build_trigger_fmu
+from tests.support.hand_written_fmus import build_integrated_fmu, build_trigger_fmu
+
+
+def _unpacked(path: Path) -> Subject:
+    folder = path.parent / "fmu"
+    unpack(path, folder)
+    return Subject(path, folder.resolve())
 
 
 def _subject(folder: Path, fault: str = "") -> Subject:
-    path = build_good_fmu(folder, fault)
-    unpack(path, folder / "fmu")
-    return Subject(path, (folder / "fmu").resolve())
+    return _unpacked(build_good_fmu(folder, fault))
+
+
+def _integer(data_type: str, start: int) -> ElementVariable:
+    return ElementVariable("n", 1, type="Integer", start=str(start), data_type=data_type)
 
 
 @pytest.mark.parametrize(
-    ("type_", "start", "other"),
-    [("UInt8", 255, 254), ("Int8", 127, 126), ("UInt64", 2**64 - 1, 2**64 - 2), ("Int8", -128, -127)],
+    ("variable", "other"),
+    [
+        (_integer("UInt8", 255), 254),
+        (_integer("UInt64", 2**64 - 1), 2**64 - 2),
+        (_integer("Int8", -128), -127),
+        (ModelVariable("n", 1, type="Integer", start=str(2**31 - 1)), 2**31 - 2),
+        (ElementVariable("x", 1, type="Real", start="2", data_type="Float32"), pytest.approx(2.2)),
+    ],
 )
-def test_other_values_fit_into_the_type(type_: str, start: int, other: int) -> None:
-    variable = ElementVariable("n", 1, type="Integer", start=str(start), data_type=type_)
+def test_other_values_fit_into_the_type(variable: ModelVariable, other: object) -> None:
     assert other_of(variable) == other
-
-
-def test_other_values_of_reals_are_near_the_start_value() -> None:
-    for type_ in ("Float32", "Float64"):
-        assert other_of(ElementVariable("x", 1, type="Real", start="2", data_type=type_)) == pytest.approx(
-            2.2
-        )
 
 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
@@ -79,14 +88,8 @@ def _levels(subject: Subject) -> list[float]:
 
 
 def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
-    path = build_trigger_fmu(tmp_path / "Triggers.fmu")
-    unpack(path, tmp_path / "fmu")
-    found = in_fresh_process(_levels, Subject(path, (tmp_path / "fmu").resolve()))
-    assert found == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
-
-
-def test_other_values_of_fmi_2_fit_into_32_bits() -> None:
-    assert other_of(ModelVariable("n", 1, type="Integer", start=str(2**31 - 1))) == 2**31 - 2
+    subject = _unpacked(build_trigger_fmu(tmp_path / "Triggers.fmu"))
+    assert in_fresh_process(_levels, subject) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
 
 
 def _exact(course: Experiment) -> np.ndarray:
@@ -134,88 +137,55 @@ def _end() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-class _Model:
-    """x' = slope from x = 0 on; the slope changes its sign at time events, and at x = top."""
-
-    def __init__(self, events: list[float], top: float = 1e9, refuses: int = 0) -> None:
-        self.time, self.x, self.slope = 0.0, 0.0, 1.0
-        self.events, self.top, self.refuses = list(events), top, refuses
-        self.turned = False
-
-    def newDiscreteStates(self) -> tuple[bool, bool, bool, bool, bool, float]:
-        if self.events and self.time >= self.events[0] - 1e-12:
-            self.events.pop(0)
-            self.slope = -self.slope
-        if self.x >= self.top and not self.turned:
-            self.turned, self.slope = True, -1.0
-        return False, False, False, False, bool(self.events), self.events[0] if self.events else 0.0
-
-    def enterEventMode(self) -> None: ...
-
-    def enterContinuousTimeMode(self) -> None: ...
-
-    def completedIntegratorStep(self, **_: Any) -> tuple[bool, bool]:
-        return False, False
-
-    def setTime(self, time: float) -> None:
-        self.time = time
-
-    def getContinuousStates(self, x: Any, count: int) -> None:
-        x[0] = self.x
-
-    def setContinuousStates(self, x: Any, count: int) -> None:
-        self.x = x[0]
-
-    def getDerivatives(self, dx: Any, count: int) -> None:
-        if self.refuses:
-            raise FMICallException("fmi2GetDerivatives", self.refuses)
-        dx[0] = self.slope
-
-    def getEventIndicators(self, z: Any, count: int) -> None:
-        z[0] = self.top - self.x if not self.turned else 1.0
-
-    def getNominalsOfContinuousStates(self, x: Any, count: int) -> None:
-        x[0] = 0.0
+def _integrate(subject: Subject) -> np.ndarray:
+    """Rows of time, x, h, stair and resets of the FMU for Model Exchange with events, with u = 1.2."""
+    course = Experiment(0.0095 * np.arange(100.0), {"u": np.full(100, 1.2)})
+    instance = HostedInstance(subject)
+    instance.initialize({"limit": 1.1, **course.at(0)}, 0.0)
+    run = step_instance(instance, course, names=["x", "h", "stair", "resets"])
+    return np.column_stack([run.times, run.values])
 
 
-def _integration(model: _Model) -> Integration:
-    description = SimpleNamespace(numberOfContinuousStates=1, numberOfEventIndicators=1)
-    means = SimpleNamespace(completedIntegratorStepNotNeeded=False)
-    subject: Any = SimpleNamespace(version=2, description=description, find_kind_element=lambda kind: means)
-    integration = Integration(model, subject)
-    integration.begin()
-    return integration
+@pytest.mark.parametrize("version", [2, 3])
+def test_events_of_model_exchange_happen_where_they_are(version: int, tmp_path: Path) -> None:
+    """Steps of the stair, the bounce of the ball, and the reset of x after a step of the solver."""
+    subject = _unpacked(build_integrated_fmu(tmp_path / "Integrated.fmu", version=version))
+    time, x, h, stair, resets = in_fresh_process(_integrate, subject).T
+    np.testing.assert_array_equal(stair, np.floor(time / 0.1))
+    bounce = np.sqrt(2.0 / 9.81)
+    later = time - bounce
+    flight = 0.7 * 9.81 * bounce * later - 0.5 * 9.81 * later**2
+    np.testing.assert_allclose(h, np.where(later > 0.0, flight, 1.0 - 0.5 * 9.81 * time**2), atol=1e-6)
+    limited = time >= np.log(2.0)  # x = 1.2 - 0.2 exp(-t) reaches 1.1
+    np.testing.assert_allclose(x[~limited], 1.2 - 0.2 * np.exp(-time[~limited]), atol=1e-6)
+    np.testing.assert_array_equal(resets, limited)
+    assert x[limited][0] < 0.02
 
 
-def test_time_events_happen_when_they_are_due() -> None:
-    """Two within one step: up for 0.35, down for 0.25, up again."""
-    model = _Model([0.35, 0.6])
-    integration = _integration(model)
-    integration.step(0.0, 0.5)
-    integration.step(0.5, 0.5)
-    assert model.x == pytest.approx(0.35 - 0.25 + 0.4, abs=1e-9)
+def _refuse(*_: Any) -> None:
+    raise FMICallException("fmi2GetDerivatives", 3)
 
 
-def test_state_events_happen_where_they_are() -> None:
-    """Up to the top, and down again."""
-    model = _Model([], top=0.7)
-    _integration(model).step(0.0, 1.0)
-    assert model.x == pytest.approx(0.7 - 0.3, abs=1e-6)
+def _ask_for_an_event_now() -> tuple[bool, bool, bool, bool, bool, float]:
+    return False, False, False, False, True, 0.0
 
 
-def test_refused_call_is_reported_as_such() -> None:
-    """Not as what the solver makes of it."""
-    with pytest.raises(FMICallException) as caught:
-        _integration(_Model([], refuses=3)).step(0.0, 1.0)
-    assert caught.value.function == "fmi2GetDerivatives"
-
-
-def test_endless_events_raise() -> None:
-    """Where each event asks for one at the same time again."""
-    model = _Model([])
-    model.newDiscreteStates = lambda: (False, False, False, False, True, 0.0)  # type: ignore[method-assign]
-    with pytest.raises(RuntimeError, match="more than 1000 events"):
-        _integration(model).step(0.0, 1.0)
+@pytest.mark.parametrize(
+    ("function", "replacement", "message"),
+    [
+        ("getDerivatives", _refuse, "fmi2GetDerivatives answered fmi2Error"),
+        ("newDiscreteStates", _ask_for_an_event_now, "more than 1000 events"),
+    ],
+)
+def test_failed_integration_has_its_cause(
+    function: str, replacement: Callable[..., Any], message: str, tmp_path: Path
+) -> None:
+    instance = HostedInstance(_subject(tmp_path), kind="ModelExchange")
+    instance.initialize()
+    setattr(instance.fmu, function, replacement)
+    with pytest.raises(CallError, match=message):
+        instance.step(0.0, 1.0)
+    instance.free()
 
 
 def test_run_can_be_cut() -> None:
@@ -265,3 +235,19 @@ def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> N
     """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
     names = ("instance.independent", "instance.reset", "values.shared", "values.reset", "state.serialized")
     assert list_problems(examine(build_good_fmu(tmp_path, "ONLY_ONCE"), *names)) == {}
+
+
+def _read_fresh_memory(junk: Junk) -> list[bytes]:
+    """Return some bytes of fresh blocks: those that the C library reuses as they are, and larger ones."""
+    library: Any = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    with fill_memory(junk):
+        blocks = [library.malloc(ctypes.c_size_t(size)) for size in (304, 1008, 5008)]
+    return [ctypes.string_at(block + 32, 200) for block in blocks]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Only this C library fills memory.")
+@pytest.mark.parametrize("junk", [FIRST, SECOND])
+def test_fresh_memory_has_junk(junk: Junk) -> None:
+    """An FMU that reads memory before it is written gives something else in a second run."""
+    assert in_fresh_process(_read_fresh_memory, junk) == [bytes([junk.byte] * 200)] * 3

@@ -93,12 +93,3 @@ def test_mutated_fmu_gets_a_report(seed: int, tmp_path: Path) -> None:
         assert not finding.sentence.startswith("The check itself has an error"), finding.sentence
         assert finding.sentence.endswith(".") and "\n" not in finding.sentence, finding.sentence
         assert len(finding.sentence) < 2000, finding.sentence
-
-
-def test_most_mutations_are_reported(tmp_path: Path) -> None:
-    """Not all of them do harm."""
-    failed = 0
-    for seed in BY_DEFAULT[::2]:
-        (folder := tmp_path / str(seed)).mkdir()
-        failed += not examine(KINDS[seed](random.Random(seed), folder), *FILE_CHECKS).passed
-    assert failed > 0.4 * len(BY_DEFAULT[::2])

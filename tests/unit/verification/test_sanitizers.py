@@ -1,6 +1,5 @@
 """Sanitizers: sound sources pass, reports are read, and gaps are reported."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -67,25 +66,28 @@ def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     assert found.judges_leaks
 
 
-def test_overrun_has_its_line_and_the_function_of_the_standard() -> None:
-    fault = read_memory_error(OVERRUN, SOURCES)
-    assert fault is not None
-    assert fault.sentence == (
-        "It writes 8 bytes outside of allocated memory in keep (deep/keep.c:12), called by fmi2SetReal."
-    )
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            OVERRUN,
+            "It writes 8 bytes outside of allocated memory in keep (deep/keep.c:12), called by fmi2SetReal.",
+        ),
+        (
+            "==7==ERROR: AddressSanitizer: attempting double-free on 0x60 in thread T0:\n",
+            "It frees memory twice in fmi2Reset.",
+        ),
+        (
+            "==7==ERROR: AddressSanitizer: SEGV on unknown address 0x0\n"
+            "==7==The signal is caused by a READ\n",
+            "It reads at an invalid address in fmi2Reset.",
+        ),
+    ],
+)
+def test_error_has_its_line_and_the_function_of_the_standard(text: str, sentence: str) -> None:
+    fault = read_memory_error(text, SOURCES, "fmi2Reset")
+    assert fault is not None and fault.sentence == sentence
     assert read_memory_error("nothing", SOURCES) is None
-
-
-def test_double_free_and_error_outside_of_the_sources() -> None:
-    twice = read_memory_error(
-        "==7==ERROR: AddressSanitizer: attempting double-free on 0x60 in thread T0:\n", SOURCES, "fmi2Reset"
-    )
-    assert twice is not None
-    assert twice.sentence == "It frees memory twice in fmi2Reset."
-    read = "==7==ERROR: AddressSanitizer: SEGV on unknown address 0x0\n==7==The signal is caused by a READ\n"
-    fault = read_memory_error(read, SOURCES, "fmi2GetString")
-    assert fault is not None
-    assert fault.sentence == "It reads at an invalid address in fmi2GetString."
 
 
 def test_only_leaks_of_the_sources_count() -> None:
@@ -118,8 +120,7 @@ def test_machine_without_sanitizers_skips(tmp_path: Path, monkeypatch: Patch) ->
 def test_zig_judges_only_what_is_undefined(tmp_path: Path, monkeypatch: Patch) -> None:
     undefined = run.SanitizedRun(has_address=False, ran=True, undefined=("model.c:1: it overflows.",))
     monkeypatch.setattr(sanitizer, "run_sanitized", lambda _: undefined)
-    subject = Subject(tmp_path / "X.fmu", tmp_path)
-    outcomes = [check.examine(subject) for check in ALL]
+    outcomes = [check.examine(Subject(tmp_path / "X.fmu", tmp_path)) for check in ALL]
     assert [o.verdict for o in outcomes] == [Verdict.SKIPPED, Verdict.SKIPPED, Verdict.FAILED]
     assert sanitizer.undefined.advisory  # so that it only warns
 
@@ -134,8 +135,7 @@ def test_sources_that_do_not_run_are_skipped(monkeypatch: Patch, tmp_path: Path)
 
 
 def test_sources_that_do_not_compile_in_time_are_not_examined(tmp_path: Path) -> None:
-    subject = subject_of(build_memory_fmu(tmp_path))
-    hurried = replace(subject, settings=Settings(seconds=1e-4))
+    hurried = subject_of(build_memory_fmu(tmp_path), Settings(seconds=1e-4))
     outcome = sanitizer.address.examine(hurried)
     assert outcome.verdict == Verdict.SKIPPED
     assert outcome.gaps

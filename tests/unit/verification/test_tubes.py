@@ -85,17 +85,7 @@ def test_width_of_the_tube(factor: float) -> None:
     assert found.worst == pytest.approx(factor * 1e-3 * np.ptp(reference))
     assert found.worst_at == pytest.approx(4.0)
     assert found.left_at == (None if factor < 1.0 else pytest.approx(4.0))
-
-
-def test_drift_has_the_time_it_leaves_and_its_maximum() -> None:
-    reference = np.sin(np.linspace(0.0, 6.0, 601))
-    found = against(reference * (1.0 + 1e-4 * np.arange(601) / 600.0), reference, Tolerance(2e-5, time=0.0))
-    assert found.left_at is not None and found.left_at < found.worst_at
-    outside = (found.values > found.upper) | (found.values < found.lower)
-    assert found.left_at == found.time[outside][0]
-    assert describe_departure(found).startswith(
-        f"y left its tube at t = {found.left_at:.9g} s; it is off by up to"
-    )
+    assert factor < 1.0 or describe_departure(found).startswith("y left its tube at t = 4 s; it is off by up")
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
@@ -108,15 +98,11 @@ def test_values_that_are_not_finite_are_outside(wrong: float) -> None:
     assert found.worst == np.inf
 
 
-def test_nan_in_a_reference_is_ignored() -> None:
+def test_gaps_of_the_reference_and_times_without_it_are_not_compared() -> None:
     reference = np.linspace(0.0, 1.0, 11)
     gap = reference.copy()
     gap[3:5] = np.nan
     assert against(reference, gap, EXACT).inside
-
-
-def test_only_the_common_time_is_compared() -> None:
-    reference = np.linspace(0.0, 1.0, 11)
     assert against(reference[:4], reference, EXACT).inside
     assert against(np.append(reference, 99.0), reference, EXACT).inside
 
@@ -124,14 +110,12 @@ def test_only_the_common_time_is_compared() -> None:
 @pytest.mark.parametrize(
     ("constant", "off", "inside"), [(5.0, 4e-3, True), (5.0, 6e-3, False), (0.0, 1e-13, True)]
 )
-def test_constant_signal_is_relative_to_its_value(constant: float, off: float, inside: bool) -> None:
-    reference = np.full(5, constant)
+@pytest.mark.parametrize("points", [5, 1])
+def test_constant_signal_is_relative_to_its_value(
+    constant: float, off: float, inside: bool, points: int
+) -> None:
+    reference = np.full(points, constant)
     assert against(reference + off, reference, EXACT).inside == inside
-
-
-def test_reference_of_one_point() -> None:
-    assert against(np.array([1.0]), np.array([1.0]), EXACT).inside
-    assert not against(np.array([1.1]), np.array([1.0]), EXACT).inside
 
 
 def test_first_departure_comes_first() -> None:
@@ -153,16 +137,17 @@ def test_later_tolerances_override_earlier_ones() -> None:
     assert find_tolerance("z", {}) == Tolerance()
 
 
-@pytest.mark.parametrize("text", ["", "x=", "=1", "x=relativ:1", "x=1,,", "q", "x=1e-3;time:0"])
-def test_unreadable_tolerance(text: str) -> None:
-    with pytest.raises(CommandError, match=r"cannot be read\. Write NUMBER"):
-        read_tolerances([text])
-
-
-@pytest.mark.parametrize("text", ["-1", "x=nan", "inf", "x=time:-1"])
-def test_invalid_tolerance(text: str) -> None:
-    with pytest.raises(CommandError, match="must be 0 or a positive number"):
-        read_tolerances([text])
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (["", "x=", "=1", "x=relativ:1", "x=1,,", "q", "x=1e-3;time:0"], r"cannot be read\. Write NUMBER"),
+        (["-1", "x=nan", "inf", "x=time:-1"], "must be 0 or a positive number"),
+    ],
+)
+def test_invalid_tolerances(texts: list[str], message: str) -> None:
+    for text in texts:
+        with pytest.raises(CommandError, match=message):
+            read_tolerances([text])
 
 
 def test_tolerances_of_a_file() -> None:

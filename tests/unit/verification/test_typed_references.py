@@ -58,12 +58,15 @@ def test_fmpy_computes_what_is_recorded(fmu: Path, tmp_path: Path, source: str) 
     new.mkdir()
     recording = ec.Recording(new, inputs=given if source == "events" else None)
     assert examine(fmu, settings=Settings(recording=recording), apart=()).passed
-    expected = read_csv(new / "Typed_ref.csv")
+    inputs, expected = read_csv(new / "Typed_in.csv"), read_csv(new / "Typed_ref.csv")
+    if source == "events":
+        assert inputs["i"].tolist() == [1, 1, -7, -7, 99, 99]
+        assert "given.csv" in (new / "Typed_ref.toml").read_text()
     found = fmpy.simulate_fmu(
         str(fmu),
         stop_time=2.0,
         output_interval=0.1,
-        input=read_csv(new / "Typed_in.csv"),
+        input=inputs,
         output=list(expected.dtype.names[1:]),
         fmi_type="CoSimulation",
     )
