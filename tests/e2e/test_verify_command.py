@@ -120,6 +120,17 @@ def test_report_has_its_fmus_by_path_name_and_label(plant: str) -> None:
     assert one.facts["SHA-256"] == hashlib.sha256(Path(plant).read_bytes()).hexdigest()
 
 
+def test_folder_stands_for_its_fmus_and_git_lfs_pointers_are_named(plant: str, tmp_path: Path) -> None:
+    folder = tmp_path / "many"
+    (folder / "deep").mkdir(parents=True)
+    (folder / "deep" / "Plant.fmu").write_bytes(Path(plant).read_bytes())
+    (folder / "Stored.fmu").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    report = ec.verify(folder, only="archive.safe")
+    assert [one.label for one in report.examined] == [f"{folder}/Stored.fmu", f"{folder}/deep/Plant.fmu"]
+    assert report["Stored.fmu"]["archive.safe"].sentence == "The file is a pointer of Git LFS, not the FMU."
+    assert report["Plant.fmu"].passed
+
+
 def test_list_has_all_checks(emla: Emla) -> None:
     shown = emla("verify", "--list").stdout
     assert all(c.name in shown for c in CHECKS)

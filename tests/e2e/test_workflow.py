@@ -83,6 +83,10 @@ def verdicts(workspace: Path) -> dict[str, str]:
     return {finding["check"]: finding["verdict"] for finding in one["findings"]}
 
 
+def read_summary(workspace: Path) -> str:
+    return (workspace.parent / "summary.md").read_text(encoding="utf-8")
+
+
 def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
     good_fmu(workspace / "build" / "deep er", fmu_folder)
     ended = verified(workspace, runner, fmus="build/**/*.fmu\n")
@@ -92,18 +96,12 @@ def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Pat
     suites = ElementTree.parse(workspace.parent / "temp/fmu-report/junit.xml").getroot()
     assert suites.attrib["failures"] == "0" and int(suites.attrib["tests"]) > 4
     assert "</html>" in (workspace.parent / "temp/fmu-report/report.html").read_text(encoding="utf-8")
-    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    summary = read_summary(workspace)
     assert "✅ FMUs passed" in summary and "| ✅ | build/deep er/Reference.fmu |" in summary
-    assert str(runner["PIP_TARGET"]) in where_emla_is(runner)
-
-
-def where_emla_is(runner: dict[str, str]) -> str:
-    """The file that `emla` runs, which has to be that of the wheel."""
-    script = "import emla_cosim; print(emla_cosim.__file__)"
-    command = ["bash", "-c", f"head -1 \"$(command -v emla)\" && python -c '{script}'"]
-    return subprocess.run(
-        command, env={**os.environ, **runner}, check=True, capture_output=True, text=True
-    ).stdout
+    which = "head -1 \"$(command -v emla)\" && python -c 'import emla_cosim; print(emla_cosim.__file__)'"
+    environment = {**os.environ, **runner}
+    found = subprocess.run(["bash", "-c", which], env=environment, check=True, capture_output=True, text=True)
+    assert runner["PIP_TARGET"] in found.stdout  # that of the wheel
 
 
 def test_failed_check_fails_the_job_and_is_reported(
@@ -114,7 +112,7 @@ def test_failed_check_fails_the_job_and_is_reported(
     ended = verified(workspace, runner, fmus="build/Reference.fmu\nbuild/C*.fmu")
     assert (ended.failed, ended.code) == ("Verify", 1), ended.shown
     assert ended.done[-1] == "Summarize"
-    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    summary = read_summary(workspace)
     assert "❌ build/Cut.fmu: **archive.safe**" in summary
     assert "❌ build/Reference.fmu: **reference.agrees**" in summary
 
@@ -148,7 +146,7 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
     odd = workspace / "--help $(exit 3) 'it' & | <b>.fmu"
     good_fmu(workspace, fmu_folder).rename(odd)
     assert verified(workspace, runner, fmus="*.fmu").code == 0
-    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    summary = read_summary(workspace)
     assert "<b>" not in summary and "&lt;b&gt;" in summary and "& | " not in summary
 
 

@@ -15,6 +15,7 @@ from tests.support.toy_fmu import build_toy
 DESCRIPTION = "modelDescription.xml"
 Files = dict[str, bytes]
 Build = Callable[[Path], Path]
+Edit = Callable[[etree._Element], object]
 
 
 @cache
@@ -44,9 +45,7 @@ def written(path: Path, files: Iterable[tuple[str | zipfile.ZipInfo, bytes]]) ->
     return path
 
 
-def with_files(
-    edit: Callable[[Files], object], fmi: int = 2, clock: float | None = None
-) -> Callable[[Path], Path]:
+def with_files(edit: Callable[[Files], object], fmi: int = 2, clock: float | None = None) -> Build:
     """Builds the good FMU with files that `edit` changed."""
 
     def build(folder: Path) -> Path:
@@ -57,7 +56,7 @@ def with_files(
     return build
 
 
-def with_text(old: str, new: str, file: str = DESCRIPTION, fmi: int = 2) -> Callable[[Path], Path]:
+def with_text(old: str, new: str, file: str = DESCRIPTION, fmi: int = 2) -> Build:
     """Builds the good FMU with one text in place of another, which has to be there."""
 
     def edit(files: Files) -> None:
@@ -67,19 +66,8 @@ def with_text(old: str, new: str, file: str = DESCRIPTION, fmi: int = 2) -> Call
     return with_files(edit, fmi)
 
 
-def with_tree(edit: Callable[[etree._Element], object], fmi: int = 2) -> Callable[[Path], Path]:
-    """Builds the good FMU with a model description that `edit` changed."""
-
-    def change(files: Files) -> None:
-        root = etree.fromstring(files[DESCRIPTION])
-        edit(root)
-        files[DESCRIPTION] = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
-
-    return with_files(change, fmi)
-
-
-def setting(path: str, fmi: int = 2, **attributes: str | None) -> Callable[[Path], Path]:
-    """Builds the good FMU with attributes of an element changed; those that are None are taken away."""
+def set_attributes(path: str, **attributes: str | None) -> Edit:
+    """Change attributes of all elements at a path, of which there has to be one; None removes one."""
 
     def edit(root: etree._Element) -> None:
         found = root.xpath(path)
@@ -91,14 +79,36 @@ def setting(path: str, fmi: int = 2, **attributes: str | None) -> Callable[[Path
                 else:
                     element.set(name, value)
 
-    return with_tree(edit, fmi)
+    return edit
 
 
-def without(path: str, fmi: int = 2) -> Callable[[Path], Path]:
+def remove(path: str) -> Edit:
+    """Remove all elements at a path."""
+    return lambda root: [element.getparent().remove(element) for element in root.xpath(path)]
+
+
+def append(parent: str, element: str) -> Edit:
+    """Append an element to another one."""
+    return lambda root: root.find(parent).append(etree.fromstring(element))
+
+
+def with_tree(*edits: Edit, fmi: int = 2) -> Build:
+    """Builds the good FMU with a model description that `edits` changed."""
+
+    def change(files: Files) -> None:
+        root = etree.fromstring(files[DESCRIPTION])
+        for edit in edits:
+            edit(root)
+        files[DESCRIPTION] = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+    return with_files(change, fmi)
+
+
+def setting(path: str, fmi: int = 2, **attributes: str | None) -> Build:
+    """Builds the good FMU with attributes of an element changed; those that are None are taken away."""
+    return with_tree(set_attributes(path, **attributes), fmi=fmi)
+
+
+def without(path: str, fmi: int = 2) -> Build:
     """Builds the good FMU without an element."""
-
-    def edit(root: etree._Element) -> None:
-        (element,) = root.xpath(path)
-        element.getparent().remove(element)
-
-    return with_tree(edit, fmi)
+    return with_tree(remove(path), fmi=fmi)

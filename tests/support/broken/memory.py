@@ -10,6 +10,7 @@ from pathlib import Path
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken, name_fault
 from tests.support.broken.dynamic import GUID, build_good_fmu
+from tests.support.hand_written_fmus import TOYS
 
 _FOLDER = Path(__file__).parent
 
@@ -25,7 +26,8 @@ def _faults() -> dict[str, int]:
 def build_memory_fmu(folder: Path, fault: str = "SOUND", name: str = "Memory") -> Path:
     """Build the FMU in a folder, with one fault in its sources."""
     head = f'#define MODEL_GUID "{GUID}"\n#define FAULT {_faults()[fault]}\n'
-    sources = {file: (_FOLDER / file).read_bytes() for file in ("memory.c", "good.c")}
+    files = (_FOLDER / "memory.c", _FOLDER / "good.c", TOYS / "toyfmu.h")
+    sources = {file.name: file.read_bytes() for file in files}
     sources["memory.c"] = head.encode() + sources["memory.c"]
     return build_good_fmu(folder, name=name, sources=sources)
 

@@ -1,17 +1,19 @@
 """FMUs that are wrong in one thing that can be seen without running them."""
 
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
-from lxml import etree
 
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import (
     DESCRIPTION,
+    Build,
     Files,
+    append,
     good_bytes,
     good_files,
     setting,
@@ -24,40 +26,27 @@ from tests.support.broken.editing import (
 
 LIBRARY = f"binaries/{fmpy.platform}/Toy{fmpy.sharedLibraryExtension}"
 _ELSEWHERE = f"binaries/{'linux64' if fmpy.platform == 'win64' else 'win64'}/Toy{Path(LIBRARY).suffix}"
-_LINK = 0o120777 << 16
 
 
-def _entries(*more: tuple[str | zipfile.ZipInfo, bytes]) -> Callable[[Path], Path]:
-    """Builds the good FMU with more entries in its archive."""
-    return lambda folder: written(folder / "Toy.fmu", [*good_files().items(), *more])
+def _entries(name: str | zipfile.ZipInfo, content: bytes) -> Build:
+    """Builds the good FMU with one more entry in its archive."""
+    return lambda folder: written(folder / "Toy.fmu", [*good_files().items(), (name, content)])
 
 
 def _link() -> zipfile.ZipInfo:
     entry = zipfile.ZipInfo("resources/secret")
-    entry.external_attr = _LINK
+    entry.external_attr = 0o120777 << 16
     return entry
 
 
-def _bytes(edit: Callable[[bytearray], object]) -> Callable[[Path], Path]:
+def _bytes(edit: Callable[[bytes], bytes]) -> Build:
     """Builds the good FMU with the bytes of its archive changed."""
 
     def build(folder: Path) -> Path:
-        content = bytearray(good_bytes())
-        edit(content)
-        path = folder / "Toy.fmu"
-        path.write_bytes(content)
+        (path := folder / "Toy.fmu").write_bytes(edit(good_bytes()))
         return path
 
     return build
-
-
-def _cut_off(content: bytearray) -> None:
-    del content[len(content) // 2 :]
-
-
-def _corrupt(content: bytearray) -> None:
-    """Another byte within the first entry, which is compressed."""
-    content[2000] ^= 0xFF
 
 
 def _bomb(folder: Path) -> Path:
@@ -82,10 +71,7 @@ def _bzip2(folder: Path) -> Path:
 def _other_library(files: Files) -> None:
     """A library of another name, and no sources."""
     files[f"{Path(LIBRARY).parent}/Other{Path(LIBRARY).suffix}"] = files.pop(LIBRARY)
-    root = etree.fromstring(files[DESCRIPTION])
-    for element in root.xpath("//SourceFiles"):
-        element.getparent().remove(element)
-    files[DESCRIPTION] = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    files[DESCRIPTION] = re.sub(b"<SourceFiles>.*?</SourceFiles>", b"", files[DESCRIPTION], flags=re.DOTALL)
     for name in [n for n in files if n.startswith("sources/")]:
         del files[name]
 
@@ -96,22 +82,12 @@ def _renamed(files: Files) -> None:
     files[DESCRIPTION] = files[DESCRIPTION].replace(b'modelIdentifier="Toy"', b'modelIdentifier="Toy-1"')
 
 
-def _doubled_category(root: etree._Element) -> None:
-    categories = root.find("LogCategories")
-    categories.append(etree.fromstring(etree.tostring(categories[0])))
-
-
-def _swapped_unknowns(root: etree._Element) -> None:
-    unknowns = root.find("ModelStructure/InitialUnknowns")
-    unknowns.append(unknowns[0])
-
-
 def _in_latin_1(files: Files) -> None:
     text = files[DESCRIPTION].decode().replace('encoding="UTF-8"', 'encoding="ISO-8859-1"')
     files[DESCRIPTION] = text.encode("latin-1")
 
 
-def _with_library(edit: Callable[[bytes], bytes]) -> Callable[[Path], Path]:
+def _with_library(edit: Callable[[bytes], bytes]) -> Build:
     return with_files(lambda files: files.update({LIBRARY: edit(files[LIBRARY])}))
 
 
@@ -124,12 +100,15 @@ _DTD = '<!DOCTYPE fmiModelDescription [<!ENTITY lol "lol">]>\n<fmiModelDescripti
 # fmt: off
 STATIC: list[Broken] = [
     Broken("traversal", "An entry that leads out of the archive", "archive.safe",
-        _entries(("../evil", b"!"))),
-    Broken("link", "A link among the entries", "archive.safe", _entries((_link(), b"/etc/passwd"))),
+        _entries("../evil", b"!")),
+    Broken("link", "A link among the entries", "archive.safe", _entries(_link(), b"/etc/passwd")),
     Broken("bomb", "A zip bomb", "archive.safe", _bomb),
-    Broken("cut-archive", "An archive that is cut off", "archive.safe", _bytes(_cut_off)),
-    Broken("corrupt-archive", "A wrong byte in the archive", "archive.safe", _bytes(_corrupt)),
-    Broken("twice", "Two entries of one name", "archive.safe", _entries((DESCRIPTION, b"<other/>"))),
+    Broken("cut-archive", "An archive that is cut off", "archive.safe",
+        _bytes(lambda content: content[: len(content) // 2])),
+    # in the first entry, which is compressed
+    Broken("corrupt-archive", "A wrong byte in the archive", "archive.safe",
+        _bytes(lambda content: content[:2000] + bytes([content[2000] ^ 0xFF]) + content[2001:])),
+    Broken("twice", "Two entries of one name", "archive.safe", _entries(DESCRIPTION, b"<other/>")),
     Broken("bzip2", "An entry that is compressed with bzip2", "archive.format", _bzip2),
     Broken("no-description", "No modelDescription.xml", "description.readable",
         with_files(lambda files: files.pop(DESCRIPTION))),
@@ -148,7 +127,7 @@ STATIC: list[Broken] = [
         "description.capabilities",
         setting("//CoSimulation | //ModelExchange", canGetAndSetFMUstate="false")),
     Broken("category-twice", "Two log categories of one name", "description.categories",
-        with_tree(_doubled_category)),
+        with_tree(append("LogCategories", '<Category name="logStatusError"/>'))),
     Broken("no-type", "A declared type that is not defined", "description.types",
         setting(f"{_variable('x')}/Real", declaredType="Distance")),
     Broken("no-unit", "A unit that is not defined", "units.defined", without("//Unit[@name='W']")),
@@ -183,7 +162,7 @@ STATIC: list[Broken] = [
     Broken("derivative-of-nothing", "A derivative of a variable that is not there", "structure.derivatives",
         setting(f"{_variable('der(x)')}/Real", derivative="99")),
     Broken("unknowns-disordered", "InitialUnknowns that are not in order", "structure.initial_unknowns",
-        with_tree(_swapped_unknowns)),
+        with_tree(lambda root: root.find("*/InitialUnknowns").append(root.find("*/InitialUnknowns")[0]))),
     Broken("unknown-not-listed", "An initial unknown that is not listed", "structure.initial_unknowns",
         without("//InitialUnknowns/Unknown[@index='16']")),
     Broken("depends-on-nothing", "A dependency on a variable that is not there", "structure.dependencies",

@@ -5,7 +5,6 @@ Those with a Clock are the toy with a clock.
 
 import re
 import tempfile
-from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
@@ -14,7 +13,18 @@ from lxml import etree
 
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
-from tests.support.broken.editing import Files, good_files, setting, with_files, with_text, with_tree, without
+from tests.support.broken.editing import (
+    Build,
+    Files,
+    append,
+    good_files,
+    set_attributes,
+    setting,
+    with_files,
+    with_text,
+    with_tree,
+    without,
+)
 from tests.support.hand_written_fmus import compile_library
 from tests.support.toy import Toy
 
@@ -38,14 +48,11 @@ def _listed(kind: str, reference: int) -> str:
     return f"ModelStructure/{kind}[@valueReference='{reference}']"
 
 
-def _with_clock(root: etree._Element) -> None:
-    """A Clock whose interval is missing, which the FMU does not know."""
-    clock = '<Clock name="clock" valueReference="99" causality="input" intervalVariability="constant"/>'
-    root.find("ModelVariables").append(etree.fromstring(clock))
-    root.find("CoSimulation").set("hasEventMode", "true")
+_CLOCK = '<Clock name="clock" valueReference="99" causality="input" intervalVariability="constant"/>'
+"""A Clock whose interval is missing, which the FMU does not know."""
 
 
-def _terminal(variable: str) -> Callable[[Path], Path]:
+def _terminal(variable: str) -> Build:
     """Builds the FMU with a terminal that has this variable."""
     member = f'<TerminalMemberVariable variableName="{variable}" memberName="a" variableKind="signal"/>'
     terminals = f'<Terminals><Terminal name="t" matchingRule="bus">{member}</Terminal></Terminals>'
@@ -62,7 +69,7 @@ def _renamed_platform(files: Files) -> None:
     files[LIBRARY.replace(fmpy.platform_tuple, fmpy.platform)] = files.pop(LIBRARY)
 
 
-def with_function(fault: str, clock: float | None = None) -> Callable[[Path], Path]:
+def with_function(fault: str, clock: float | None = None) -> Build:
     """Builds the FMU with a library that has a fault of third.c."""
 
     def edit(files: Files) -> None:
@@ -75,7 +82,7 @@ def with_function(fault: str, clock: float | None = None) -> Callable[[Path], Pa
     return _files(edit, clock=clock)
 
 
-def with_source(fault: str, clock: float | None = None) -> Callable[[Path], Path]:
+def with_source(fault: str, clock: float | None = None) -> Build:
     """Builds the FMU with the fault in its sources, but not in its library."""
 
     def edit(files: Files) -> None:
@@ -138,7 +145,8 @@ THIRD: list[Broken] = [
         _setting(_variable("spring.k"), start="3.0 0.25 1.0")),
     Broken("third-clocks", "a variable that belongs to a variable which is no Clock", "variables.clocks",
         _setting(_variable("random"), clocks="14")),
-    Broken("third-clock", "a constant Clock without an interval", "variables.clocks", _tree(_with_clock)),
+    Broken("third-clock", "a constant Clock without an interval", "variables.clocks",
+        _tree(append("ModelVariables", _CLOCK), set_attributes("CoSimulation", hasEventMode="true"))),
     Broken("third-terminal", "a terminal with a variable that does not exist", "description.terminals",
         _terminal("nothing")),
     Broken("third-build", "a build description for another model identifier", "sources.description",

@@ -1,7 +1,6 @@
 """Model descriptions and sources: errors fail, oddities warn, and what the standard allows passes."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,11 @@ from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Build,
+    Edit,
     Files,
+    append,
+    remove,
+    set_attributes,
     setting,
     with_files,
     with_text,
@@ -27,7 +30,6 @@ NAMES = tuple(c.name for c in STATIC if c.name not in {*CALLING, "sources.compil
 """Checks of files that are only read."""
 
 FAILED, WARNING = Verdict.FAILED, Verdict.WARNING
-Edit = Callable[[etree._Element], object]
 
 
 def variable(name: str) -> str:
@@ -40,52 +42,34 @@ def scalar(name: str, reference: int, element: str = "<Real/>", **attributes: st
     return f'<ScalarVariable name="{name}" valueReference="{reference}"{given}>{element}</ScalarVariable>'
 
 
-def appended(parent: str, element: str) -> Edit:
-    """Append an element to another one."""
-    return lambda root: root.find(parent).append(etree.fromstring(element))
-
-
-def setter(path: str, **attributes: str) -> Edit:
-    return lambda root: [e.set(k, v) for e in root.xpath(path) for k, v in attributes.items()]
-
-
-def remover(path: str) -> Edit:
-    return lambda root: [e.getparent().remove(e) for e in root.xpath(path)]
-
-
-def edited(*edits: Edit) -> Build:
-    """Builds the good FMU with all of these changes of its model description."""
-    return with_tree(lambda root: [edit(root) for edit in edits])
-
-
 def with_variable(name: str, reference: int, element: str = "<Real/>", **attributes: str) -> Build:
     """Builds the good FMU with one more variable."""
-    return edited(appended("ModelVariables", scalar(name, reference, element, **attributes)))
+    return with_tree(append("ModelVariables", scalar(name, reference, element, **attributes)))
 
 
 def unit(name: str, **base: object) -> Edit:
     """Append a unit."""
     given = "".join(f' {key}="{value}"' for key, value in base.items())
-    return appended("UnitDefinitions", f'<Unit name="{name}"><BaseUnit{given}/></Unit>')
+    return append("UnitDefinitions", f'<Unit name="{name}"><BaseUnit{given}/></Unit>')
 
 
 def with_unit(name: str, **base: object) -> Build:
     """Builds the good FMU with one more unit."""
-    return edited(unit(name, **base))
+    return with_tree(unit(name, **base))
 
 
 # fmt: off
 REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
     "reinit": (FAILED, "variables.attributes", "x has reinit",
-        edited(remover("//ModelExchange"), setter(f"{variable('x')}/Real", reinit="true"))),
+        with_tree(remove("//ModelExchange"), set_attributes(f"{variable('x')}/Real", reinit="true"))),
     "multiple sets": (FAILED, "variables.attributes", "force has canHandleMultipleSetPerTimeInstant",
-        edited(remover("//ModelExchange"),
-            setter(variable("force"), canHandleMultipleSetPerTimeInstant="true"))),
+        with_tree(remove("//ModelExchange"),
+            set_attributes(variable("force"), canHandleMultipleSetPerTimeInstant="true"))),
     "input with initial": (FAILED, "variables.attributes",
         "force is continuous and an input; its initial cannot be exact",
         setting(variable("force"), initial="exact")),
     "two times": (FAILED, "variables.attributes", "Both t and s are independent",
-        edited(*(appended("ModelVariables", scalar(name, reference, causality="independent"))
+        with_tree(*(append("ModelVariables", scalar(name, reference, causality="independent"))
             for name, reference in (("t", 97), ("s", 98))))),
     "start of time": (FAILED, "variables.start", "t is independent, but has a start value",
         with_variable("t", 97, '<Real start="0"/>', causality="independent")),
@@ -99,8 +83,8 @@ REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
         setting("//SimpleType[@name='Length']/Real", min="1")),
     "endless range": (WARNING, "variables.range", "", setting(f"{variable('x_0')}/Real", max="INF")),
     "no item": (FAILED, "variables.range", "The start value 2 of shape is not an item of Shape",
-        edited(setter(f"{variable('shape')}/Enumeration", start="2"),
-            setter("//Item[@name='cubic']", value="3"))),
+        with_tree(set_attributes(f"{variable('shape')}/Enumeration", start="2"),
+            set_attributes("//Item[@name='cubic']", value="3"))),
     "item twice": (FAILED, "description.types",
         "More than one item of the enumeration Shape has the value 1",
         setting("//Item[@name='cubic']", value="1")),
@@ -108,8 +92,8 @@ REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
         "count is of type Integer, but declared as Length, which is Real",
         setting(f"{variable('count')}/Integer", declaredType="Length")),
     "name of a variable": (FAILED, "description.types", "The SimpleType force has the name of a variable",
-        edited(setter("//SimpleType[@name='Force']", name="force"),
-            setter("//*[@declaredType='Force']", declaredType="force"))),
+        with_tree(set_attributes("//SimpleType[@name='Force']", name="force"),
+            set_attributes("//*[@declaredType='Force']", declaredType="force"))),
     "stops before it starts": (WARNING, "description.experiment", "",
         setting("//DefaultExperiment", stopTime="-1")),
     "never stops": (WARNING, "description.experiment", "", setting("//DefaultExperiment", stopTime="INF")),
@@ -119,7 +103,7 @@ REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
         with_unit("N", kg=1, m=1, s=-2)),
     "display unit without unit": (FAILED, "units.defined", "random has a display unit, but no unit",
         setting(f"{variable('random')}/Real", displayUnit="mm")),
-    "derivative in other units": (WARNING, "units.derivatives", "", edited(
+    "derivative in other units": (WARNING, "units.derivatives", "", with_tree(
         unit("mm/s", m=1, s=-1, factor=0.001),
         lambda root: [(e.set("unit", "mm/s"), e.attrib.pop("displayUnit"), e.attrib.pop("declaredType"))
             for e in root.xpath(f"{variable('der(x)')}/Real")])),
@@ -142,15 +126,15 @@ REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
         "inverse is the derivative of damped, which is of type Boolean",
         setting(f"{variable('inverse')}/Real", derivative="6")),
     "output twice": (FAILED, "structure.outputs", "Outputs lists x more than once",
-        edited(appended("ModelStructure/Outputs", '<Unknown index="11"/>'))),
+        with_tree(append("ModelStructure/Outputs", '<Unknown index="11"/>'))),
     "no output": (FAILED, "structure.outputs", "Outputs lists body.mass, which does not belong there",
-        edited(appended("ModelStructure/Outputs", '<Unknown index="2"/>'))),
+        with_tree(append("ModelStructure/Outputs", '<Unknown index="2"/>'))),
     "output beyond": (FAILED, "structure.outputs",
         "Outputs lists variable 4294967295; there are only 20",
-        edited(appended("ModelStructure/Outputs", '<Unknown index="4294967295"/>'))),
+        with_tree(append("ModelStructure/Outputs", '<Unknown index="4294967295"/>'))),
     "unknown that is known": (FAILED, "structure.initial_unknowns",
         "InitialUnknowns lists random, which does not belong there",
-        edited(appended("ModelStructure/InitialUnknowns", '<Unknown index="14"/>'))),
+        with_tree(append("ModelStructure/InitialUnknowns", '<Unknown index="14"/>'))),
     "descending": (FAILED, "structure.dependencies",
         "The dependencies of power in Outputs are not in ascending order",
         setting("//Outputs/Unknown[@index='16']", dependencies="12 1")),
@@ -159,11 +143,11 @@ REPORTED: dict[str, tuple[Verdict, str, str, Build]] = {
             for e in root.xpath("//Outputs/Unknown[@index='16']")])),
     "linear Boolean": (FAILED, "structure.dependencies",
         "b in Outputs is of type Boolean, but has a dependency of the kind constant",
-        edited(appended("ModelVariables",
+        with_tree(append("ModelVariables",
                 scalar("b", 97, "<Boolean/>", causality="output", variability="discrete")),
-            appended("ModelStructure/Outputs",
+            append("ModelStructure/Outputs",
                 '<Unknown index="21" dependencies="1" dependenciesKind="constant"/>'),
-            appended("ModelStructure/InitialUnknowns", '<Unknown index="21"/>'))),
+            append("ModelStructure/InitialUnknowns", '<Unknown index="21"/>'))),
     "depends on a parameter": (WARNING, "structure.dependencies", "",
         setting("//Outputs/Unknown[@index='16']", dependencies="1 2 12")),
     "folder": (WARNING, "archive.layout", "",
@@ -200,8 +184,8 @@ ALLOWED = {
     "celsius": with_unit("degC", K=1, offset="273.15"),
     "unit of one's own": with_unit("widget", kg=7, factor=-3),
     "quoted name": setting(variable("step_count"), name="robot[3,4].'motor #234'.n"),
-    "flat names": edited(lambda root: root.attrib.pop("variableNamingConvention"),
-        setter(variable("step_count"), name="steps so far")),
+    "flat names": with_tree(lambda root: root.attrib.pop("variableNamingConvention"),
+        set_attributes(variable("step_count"), name="steps so far")),
     "time": with_variable("time", 99, '<Real unit="s"/>', causality="independent"),
     "alias": with_variable("again", 10, '<Real unit="m"/>', initial="calculated"),
     "defaults": with_variable("plain", 98),
@@ -239,7 +223,7 @@ SOURCES = {
     "header of a system": (WARNING, "nowhere.h", with_header("#include <nowhere.h>")),
     "header of its own": (FAILED, "nowhere.h", with_header('#include "nowhere.h"')),
     "linking": (WARNING, "gone", with_header("void gone(void); void (*f)(void) = gone;")),
-    "not listed": (WARNING, "SourceFiles", edited(remover("//SourceFiles"))),
+    "not listed": (WARNING, "SourceFiles", with_tree(remove("//SourceFiles"))),
 }
 # fmt: on
 

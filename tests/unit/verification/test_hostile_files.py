@@ -131,18 +131,6 @@ def test_files_in_place_of_folders(place: str, tmp_path: Path) -> None:
     assert not [f for f in report.findings if "has an error" in f.sentence]
 
 
-def test_binaries_of_another_platform_only(tmp_path: Path) -> None:
-    def edit(files: Files) -> None:
-        files["binaries/riscv64-plan9/Toy.so"] = files.pop(LIBRARY)
-
-    report = examine(with_files(edit)(tmp_path), "binaries")
-    present = "There are binaries for riscv64-plan9, but none for"
-    assert report["binaries.present"].sentence.startswith(present)
-    assert report["binaries.symbols"].verdict == Verdict.PASSED
-    assert report["binaries.loads"].verdict == Verdict.SKIPPED
-    assert not report.passed  # nothing ran
-
-
 def test_sources_only(tmp_path: Path) -> None:
     report = examine(with_files(lambda files: files.pop(LIBRARY))(tmp_path), "binaries", COMPILE)
     assert report["binaries.present"].sentence == "There are sources only."

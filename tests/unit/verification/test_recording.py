@@ -2,10 +2,12 @@
 
 import os
 import tomllib
+from enum import IntEnum
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy.util import read_csv
@@ -16,9 +18,45 @@ from emla_cosim.verification.references.excitation import SHAPES, excite_inputs
 from emla_cosim.verification.references.playback import inputs_at
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
+from fmublock import Block, DefaultExperiment, Input, Output, Parameter, build
 from tests.support.broken.examining import examine
 from tests.support.commands import Emla, sentence
 from tests.support.toy_fmu import build_toy
+
+
+class Mode(IntEnum):
+    """An enumeration."""
+
+    OFF = 1
+    ON = 2
+
+
+class Typed(Block):
+    """Outputs that are the inputs, one of them k times."""
+
+    default_experiment = DefaultExperiment(stop_time=2.0, step_size=0.1)
+
+    u = Input(0.0)
+    i = Input(0)
+    b = Input(False)
+    e = Input(Mode.OFF)
+    k = Parameter(1.0)
+    u_out = Output(0.0)
+    i_out = Output(0)
+    b_out = Output(False)
+    e_out = Output(Mode.OFF)
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"u_out": v.k * v.u, "i_out": v.i, "b_out": v.b, "e_out": v.e}
+
+
+EVENTS = "time,u,i,b,e\n0,0,1,0,1\n0.5,1,1,0,1\n0.5,3,-7,1,2\n1.3,4,-7,1,2\n1.3,4,99,0,1\n2,0,99,0,1\n"
+"""Two events, each with a row before and one after."""
+
+
+@pytest.fixture(scope="module")
+def typed_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(Typed, tmp_path_factory.mktemp("typed") / "Typed.fmu")
 
 
 @pytest.fixture(scope="module")
@@ -38,16 +76,53 @@ def compare(fmu: Path, folder: Path, relative: float) -> Finding:
     return examine(fmu, "reference.agrees", settings=settings, apart=())["reference.agrees"]
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_recorded_reference_agrees_to_the_last_digits(shape: str, toy_fmu: Path, tmp_path: Path) -> None:
-    record(toy_fmu, tmp_path / "new", shape=shape, values={"body.mass": 3.0})
-    found = compare(toy_fmu, tmp_path / "new", relative=1e-14)
-    assert found.verdict == Verdict.PASSED, found.sentence
-    assert {c.signal for c in found.outcome.comparisons} == {"power", "inverse", "x", "v[1]", "v[2]"}
-    about = tomllib.loads((tmp_path / "new" / "Toy_ref.toml").read_text())
+@pytest.mark.parametrize("source", [*SHAPES, "given.csv"])
+def test_fmpy_computes_what_is_recorded(source: str, typed_fmu: Path, tmp_path: Path) -> None:
+    """As does a second run, to the last digits."""
+    (given := tmp_path / "given.csv").write_text(EVENTS)
+    new, values = tmp_path / "new", {"k": 3.0}
+    how = {"inputs": given} if source == given.name else {"shape": source}
+    record(typed_fmu, new, values=values, **how)
+    inputs, expected = read_csv(new / "Typed_in.csv"), read_csv(new / "Typed_ref.csv")
+    assert source in SHAPES or inputs["i"].tolist() == [1, 1, -7, -7, 99, 99]
+    outputs = list(expected.dtype.names[1:])
+    assert outputs == ["u_out", "i_out", "b_out", "e_out"]
+    found = fmpy.simulate_fmu(
+        str(typed_fmu),
+        stop_time=2.0,
+        output_interval=0.1,
+        start_values=values,
+        input=inputs,
+        output=outputs,
+        fmi_type="CoSimulation",
+    )
+    for name in expected.dtype.names:
+        assert np.abs(found[name].astype(float) - expected[name]).max() < 1e-12, name
+        assert len(np.unique(expected[name])) > 1
+    again = compare(typed_fmu, new, relative=1e-14)
+    assert again.verdict == Verdict.PASSED, again.sentence
+    assert [c.signal for c in again.outcome.comparisons] == outputs
+    about = tomllib.loads((new / "Typed_ref.toml").read_text())
     assert about["made_by"].startswith("emla verify --record, ")
-    assert "Toy.fmu" in about["made_by"] and shape in about["made_by"]
-    assert about["set"] == {"body.mass": 3.0}
+    assert "Typed.fmu" in about["made_by"] and source in about["made_by"]
+    assert about["set"] == values
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0,0,1.5,0,1", "the input i is 1.5 at t = 0 s; it is of type Integer and must be a whole number"),
+        ("0,0,3e9,0,1", "the input i is 3e+09 at t = 0 s"),
+        ("0,0,1,2,1", "the input b is 2 at t = 0 s; it is of type Boolean and must be 0 or 1"),
+        ("0,0,1,nan,1", "the input b is nan at t = 0 s"),
+    ],
+)
+def test_invalid_values_of_inputs(typed_fmu: Path, tmp_path: Path, row: str, message: str) -> None:
+    given = tmp_path / "given.csv"
+    given.write_text(f"time,u,i,b,e\n{row}\n2,0,1,0,1\n")
+    with pytest.raises(ec.CommandError) as error:
+        ec.verify(typed_fmu, record=ec.Recording(tmp_path / "new", inputs=given))
+    assert message in str(error.value)
 
 
 def test_many_steps_become_fewer_rows(fmu_folder: Path, tmp_path: Path) -> None:

@@ -7,27 +7,15 @@ import pytest
 from markdown_it import MarkdownIt
 
 from emla_cosim.verification.ci_summary import format_ci_summary
-from emla_cosim.verification.verdict import Verdict
+from emla_cosim.verification.verdict import Verdict, failed
+from tests.support.reports import examined, finding, ordinary, report
 
 
-def report(
-    name: str = "build/x.fmu", sentence: str = "It is so.", verdicts: str = "passed"
-) -> dict[str, Any]:
-    """A report of one FMU with a finding for each of the verdicts."""
-    findings = [
-        {
-            "check": "state.restored",
-            "verdict": verdict,
-            "sentence": sentence,
-            "hint": "Look there.",
-            "clause": {"document": "FMI 2.0.4", "section": "2.1.8", "sentence": "It has to be so."},
-        }
-        for verdict in verdicts.split()
-    ]
-    worst = "failed" if "failed" in verdicts else "passed"
-    one = {"name": name, "verdict": worst, "seconds": 1.26, "findings": findings}
-    about = {"made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00"}
-    return {"passed": worst == "passed", "examined": [one], **about}
+def one_failure(text: str) -> dict[str, Any]:
+    """A report of one FMU that fails one check, with a text as its name and its sentence."""
+    given = report(examined("x.fmu", [finding("state.restored", failed(text))])).as_dict()
+    given["examined"][0]["name"] = text
+    return given
 
 
 def shown(text: str) -> str:
@@ -36,13 +24,16 @@ def shown(text: str) -> str:
 
 
 def test_counts_and_failures_are_shown() -> None:
-    text = format_ci_summary(report(verdicts="passed passed warning failed skipped"))
-    assert "| ❌ | build/x.fmu | 2 | 1 | 1 | 1 | 1.3 |" in text
-    page = shown(text)
-    assert page.count("<tr>") == 2 and page.count("<li>") == 2
-    assert "<strong>state.restored</strong> It is so.<br>FMI 2.0.4, 2.1.8: “It has to be so.”" in unescape(
-        page
-    )
+    text = format_ci_summary(ordinary().as_dict())
+    (headline,) = [x for x in text.splitlines() if x.startswith("| | FMU")]
+    names = [name.strip().removesuffix("s") for name in headline.split("|")][3:7]
+    assert names == [v.value.removesuffix("s") for v in Verdict]
+    assert "| ❌ | build/Plant.fmu | 1 | 1 | 2 | 1 | 1.5 |" in text
+    assert "| ✅ | other/Plant.fmu | 2 |  |  |  | 1.5 |" in text
+    page = unescape(shown(text))
+    assert page.count("<tr>") == 3 and page.count("<li>") == 3
+    clause = "FMI 2.0.4, 2.1.5: “The function returns a new instance of an FMU.”"
+    assert f"<strong>state.restored</strong> x is 2 where it was 1.<br>{clause}" in page
 
 
 @pytest.mark.parametrize(
@@ -57,22 +48,15 @@ def test_counts_and_failures_are_shown() -> None:
     ],
 )
 def test_texts_are_escaped(odd: str) -> None:
-    page = shown(format_ci_summary(report(odd, odd, "failed")))
-    plain = shown(format_ci_summary(report("plain", "plain", "failed")))
+    page, plain = (shown(format_ci_summary(one_failure(text))) for text in (odd, "plain"))
     assert page.count("<") == plain.count("<")  # no element more
     assert unescape(page).count(" ".join(odd.split())) == 3
 
 
 def test_large_report_stays_below_the_limit_of_github() -> None:
-    large = report(sentence="long " * 1000, verdicts="failed " * 500)
+    large = one_failure("long " * 1000)
+    large["examined"][0]["findings"] *= 500
     large["examined"] *= 500
     text = format_ci_summary(large)
     assert len(text.encode()) < 2**20
     assert "and 300 more" in text and "and 249900 more" in text
-
-
-def test_every_verdict_has_a_column() -> None:
-    """In the order of the headline."""
-    (headline,) = [x for x in format_ci_summary(report()).splitlines() if x.startswith("| | FMU")]
-    names = [name.strip() for name in headline.split("|")][3:7]
-    assert [n.removesuffix("s") for n in names] == [v.value.removesuffix("s") for v in Verdict]
