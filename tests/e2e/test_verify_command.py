@@ -105,7 +105,7 @@ def test_invalid_arguments_of_the_function(wrong: dict[str, Any], message: str, 
         ec.verify(plant, **wrong)
 
 
-def test_paths_of_the_function_are_paths() -> None:
+def test_paths_must_be_paths() -> None:
     with pytest.raises(CommandError, match="must be"):
         ec.verify([3])  # type: ignore[list-item]
 

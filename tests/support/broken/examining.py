@@ -10,6 +10,7 @@ from pathlib import Path
 import lief  # noqa: F401  # once here, and not in each process of a check
 import pytest
 
+from emla_cosim.fmu.unpack import unpack
 from emla_cosim.verification import check_runner
 from emla_cosim.verification.catalogue import CHECKS, DYNAMIC
 from emla_cosim.verification.check import Check
@@ -58,6 +59,14 @@ def examine(
         patch.setattr(check_runner, "use_scratch", lambda of: None if os.getpid() == tests else scratch(of))
         patch.chdir(path.parent)
         return examine_fmu(Subject(path, Path(folder).resolve() / "fmu", settings))
+
+
+def unpacked(path: Path, settings: Settings | None = None) -> Subject:
+    """Unpack an FMU beside its file, and return it as checks get it."""
+    folder = path.parent / "unpacked" / "fmu"
+    folder.parent.mkdir()
+    unpack(path, folder)
+    return Subject(path, folder.resolve(), settings or Settings(seconds=60.0))
 
 
 def list_problems(examined: Examined) -> dict[str, str]:

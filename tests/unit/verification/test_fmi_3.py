@@ -88,7 +88,7 @@ def triggered_from_outside(folder: Path) -> Path:
     ("build", "words"),
     [(without_event_mode, "It has Clocks"), (triggered_from_outside, "triggered from outside")],
 )
-def test_fmu_with_clocks_that_no_check_serves_is_not_called(build: Build, words: str, tmp_path: Path) -> None:
+def test_fmu_with_unsupported_clocks_is_not_called(build: Build, words: str, tmp_path: Path) -> None:
     one = examine(build(tmp_path), "instance.created", "run")
     assert one["run.completes"].verdict == Verdict.SKIPPED
     assert not one.passed

@@ -8,25 +8,18 @@ from typing import Any
 import pytest
 
 from emla_cosim.fmu.instance import FATAL
-from emla_cosim.fmu.unpack import unpack
 from emla_cosim.verification import check_runner
 from emla_cosim.verification.check import check
 from emla_cosim.verification.checks import behavior, calls, logs, typed_values, values
 from emla_cosim.verification.host.fresh_process import in_fresh_process
 from emla_cosim.verification.host.hosted_instance import CallError, HostedInstance
-from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import RETURNS, CheckOutcome, Clause, Verdict
 from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.examining import unpacked
 from tests.support.broken.wide import build_wide_fmu
 
 Monkey = pytest.MonkeyPatch
-
-
-def _subject(folder: Path, build: Callable[[Path], Path] = build_wide_fmu) -> Subject:
-    path = build(folder)
-    unpack(path, folder / "fmu")
-    return Subject(path, (folder / "fmu").resolve(), Settings())
 
 
 @pytest.mark.parametrize(
@@ -44,7 +37,7 @@ def test_values_that_are_not_read(
 ) -> None:
     monkeypatch.setattr(typed_values, name, value)
     one = typed_values.strings if kind == "String" else typed_values.booleans
-    outcome = one.examine(_subject(tmp_path))
+    outcome = one.examine(unpacked(build_wide_fmu(tmp_path)))
     assert outcome.verdict == Verdict.PASSED
     assert outcome.gaps == ((gap.format(kind),) if gap else ())
 
@@ -56,7 +49,7 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
         return [in_fresh_process(do, subject, dict(list(changes.items())[:2]))]
 
     monkeypatch.setattr(values, "where_accepted", accept_two)
-    subject = _subject(tmp_path)
+    subject = unpacked(build_wide_fmu(tmp_path))
     for one in (values.kept, values.reset, values.shared):
         outcome = one.examine(subject)
         assert outcome.verdict == Verdict.PASSED
@@ -66,7 +59,7 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
 def test_inputs_and_categories_beyond_the_most_are_left_out(tmp_path: Path, monkeypatch: Monkey) -> None:
     monkeypatch.setattr(behavior, "_MOST_INPUTS", 1)
     monkeypatch.setattr(logs, "_MOST_CATEGORIES", 1)
-    subject = _subject(tmp_path, build_good_fmu)
+    subject = unpacked(build_good_fmu(tmp_path))
     assert behavior.inputs.examine(subject).gaps == ("Only 1 of 2 inputs were moved alone.",)
     assert behavior.integrate.examine(subject).gaps == ("Only 1 of 2 inputs were moved.",)
     assert logs.categories.examine(subject).gaps == ("Only 1 of 3 categories were enabled alone.",)
@@ -86,7 +79,7 @@ class _Fatal(HostedInstance):
 
 def test_nothing_is_called_after_a_fatal_error(tmp_path: Path, monkeypatch: Monkey) -> None:
     monkeypatch.setattr(calls, "HostedInstance", _Fatal)
-    outcome = calls.nonfinite.examine(_subject(tmp_path, build_good_fmu))
+    outcome = calls.nonfinite.examine(unpacked(build_good_fmu(tmp_path)))
     assert (outcome.verdict, outcome.gaps) == (
         Verdict.PASSED,
         ("Only 0 of 3 inputs and parameters were set to NaN.",),
@@ -126,4 +119,4 @@ def test_inputs_that_cancel_out_have_an_effect(
 ) -> None:
     """If all are moved at once, nothing need change."""
     monkeypatch.setattr(behavior, "_observe", lambda _, changes, __: [[str(output(*_numbers(changes)))]])
-    assert behavior.inputs.examine(_subject(tmp_path, build_good_fmu)).verdict == verdict
+    assert behavior.inputs.examine(unpacked(build_good_fmu(tmp_path))).verdict == verdict

@@ -17,7 +17,6 @@ from fmpy.model_description import ModelVariable, SimpleType
 from scipy.linalg import expm
 
 from emla_cosim.fmu.elements import ElementVariable
-from emla_cosim.fmu.unpack import unpack
 from emla_cosim.sandbox import child
 from emla_cosim.verification.checks._sameness import compare_runs
 from emla_cosim.verification.examination import examine_fmu
@@ -31,18 +30,12 @@ from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
-from tests.support.broken.examining import examine, list_problems
+from tests.support.broken.examining import examine, list_problems, unpacked
 from tests.support.hand_written_fmus import build_integrated_fmu, build_trigger_fmu
 
 
-def _unpacked(path: Path) -> Subject:
-    folder = path.parent / "fmu"
-    unpack(path, folder)
-    return Subject(path, folder.resolve())
-
-
 def _subject(folder: Path, fault: str = "") -> Subject:
-    return _unpacked(build_good_fmu(folder, fault))
+    return unpacked(build_good_fmu(folder, fault))
 
 
 def _integer(data_type: str, start: int) -> ElementVariable:
@@ -88,7 +81,7 @@ def _levels(subject: Subject) -> list[float]:
 
 
 def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
-    subject = _unpacked(build_trigger_fmu(tmp_path / "Triggers.fmu"))
+    subject = unpacked(build_trigger_fmu(tmp_path / "Triggers.fmu"))
     assert in_fresh_process(_levels, subject) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
 
 
@@ -149,7 +142,7 @@ def _integrate(subject: Subject) -> np.ndarray:
 @pytest.mark.parametrize("version", [2, 3])
 def test_events_of_model_exchange_happen_where_they_are(version: int, tmp_path: Path) -> None:
     """Steps of the stair, the bounce of the ball, and the reset of x after a step of the solver."""
-    subject = _unpacked(build_integrated_fmu(tmp_path / "Integrated.fmu", version=version))
+    subject = unpacked(build_integrated_fmu(tmp_path / "Integrated.fmu", version=version))
     time, x, h, stair, resets = in_fresh_process(_integrate, subject).T
     np.testing.assert_array_equal(stair, np.floor(time / 0.1))
     bounce = np.sqrt(2.0 / 9.81)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import fmpy
 import pytest
 
 from emla_cosim.verification.checks import sanitizer
@@ -11,6 +10,7 @@ from emla_cosim.verification.sanitizer.reports import Leak, read_leaks, read_mem
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.examining import unpacked
 from tests.support.broken.memory import build_memory_fmu
 
 Patch = pytest.MonkeyPatch
@@ -47,17 +47,11 @@ SUMMARY: AddressSanitizer: 129 byte(s) leaked in 3 allocation(s).
 """
 
 
-def subject_of(path: Path, settings: Settings | None = None) -> Subject:
-    folder = path.parent / "unpacked" / "fmu"
-    fmpy.extract(str(path), str(folder))
-    return Subject(path, folder, settings or Settings(seconds=60.0))
-
-
 @pytest.mark.slow
 def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     if not compiling.list_compilers()[0].has_address:
         pytest.skip("There is no compiler with AddressSanitizer.")
-    subject = subject_of(build_memory_fmu(tmp_path))
+    subject = unpacked(build_memory_fmu(tmp_path))
     outcomes = [check.examine(subject) for check in ALL]
     assert [o.verdict for o in outcomes] == [Verdict.PASSED] * 3, outcomes
     assert not any(o.gaps for o in outcomes)
@@ -110,7 +104,7 @@ def test_undefined_behavior_is_read_from_gcc_and_zig() -> None:
 def test_machine_without_sanitizers_skips(tmp_path: Path, monkeypatch: Patch) -> None:
     lacking = compiling.Compiler(("false",), (), has_address=True)
     monkeypatch.setattr(run, "list_compilers", lambda: [lacking])
-    outcome = sanitizer.address.examine(subject_of(build_memory_fmu(tmp_path)))
+    outcome = sanitizer.address.examine(unpacked(build_memory_fmu(tmp_path)))
     assert outcome.verdict == Verdict.SKIPPED
     assert not outcome.blocked
     assert "has no sanitizers" in outcome.sentence
@@ -135,14 +129,14 @@ def test_sources_that_do_not_run_are_skipped(monkeypatch: Patch, tmp_path: Path)
 
 
 def test_sources_that_do_not_compile_in_time_are_not_examined(tmp_path: Path) -> None:
-    hurried = subject_of(build_memory_fmu(tmp_path), Settings(seconds=1e-4))
+    hurried = unpacked(build_memory_fmu(tmp_path), Settings(seconds=1e-4))
     outcome = sanitizer.address.examine(hurried)
     assert outcome.verdict == Verdict.SKIPPED
     assert outcome.gaps
 
 
 def test_build_description_lists_sources_and_macros(tmp_path: Path) -> None:
-    subject = subject_of(build_memory_fmu(tmp_path))
+    subject = unpacked(build_memory_fmu(tmp_path))
     text = (
         '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="Memory">'
         '<SourceFileSet><SourceFile name="good.c"/><PreprocessorDefinition name="A" value="3"/>'
