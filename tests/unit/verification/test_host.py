@@ -130,9 +130,9 @@ def _end() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def _integrate(subject: Subject, times: np.ndarray) -> np.ndarray:
+def _integrate(subject: Subject) -> np.ndarray:
     """Rows of time, x, h, stair and resets of the FMU for Model Exchange with events, with u = 1.2."""
-    course = Experiment(times, {"u": np.full(len(times), 1.2)})
+    course = Experiment(0.0095 * np.arange(100.0), {"u": np.full(100, 1.2)})
     instance = HostedInstance(subject)
     instance.initialize({"limit": 1.1, **course.at(0)}, 0.0)
     run = step_instance(instance, course, names=["x", "h", "stair", "resets"])
@@ -141,9 +141,9 @@ def _integrate(subject: Subject, times: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_events_of_model_exchange_happen_where_they_are(version: int, tmp_path: Path) -> None:
-    """Steps of the stair, the bounce of the ball, and the reset of x after a step of the solver."""
+    """Steps of the stair, the bounce of the ball, and the reset of x above its limit."""
     subject = unpacked(build_integrated_fmu(tmp_path / "Integrated.fmu", version=version))
-    time, x, h, stair, resets = in_fresh_process(_integrate, subject, 0.0095 * np.arange(100.0)).T
+    time, x, h, stair, resets = in_fresh_process(_integrate, subject).T
     np.testing.assert_array_equal(stair, np.floor(time / 0.1))
     bounce = np.sqrt(2.0 / 9.81)
     later = time - bounce
@@ -152,8 +152,6 @@ def test_events_of_model_exchange_happen_where_they_are(version: int, tmp_path: 
     limited = time >= np.log(2.0)  # x = 1.2 - 0.2 exp(-t) reaches 1.1
     np.testing.assert_allclose(x[~limited], 1.2 - 0.2 * np.exp(-time[~limited]), atol=1e-6)
     np.testing.assert_array_equal(resets, limited)
-    coarse = in_fresh_process(_integrate, subject, np.array([0.0, 0.5, 1.0]))
-    assert coarse[-1, 1] == pytest.approx(1.2 - 1.2 * np.exp(np.log(2.0) - 1.0), abs=0.05)
 
 
 def _refuse(*_: Any) -> None:
