@@ -112,7 +112,7 @@ static int before(Model *m, const char *function) {
                           : IS(MODEL_CRASH)                   ? "fmi2GetDerivatives"
                                                               : "";
     if (!strcmp(function, crashes)) raise(SIGSEGV);
-    if (IS(SHARED)) memcpy(m->real + X, shared, sizeof shared);
+    if (IS(SHARED) && !m->is_model) memcpy(m->real + X, shared, sizeof shared);
     return OK;
 }
 

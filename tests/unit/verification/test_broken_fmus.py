@@ -27,7 +27,7 @@ LONG = ("instance.cycles", "instance.threads", "run.deterministic", "state.freed
 SANITIZER = {c.name for c in CHECKS if c.group == "sanitizer"}
 MAY_BE_SKIPPED = {
     "serializes-nothing": {"state.restored"},  # is not claimed then
-    "no-binary": {"sources.compile"},  # a failure, were there sources
+    "no-binary": {"sources.compile", *SANITIZER},  # a failure, were there sources
     "cut-library": {"binaries.imports"},
     "no-type": {"binaries.loads"},  # the description cannot be read
     "derivative-of-nothing": {"binaries.loads"},
