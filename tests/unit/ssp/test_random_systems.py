@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from emla_cosim.base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
@@ -204,15 +204,3 @@ def as_number(value: Any) -> Any:
     if value in ITEMS:
         return float(ITEMS[value])
     return float({"true": 1, "false": 0}.get(str(value).lower(), value))
-
-
-@settings(max_examples=10)
-@given(st.lists(NAMES, min_size=2, max_size=5, unique=True))
-def test_names_stay(fmus: dict[str, Path], names: list[str]) -> None:
-    """Also where they differ only in characters that an identifier cannot have."""
-    system = System(tuple(Component(name) for name in names), ())
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "x.ssp")
-        written(path, system, dict.fromkeys(names, fmus["short"]))
-        with read_ssp(path) as document:
-            assert [c.name for c in document.system.components] == names

@@ -39,40 +39,27 @@ def of_all(names: list[str], fmu: Path, *connections: Connection) -> tuple[Syste
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "components", "values"),
+    "first",
     [
-        (
-            ["k:parameter", "b:parameter"],
-            ["k:parameter"],
-            [Component("j.a", parameters={"b": 1.0}), Component("j.b", parameters={"k": 3.0})],
-            {"j.a": {"b": 1.0}, "j.b": {"k": 3.0}},
-        ),
-        (
-            ["k:parameter"],
-            ["k:parameter"],
-            [Component("j.a"), Component("j.b", parameters={"k": 3.0})],
-            {"j.a": {}, "j.b": {"k": 3.0}},
-        ),
-        (  # the mapping must not find a value of another component
-            ["theirs:parameter"],
-            ["k:parameter"],
-            [
-                Component("j.a", aliases={"k": Alias("theirs", LinearTransformation(2.0))}),
-                Component("j.b", parameters={"k": 3.0}),
-            ],
-            {"j.a": {}, "j.b": {"k": 3.0}},
-        ),
+        Component("j.a", parameters={"b": 1.0}),
+        Component("j.a"),
+        # the mapping must not find a value of another component
+        Component("j.a", aliases={"k": Alias("b", LinearTransformation(2.0))}),
     ],
 )
-def test_value_belongs_to_its_component(
-    first: list[str], second: list[str], components: list[Component], values: dict, tmp_path: Path
-) -> None:
-    fmus = {"j.a": fake_fmu(tmp_path / "0.fmu", *first), "j.b": fake_fmu(tmp_path / "1.fmu", *second)}
-    found = exported(tmp_path, System(tuple(components), ()), fmus)
-    assert {name: found.values(name) for name in values} == values
-    assert [c.aliases for c in found.system.components] == [c.aliases for c in components]
-    if not components[0].parameters and not components[0].aliases:
-        assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j_b.ssv"}
+def test_value_belongs_to_its_component(first: Component, tmp_path: Path) -> None:
+    variables = ("b:parameter",) if first.aliases else ("k:parameter", "b:parameter")
+    fmus = {"j.a": fake_fmu(tmp_path / "a.fmu", *variables)}
+    fmus["j.b"] = fake_fmu(tmp_path / "b.fmu", "k:parameter")
+    found = exported(tmp_path, System((first, Component("j.b", parameters={"k": 3.0})), ()), fmus)
+    assert (found.values("j.a"), found.values("j.b")) == (first.parameters, {"k": 3.0})
+    assert [c.aliases for c in found.system.components] == [first.aliases, {}]
+
+
+def test_component_without_values_has_no_parameter_file(tmp_path: Path, fmu: Path) -> None:
+    system, fmus = of_all(["j.a", "j.b"], fmu)
+    exported(tmp_path, system.with_parameters({"j.b.k": 3.0}), fmus)
+    assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j_b.ssv"}
 
 
 def test_files_of_components_that_would_have_the_same_name(tmp_path: Path, fmu: Path) -> None:
