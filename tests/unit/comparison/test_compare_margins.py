@@ -13,7 +13,7 @@ from emla_cosim.comparison.margin_tables import missed_conditions
 from emla_cosim.comparison.margins import FIGURES
 from emla_cosim.linearization.margins import compute_margins
 from emla_cosim.linearization.summary import format_lines, format_margins
-from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output
+from fmublock import Block, DiscreteState, Input, Output
 from tests.support.linear_drive import POSITION, STEP, LinearDrive
 
 DELAY = {"lift.plant.inverter.delay": STEP}
@@ -71,14 +71,9 @@ def test_margins_of_current_loops_equal_those_of_linearize(
 ) -> None:
     (row,) = compared.rows.rows(named=True)
     place = "lift.controller.u_q -> lift.plant.u_q"
-    options = {
-        "controller": "rsba",
-        "gains": "compensated",
-        "set": DELAY,
-        "stop_time": STOP,
-        "fmus": fmu_folder,
-    }
-    result = ec.linearize("lift", open=place, at=row["margins_at_s"], duration=0.15, **options)
+    options = {"controller": "rsba", "gains": "compensated", "set": DELAY, "stop_time": STOP}
+    at = {"at": row["margins_at_s"], "duration": 0.15, "fmus": fmu_folder}
+    result = ec.linearize("lift", open=place, **at, **options)
     assert row["current_loop_phase_margin_deg"] == pytest.approx(result.margins[place].phase_deg, rel=1e-6)
     assert row["current_loop_Ms"] == pytest.approx(result.margins[place].Ms, rel=1e-6)
 
@@ -123,9 +118,8 @@ def test_conditions_hold_at_their_limits(figures: tuple[float | None, ...], miss
 
 
 class MarginlessLag(Block):
-    """Half of the input, one step later: a loop gain of 1/2 at all frequencies."""
+    """A quarter of the input, inverted; it has a state, so that the loop can be cut."""
 
-    default_experiment = DefaultExperiment(stop_time=4.0, step_size=1e-2)
     u = Input(1.0)
     before = DiscreteState(0.0)
     y = Output()
@@ -140,7 +134,6 @@ class MarginlessLag(Block):
 class MarginlessGain(Block):
     """Twice the input."""
 
-    default_experiment = DefaultExperiment(stop_time=4.0, step_size=1e-2)
     u = Input(1.0)
     y = Output()
 

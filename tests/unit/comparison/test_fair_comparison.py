@@ -20,7 +20,6 @@ from emla_cosim.comparison.statistics import (
     SeedStatistics,
     find_winner,
     format_lost,
-    format_mean_and_spread,
     group_by_variant,
     mark_winner,
 )
@@ -33,8 +32,6 @@ from emla_cosim.study.loading import load
 from emla_cosim.sweeps.variants import VariantOutcome
 from emla_cosim.sweeps.worker_payload import Preparation
 from fmublock import Block, Input, Output, clamp
-from rsba_fmu import FocController
-from tests.support.commands import Emla, sentence
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
@@ -47,15 +44,6 @@ def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, A
         {"controller": controller, "gains": "own", "held": held, "seed": i, "position_error_m": 1e-6 * e}
         for i, e in enumerate(errors)
     ]
-
-
-def test_mean_and_spread_equal_those_of_numpy() -> None:
-    errors = np.random.default_rng(3).uniform(1.0, 2.0, 7)
-    one = SeedStatistics(rows("a", *errors))
-    assert one.mean("position_error_m") == pytest.approx(1e-6 * np.mean(errors), rel=1e-12)
-    assert one.spread("position_error_m") == pytest.approx(1e-6 * np.std(errors, ddof=1), rel=1e-12)
-    assert format_mean_and_spread(one, ERROR) == f"{np.mean(errors):.3g} ± {np.std(errors, ddof=1):.2g}"
-    assert format_mean_and_spread(SeedStatistics(rows("a", 1.25)), ERROR) == "1.25"
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -74,15 +62,13 @@ def test_winner_is_ahead_by_more_than_the_spread(seed: int) -> None:
     )
 
 
-def test_close_second_prevents_a_winner() -> None:
-    ahead, near, far = rows("a", 1.0, 1.1), rows("b", 1.1, 1.2), rows("c", 2.0, 2.1)
-    assert find_winner(group_by_variant([*ahead, *far]), ERROR) == "a/own"
-    assert find_winner(group_by_variant([*ahead, *far, *near]), ERROR) is None
-    assert (
-        find_winner(group_by_variant([*rows("a", 7.061), *rows("b", 7.0612)]), ERROR) is None
-    )  # 7.06 and 7.06
-    assert find_winner(group_by_variant([*rows("a", 7.0), *rows("b", 7.1)]), ERROR) == "a/own"
-    assert find_winner(group_by_variant(ahead), ERROR) is None
+def test_equal_figures_and_a_single_controller_have_no_winner() -> None:
+    def winner(**errors: float) -> str | None:
+        return find_winner(group_by_variant([r for n, e in errors.items() for r in rows(n, e)]), ERROR)
+
+    assert winner(a=7.0, b=7.1) == "a/own"
+    assert winner(a=7.061, b=7.0612) is None  # both are shown as 7.06
+    assert winner(a=7.0) is None
 
 
 def test_lost_joints_cannot_win() -> None:
@@ -96,18 +82,10 @@ def test_lost_joints_cannot_win() -> None:
 
 def robustness() -> ec.CompareResult:
     """A table of two cases with two seeds, in which one controller loses one run of four."""
+    common = {"run": 0, "scenario": "own", "joint": "lift", "saturated_after_settling": 0.01}
+    ends = {False: {"lost_at_s": 0.5, "why": "lift tripped on its speed at t = 0.5 s"}, True: {}}
     found = [
-        {
-            **row,
-            "run": 0,
-            "scenario": "own",
-            "case": case,
-            "joint": "lift",
-            "torque_peak_N_m": 100.0 + row["seed"],
-            "saturated_after_settling": 0.01,
-            "lost_at_s": None if row["held"] else 0.5,
-            "why": None if row["held"] else "lift tripped on its speed at t = 0.5 s",
-        }
+        row | common | {"case": case, "torque_peak_N_m": 100.0 + row["seed"]} | ends[row["held"]]
         for case, lost in (("nominal", False), ("noise", True))
         for row in [*rows("a", 1.0, 1.1), *rows("b", 2.0), *rows("b", 2.0, 2.4, held=not lost)[1:]]
     ]
@@ -117,12 +95,9 @@ def robustness() -> ec.CompareResult:
 
 def test_robustness_table_has_means_and_counts_held_runs() -> None:
     cases, held = robustness().grids
-    assert [cell.text for cell in cases.rows[0]] == [
-        "nominal",
-        "1.05 ± 0.071 / 100 / 1",
-        "2.2 ± 0.28 / 100 / 1",
-    ]
-    assert [cell.text for cell in cases.rows[1]][1:] == ["1.05 ± 0.071 / 100 / 1", "not held in 1 of 2 (2.4)"]
+    first, second = ([cell.text for cell in row] for row in cases.rows)
+    assert first == ["nominal", "1.05 ± 0.071 / 100 / 1", "2.2 ± 0.28 / 100 / 1"]
+    assert second[1:] == ["1.05 ± 0.071 / 100 / 1", "not held in 1 of 2 (2.4)"]
     assert [cell.best for cell in cases.rows[0]] == [False, True, False]
     assert not any(cell.best for cell in cases.rows[1])  # there is only one left
     assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
@@ -132,22 +107,19 @@ def test_robustness_table_has_means_and_counts_held_runs() -> None:
     assert list(robustness().figures()) == ["comparison-robustness"]
 
 
+HELD = {"held": True, "reason": None}
+SWINGS = {"held": False, "reason": "it swings.", "oscillation": {"time_s": 0.4}}
+TRIPPED = {"held": False, "reason": "it tripped.", "trip": {"time_s": 0.2}}
+
+
 @pytest.mark.parametrize(
     ("figures", "status", "expected"),
     [
-        ({"held": True, "reason": None}, "done", (True, None, None)),
-        (
-            {"held": False, "reason": "it swings.", "oscillation": {"time_s": 0.4}},
-            "done",
-            (False, 0.4, "it swings"),
-        ),
-        (
-            {"held": False, "reason": "it tripped.", "trip": {"time_s": 0.2}},
-            "diverged",
-            (False, 0.2, "it tripped"),
-        ),
+        (HELD, "done", (True, None, None)),
+        (SWINGS, "done", (False, 0.4, "it swings")),
+        (TRIPPED, "diverged", (False, 0.2, "it tripped")),
         ({"held": False, "reason": "not settled.", "trip": None}, "done", (False, 0.7, "not settled")),
-        ({"held": True, "reason": None}, "diverged", (False, 0.7, "another joint ended")),
+        (HELD, "diverged", (False, 0.7, "another joint ended")),
         ({}, "died", (False, 0.7, "its process ended")),
         ({}, "done", (False, 0.7, "it has no figures")),
     ],
@@ -181,14 +153,11 @@ def prepared(fmu_folder: Path) -> dict[str, Preparation]:
 
 def test_random_components_get_seeds(prepared: dict[str, Preparation]) -> None:
     """On the study nothing but tilt's disturbance, until a sensor has noise or its disturbance none."""
-    study = prepared["study"]
-    assert random_seeds(study, {}, {}) == ["tilt.disturbance.d_2.seed"]
-    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}, {}) == [
-        "lift.plant.sensor.seed",
-        "tilt.disturbance.d_2.seed",
-    ]
+    study, tilt = prepared["study"], "tilt.disturbance.d_2.seed"
+    assert random_seeds(study, {}, {}) == [tilt]
+    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}, {}) == ["lift.plant.sensor.seed", tilt]
     assert random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}, {}) == []
-    assert random_seeds(study, {}, {"tilt.disturbance.d_2.seed": 5}) == []
+    assert random_seeds(study, {}, {tilt: 5}) == []
     assert len(random_seeds(prepared["study-drive"], {}, {})) == 7
 
 
@@ -260,14 +229,12 @@ def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder:
     assert describe_reserves(part, values) == "2 % and 20 %"
 
 
-def test_gains_without_limits_have_no_reserve(fmu_folder: Path) -> None:
-    def message(gains: str) -> str:
-        return describe_reserves(
-            Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder)), {}
-        )
-
-    assert message("robust") == "0 % and no limit"
-    assert message("published") == "no limit and no limit"
+@pytest.mark.parametrize(
+    ("gains", "words"), [("robust", "0 % and no limit"), ("published", "no limit and no limit")]
+)
+def test_gains_without_limits_have_no_reserve(gains: str, words: str, fmu_folder: Path) -> None:
+    part = Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder))
+    assert describe_reserves(part, {}) == words
 
 
 def test_reserve_reduces_the_peak_torque(fmu_folder: Path) -> None:
@@ -278,19 +245,6 @@ def test_reserve_reduces_the_peak_torque(fmu_folder: Path) -> None:
     assert less.notes[0] == "Reserves of current and voltage: foc/damped 30 % and 5 %."
     ratio = less.rows["torque_peak_N_m"][0] / usual.rows["torque_peak_N_m"][0]
     assert 0.65 < ratio < 0.8 and less.rows["held"][0]
-
-
-def test_robustness_adds_further_gains(fmu_folder: Path) -> None:
-    from emla_cosim.comparison.controller_variants import select_variants
-    from emla_cosim.study.controllers import ROBUSTNESS_SETS
-
-    def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:
-        return list(map(str, select_variants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
-
-    assert names("foc", "cac") == ["foc/damped", "foc/rule", "cac/damped"]
-    assert names()[:3] == ["rsba/damped", "rsba/robust", "foc/damped"]
-    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/damped", "foc/damped"]
-    assert names(FocController) == ["FocController/compensated"]  # of a block of the user's
 
 
 class Proportional(Block):
@@ -310,30 +264,11 @@ def test_controllers_of_users_are_compared(fmu_folder: Path) -> None:
     """On another scenario, whose controllers sample at 1 kHz; what cannot be set is reported."""
     fmu = str(build("FocController", "native", [], fmu_folder))
     controllers = ["rsba", fmu, Proportional]
-    result = ec.compare(
-        "prototype", controllers, seeds=2, reserves=(0.1, 0.1), stop_time=0.35, fmus=fmu_folder, workers=1
-    )
+    how = {"seeds": 2, "reserves": (0.1, 0.1), "stop_time": 0.35, "fmus": fmu_folder, "workers": 1}
+    result = ec.compare("prototype", controllers, **how)
     assert result.entrants == ["rsba/damped", f"{fmu}/compensated", "Proportional/compensated"]
     assert result.rows["seed"].to_list() == [None] * 3  # its sensors are ideal
-    assert (
-        result.notes[0].count("10 % and 10 %") == 2
-        and "Proportional/compensated not stated" in result.notes[0]
-    )
+    assert result.notes[0].count("10 % and 10 %") == 2
+    assert "Proportional/compensated not stated" in result.notes[0]
     assert result.notes[1].startswith("Proportional/compensated keeps its own reserves")
     assert len(result.grids) == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--reserves", "0.02"), "must be two parts from 0 to 0.9, of current and voltage, such as 0.02,0.2"),
-        (("--reserves", "0,1"), "must be two parts from 0 to 0.9, of current and voltage"),
-        (("--reserves", "a,b"), "the reserves are 'a,b'; they must be two numbers"),
-        (("--seeds", "-1"), "the number of seeds is -1; it must be from 0 to 1000"),
-        (("--table", "certificate", "--seeds", "2"), "certificate does not support --seeds"),
-    ],
-)
-def test_invalid_seeds_and_reserves_give_one_message(
-    arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
-) -> None:
-    assert words in sentence(emla("compare", "lift", *arguments, "--output", str(tmp_path / "place")), 2)
