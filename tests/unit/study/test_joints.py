@@ -7,8 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
-from importlib.resources import files
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,8 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.controllers import CONTROLLERS
-from emla_cosim.study.joints.joint_files import list_joint_names, load_joint, read_joint_text
+from emla_cosim.study.joints.joint_files import load_joint, read_joint_text
 from emla_cosim.study.joints.schema import JointFile, parse_joint, read_joint
-from emla_cosim.study.systems import STUDY
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
@@ -67,20 +65,9 @@ def test_copied_joint_has_the_values_of_its_model(controller: str, slew: Path) -
     for gains in CONTROLLERS[controller].gains:
         tilt = ec.load("tilt", controller=controller, gains=gains)
         copy = ec.load(slew, controller=controller, gains=gains)
-        names = [c.name.replace("slew.", "tilt.") for c in copy.system.components]
-        assert names == [c.name for c in tilt.system.components]
-        assert parameters(copy) == parameters(tilt)
-
-
-def test_copied_joint_runs_as_its_model(slew: Path, fmu_folder: Path, tmp_path: Path) -> None:
-    rows: dict[str, list[str]] = {}
-    for source in ("tilt", slew):
-        name = Path(source).stem
-        with ec.load(source, stop_time=0.05, fmus=fmu_folder).prepare() as simulation:
-            simulation.run().save(tmp_path / name, plots=False)
-        header, *rows[name] = (tmp_path / name / "results.csv").read_text().splitlines()
-        assert f"{name}.plant.x_L" in header
-    assert len(rows["tilt"]) > 50 and rows["slew"] == rows["tilt"]
+        for found, expected in ((copy.system.components, tilt.system.components),
+                                (copy.system.connections, tilt.system.connections)):  # fmt: skip
+            assert [repr(x).replace("slew", "tilt") for x in found] == list(map(repr, expected))
 
 
 def test_scenario_file_names_a_joint_file(slew: Path) -> None:
@@ -108,27 +95,12 @@ joints = {c.name.partition(".")[0] for c in ec.load("study").system.components}
 assert joints == {"lift", "tilt", "telescope"}, joints
 print(ec.__file__)
 """
-    path = os.pathsep.join([str(tmp_path / "orchestration"), str(ROOT / "src")])
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path / "orchestration"), str(ROOT / "src")])}
     done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", program], env=env, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     assert str(tmp_path) in done.stdout
-
-
-def test_study_has_three_joints() -> None:
-    assert tuple(STUDY) == ("lift", "tilt", "telescope")
-    assert set(list_joint_names()) >= {*STUDY, "prototype"}
-    assert all(file.name.removesuffix(".toml") in list_joint_names() for file in _joint_files())
-
-
-def _joint_files() -> list[Path]:
-    folder = Path(str(files("emla_cosim.study.joints")))
-    return sorted(folder.glob("*.toml"))
 
 
 # ---- gains are needed only for the controller that is chosen -----------------------------------------
@@ -142,19 +114,15 @@ def test_missing_gains_are_named_for_that_controller_only(controller: str, slew:
             if name != controller:
                 assert ec.load(slew, controller=name, gains=gains)
                 continue
-            with pytest.raises(ec.CommandError) as caught:
+            problem = rf"has no gains '{gains}' for the controller '{name}'; add \[gains.{name}.{gains}\]\."
+            with pytest.raises(ec.CommandError, match=problem):
                 ec.load(slew, controller=name, gains=gains)
-            assert str(caught.value) == (
-                f"the joint file '{slew}' has no gains '{gains}' for the controller '{name}'; "
-                f"add [gains.{name}.{gains}]."
-            )
 
 
 def test_missing_set_lists_the_sets(slew: Path) -> None:
     slew.write_text(without_table(TILT, "gains.rsba.robust"))
-    with pytest.raises(
-        ec.CommandError, match=r"or choose damped, compensated, compliant and published with --gains\.$"
-    ):
+    sets = "damped, compensated, compliant and published"
+    with pytest.raises(ec.CommandError, match=rf"or choose {sets} with --gains\.$"):
         ec.load(slew)
 
 
@@ -214,16 +182,8 @@ WRONG = {
     "unknown table": ("[load]", "[laod]", "has the unknown entry 'laod'; did you mean 'load'?"),
     "unknown entry": ("q_E =", "q_F =", "has the unknown entry 'q_F'; did you mean"),
     "unknown gain": ("beta_2 =", "beta2 =", "has the unknown entry 'beta2'; did you mean 'beta_2'?"),
-    "unknown set": (
-        "gains.rsba.robust",
-        "gains.rsba.robst",
-        "set of gains 'robst'; did you mean 'robust'?",
-    ),
-    "unknown controller": (
-        "[gains.cac.tuned]",
-        "[gains.cca.tuned]",
-        "controller 'cca'; did you mean 'cac'?",
-    ),
+    "unknown set": ("gains.rsba.robust", "gains.rsba.robst", "gains 'robst'; did you mean 'robust'?"),
+    "unknown controller": ("[gains.cac.tuned]", "[gains.cca.tuned]", "'cca'; did you mean 'cac'?"),
     "unknown rule": ('rule = "rule"', 'rule = "rules"', "is 'rules'; it must be 'tuned' or 'rule'"),
     "unknown option": ("stop_time =", "stop_tim =", "lacks stop_time"),
     "unknown parameter": ("high = 2.0", "hi = 2.0", "has the unknown entry 'd_2.hi'; did you mean"),
@@ -234,40 +194,24 @@ WRONG = {
     "length": ("low = 0.0", "low = [0.0]", "'d_2.low' in [disturbance]"),
     "array": ("amplitude = [0.8, 0.95]", "amplitude = [0.8]", "it must be a list of 2 numbers"),
     "both": ("v_peak = 0.0808", "duration = 1.0\nv_peak = 0.0808", "has both v_peak and duration"),
-    "zero": (
-        "sample_time = 1e-4\nobserver_poles",
-        "sample_time = 0.0\nobserver_poles",
-        "values that cannot be used",
-    ),
+    "zero": ("sample_time = 1e-4\nobserver", "sample_time = 0.0\nobserver", "values that cannot be used"),
     "levels": ("level = 25e3", "level = [25e3, 30e3]", "has 2 levels and 0 times in start"),
     "elsewhere": ("F_2 = 0.01", "F_2 = 0.01\n[plant.motor]\nR_s = 1.0", "it follows from [actuator]"),
     "seed": ("seed = 715827883", 'seed = "x"', "it must be a whole number"),
-    "control": (
-        "[start]",
-        "[actuator.control]\nk_1 = 0.05\n[start]",
-        "[gains] of a joint file has all",
-    ),
-    "drive": (
-        "[start]",
-        '[drive.motor]\nR = "1 Ohm"\n[start]',
-        "entry 'motor'; use inverter",
-    ),
+    "control": ("[start]", "[actuator.control]\nk_1 = 0.05\n[start]", "[gains] of a joint file has all"),
+    "drive": ("[start]", '[drive.motor]\nR = "1 Ohm"\n[start]', "entry 'motor'; use inverter"),
     "no table": ("[paper.study]", "[paper.x]\nrsba = 1\n[paper.study]", "it must be a table, [paper.x.rsba]"),
 }
 
 
-def _mistakes() -> Iterator[tuple[str, str]]:
-    """Yield texts with one mistake, and words of the message."""
-    yield from ((without_table(TILT, table), words) for table, words in LACKING_TABLES.items())
-    yield from ((without(TILT, line), words) for line, words in LACKING_ENTRIES.items())
+def test_missing_and_wrong_entries_are_named() -> None:
+    for table, words in LACKING_TABLES.items():
+        assert words in message(without_table(TILT, table))
+    for line, words in LACKING_ENTRIES.items():
+        assert words in message(without(TILT, line))
     for old, new, words in WRONG.values():
         assert old in TILT
-        yield TILT.replace(old, new, 1), words
-
-
-def test_missing_and_wrong_entries_are_named() -> None:
-    for text, words in _mistakes():
-        assert words in message(text)
+        assert words in message(TILT.replace(old, new, 1))
 
 
 def test_kind_distinguishes_joints_from_scenarios(slew: Path) -> None:
@@ -369,12 +313,8 @@ def test_motion_of_an_experiment_peaks_at_its_speed_and_repeats() -> None:
     ("old", "new", "expected"),
     [
         ("period = 8.0", "period = 7.0", "is 7 s, but the moves take 7.5 s in total"),
-        (
-            "[0.3, 0.4, 0.3]",
-            "[0.3]",
-            "'way_points' in [experiment.one.reference] of the joint file 'slew.toml' must",
-        ),
-        ("[0.3, 0.4, 0.3]", "[0.3, 0.3]", "must be 2 to"),
+        ("[0.3, 0.4, 0.3]", "[0.3, 0.3]", "'way_points' in [experiment.one.reference] of the joint file"),
+        ("[0.3, 0.4, 0.3]", "[0.3]", "must be 2 to"),
         ("v_peak = 0.05", "", "lacks v_peak, the peak speed of every move"),
         ("level = 1e3", "", "lacks level, the load force"),
         ("[experiment.one.load]\nlevel = 1e3", "", "lacks the table [experiment.one.load]"),

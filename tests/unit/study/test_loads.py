@@ -38,30 +38,25 @@ def test_load_and_screw_are_judged_separately(start: float, pieces: int) -> None
     assert found["load_position_error_m"] == found["load_deflection_m"] == pytest.approx(0.87e-3)
     assert found["load_swing_m"] == 0.0
     found, metrics = judged(-0.87e-3, start=start, pieces=pieces, position_window=0.5e-3)
-    assert found["load_within_window"] is False
-    assert found["load_reason"] == (
-        f"The load of j left the position window of 500 µm: its position error was largest at "
-        f"t = {start + 0.3:.6g} s, 870 µm."
-    )
-    assert metrics.remarks() == [found["load_reason"]]
+    assert found["load_within_window"] is False and metrics.remarks() == [found["load_reason"]]
+    assert found["load_reason"].startswith("The load of j left the position window of 500 µm: ")
+    assert found["load_reason"].endswith(f"largest at t = {start + 0.3:.6g} s, 870 µm.")
 
 
-@pytest.mark.parametrize("pieces", [1, 5])
-def test_swinging_load_is_outside_its_window(pieces: int) -> None:
-    found, _ = judged(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=pieces)
+def test_swinging_load_is_outside_its_window() -> None:
+    found, _ = judged(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=5)
     assert found["load_within_window"] is False and "1.2 mm" in found["load_reason"]
     assert found["load_swing_m"] == pytest.approx(2e-3)
     assert found["load_position_error_m"] == pytest.approx(1.2e-3)
 
 
-@pytest.mark.parametrize("pieces", [1, 7])
-def test_errors_before_settling_do_not_count(pieces: int) -> None:
+def test_errors_before_settling_do_not_count() -> None:
     """The screw comes into its window at 0.8 s; the load was far off before."""
 
     def screw(t: np.ndarray) -> np.ndarray:
         return np.where(t < 0.8, 5e-3, 0.0)
 
-    found, _ = judged(lambda t: screw(t) + 0.1e-3, screw, pieces=pieces)
+    found, _ = judged(lambda t: screw(t) + 0.1e-3, screw, pieces=7)
     assert found["load_within_window"] is True
     assert found["load_position_error_m"] == pytest.approx(0.1e-3)
 
@@ -87,10 +82,8 @@ def test_short_runs_have_no_verdict() -> None:
     found, metrics = judged(0.0)
     assert next(figure.name for figure in metrics.shown) == "load_within_window"
     metrics.ended_early("it ended.")
-    assert (
-        metrics.figures()["j"]["load_reason"] == "it ended."
-        and not metrics.figures()["j"]["load_within_window"]
-    )
+    ended = metrics.figures()["j"]
+    assert ended["load_reason"] == "it ended." and not ended["load_within_window"]
 
 
 def test_requirements_find_metrics_of_loads() -> None:

@@ -2,7 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,35 +24,47 @@ from hdrm_fmu.dynamics import inverse_dynamics
 from hdrm_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
-from tests.support.joint_data import EMLAS
+from tests.support.tiers import mostly_slow
 
 
 @pytest.fixture(scope="module")
-def replay(fmu_folder: Path) -> Iterator[Simulation]:
-    with load("hdrm-replay").prepare(fmus=fmu_folder) as simulation:
-        yield simulation
+def prepared(fmu_folder: Path) -> Iterator[Callable[[str], Simulation]]:
+    """The systems of the machine, each prepared once."""
+    with ExitStack() as stack:
+        yield cache(lambda name: stack.enter_context(load(name).prepare(fmus=fmu_folder)))
 
 
 @pytest.fixture(scope="module")
-def coupled(fmu_folder: Path) -> Iterator[Simulation]:
-    with load("hdrm-coupled").prepare(fmus=fmu_folder) as simulation:
-        yield simulation
+def coupled(prepared: Callable[[str], Simulation]) -> Simulation:
+    return prepared("hdrm-coupled")
 
 
 @pytest.fixture(scope="module")
-def merged(fmu_folder: Path) -> Iterator[Simulation]:
-    with load("hdrm-merged").prepare(fmus=fmu_folder) as simulation:
-        yield simulation
-
-
-@pytest.fixture(scope="module", params=["replay", "coupled"])
-def run(request: pytest.FixtureRequest) -> tuple[str, ec.Result]:
-    """One second of the machine, by replayed or by coupled forces."""
-    simulation: Simulation = request.getfixturevalue(request.param)
-    return request.param, simulation.run(stop_time=1.0)
+def merged(prepared: Callable[[str], Simulation]) -> Simulation:
+    return prepared("hdrm-merged")
 
 
 # ---- Table VI ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scenario", "stop_time"),
+    mostly_slow(
+        [("hdrm-replay", 1.0), ("hdrm-coupled", 1.0), ("hdrm-replay", 37.7), ("hdrm-coupled", 37.7)],
+        [("hdrm-replay", 1.0), ("hdrm-coupled", 1.0)],
+    ),
+)
+def test_table_vi_holds(scenario: str, stop_time: float, prepared: Callable[[str], Simulation]) -> None:
+    """The whole trajectory ends with 0.21 m/s, the limit of the telescope: no joint trips on it."""
+    result = prepared(scenario).run(stop_time=stop_time)
+    check_table_vi(result)
+    check_forces(scenario, result)
+
+
+@pytest.mark.slow
+def test_robust_gains_keep_table_vi(fmu_folder: Path) -> None:
+    with load("hdrm-coupled", gains="robust").prepare(fmus=fmu_folder, stop_time=3.0) as robust:
+        check_table_vi(robust.run())
 
 
 def check_table_vi(result: ec.Result) -> None:
@@ -58,37 +72,7 @@ def check_table_vi(result: ec.Result) -> None:
         printed, found = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
         for name, limit in printed._asdict().items():
             assert 0.0 < found[name] < limit, (joint, name)
-        assert found["saturated_after_settling"] == 0.0
-
-
-def test_table_vi_holds(run: tuple[str, ec.Result]) -> None:
-    check_table_vi(run[1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["replay", "coupled"])
-def test_table_vi_holds_over_the_whole_trajectory(scenario: str, request: pytest.FixtureRequest) -> None:
-    """It ends with 0.21 m/s, the limit of the telescope, which the coupled machine touches."""
-    result = request.getfixturevalue(scenario).run()
-    assert result.problem is None and result.steps == 377_000
-    check_table_vi(result)
-    check_forces(scenario, result)
-    if scenario == "coupled":
-        figures = result.metrics["joints"]
-        assert all(figures[joint]["trip"] is None and figures[joint]["held"] for joint in JOINTS)
-        assert [len(figures[joint]["limits_touched"]) for joint in JOINTS] == [0, 0, 1]
-        (touched,) = figures["telescope"]["limits_touched"]
-        assert touched["signal"] == "telescope.plant.v_L" and touched["time_s"] > 37.6
-        assert 0.21 < abs(touched["value"]) < 0.21 * 1.05
-
-
-@pytest.mark.slow
-def test_robust_gains_keep_table_vi(fmu_folder: Path) -> None:
-    with load("hdrm-coupled", gains="robust").prepare(fmus=fmu_folder, stop_time=3.0) as robust:
-        found = robust.run().metrics["joints"]
-    for joint in JOINTS:
-        for name, limit in TABLE_VI.cells["study", joint]["rsba"]._asdict().items():
-            assert 0.0 < found[joint][name] < limit, (joint, name)
+        assert found["held"] and found["saturated_after_settling"] == 0.0
 
 
 # ---- forces and wiring -------------------------------------------------------------------------
@@ -98,7 +82,7 @@ def check_forces(scenario: str, result: ec.Result) -> None:
     """Load forces are those of the trajectory in replay, of the plants' own motion where they are coupled."""
     rows = np.linspace(0, len(result.time) - 1, 40).astype(int)
     forces = column(result, "F_L")[rows]
-    if scenario == "replay":
+    if scenario == "hdrm-replay":
         spline = default_spline()
         motion = [spline.evaluated(result.time[rows], order) for order in range(3)]
         assert column(result, "x_d")[rows] == pytest.approx(motion[0], abs=1e-12)
@@ -107,24 +91,7 @@ def check_forces(scenario: str, result: ec.Result) -> None:
     expected = [inverse_dynamics(HDRM, q, v, a, 470.0) for q, v, a in zip(*motion, strict=True)]
     # coupled: the signals of one row agree to this; plants see a disturbance later than others
     error = np.abs(forces - np.array(expected)) / np.abs(forces).max(axis=0)
-    assert error.max() < (1e-9 if scenario == "replay" else 1e-6)
-
-
-def test_load_forces_follow_from_the_motion(run: tuple[str, ec.Result]) -> None:
-    check_forces(*run)
-
-
-def test_joints_start_as_in_the_study() -> None:
-    system = load("hdrm-coupled").system
-    for joint in JOINTS:
-        plant, observer = (system.component(f"{joint}.{role}").parameters for role in ("plant", "observer"))
-        assert plant["start.x_L"] == STUDY[joint].start.x_L == observer["start.x_hat"]
-        assert plant["uncertainty.F_2"] == 0.01 and plant["sensor.seed"] == STUDY[joint].seed
-    mechanics = load("hdrm-merged").system.component("machine.plant").parameters
-    for i, joint in enumerate(JOINTS, 1):
-        assert mechanics[f"start.x_L[{i}]"] == STUDY[joint].start.x_L
-        assert mechanics[f"motor.J_m[{i}]"] == EMLAS[joint].J_m
-        assert mechanics[f"uncertainty.F_2[{i}]"] == 0.01
+    assert error.max() < (1e-9 if scenario == "hdrm-replay" else 1e-6)
 
 
 def test_three_values_close_the_loop(coupled: Simulation) -> None:
@@ -186,20 +153,16 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
     assert found == pytest.approx(list(errors.values()), rel=1e-9)
     assert find_variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
-    assert find_tracked_joints(result.names, {})["tilt"] == (
-        "machine.plant.x_L[2]",
-        "machine.trajectory.x_d[2]",
-    )
+    tracked = find_tracked_joints(result.names, {})["tilt"]
+    assert tracked == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
 
 
 def test_merged_plant_trips(merged: Simulation) -> None:
     result = merged.run(stop_time=0.05, set={"machine.plant.screw.v_max[2]": 0.01})
     trip = result.metrics["joints"]["tilt"]["trip"]
     assert trip["signal"] == "machine.plant.v_L[2]" and abs(trip["limit"]) == 0.01
-    assert any(
-        text.startswith("tilt tripped on its speed") and "machine.plant.v_L[2]" in text
-        for text in result.remarks
-    )
+    (remark,) = (text for text in result.remarks if text.startswith("tilt tripped on its speed"))
+    assert "machine.plant.v_L[2]" in remark
     assert result.metrics["joints"]["lift"]["trip"] is None
 
 
@@ -250,7 +213,7 @@ LONG = json.dumps({"degree": 1, "knots": KNOTS, "coefficients": dict.fromkeys(JO
         (
             "study",
             "{}",
-            "'study' does not follow a trajectory; --trajectory is for hdrm-coupled, hdrm-merged and",
+            "'study' does not follow a trajectory; --trajectory is for hdrm-coupled,",
         ),
     ],
 )
@@ -266,17 +229,17 @@ def test_invalid_trajectory(scenario: str, text: str | None, sentence: str, tmp_
 # ---- faults ------------------------------------------------------------------------------------
 
 
-def faulted(name: str, fault: str, folder: Path, stop_time: float) -> ec.Result:
-    with load(name, fault=[ec.Fault.of_text(fault)]).prepare(fmus=folder, stop_time=stop_time) as simulation:
-        return simulation.run()
-
-
 @pytest.mark.parametrize(
-    ("name", "kind", "payload"), [("hdrm-coupled", "constant:0", 0.0), ("hdrm-merged", "gain:2", 940.0)]
+    ("name", "fault", "payload"),
+    [
+        ("coupled", "manipulator.payload.m=constant:0", 0.0),
+        ("merged", "plant.payload.m=gain:2", 940.0),
+    ],
 )
-def test_dropped_or_doubled_payload_is_held(name: str, kind: str, payload: float, fmu_folder: Path) -> None:
-    carrier = "plant" if name == "hdrm-merged" else "manipulator"
-    result = faulted(name, f"machine.{carrier}.payload.m={kind}@0.6", fmu_folder, 1.0)
+def test_dropped_or_doubled_payload_is_held(name: str, fault: str, payload: float, fmu_folder: Path) -> None:
+    scenario = load(f"hdrm-{name}", fault=[f"machine.{fault}@0.6"])
+    with scenario.prepare(fmus=fmu_folder, stop_time=1.0) as simulation:
+        result = simulation.run()
     assert result.metrics["joints"]["telescope"]["position_error_m"] < 2.5e-4
     static = inverse_dynamics(HDRM, column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
     mean = column(result, "F_L")[result.time > 0.7].mean(axis=0)
@@ -285,7 +248,9 @@ def test_dropped_or_doubled_payload_is_held(name: str, kind: str, payload: float
 
 @pytest.mark.slow
 def test_joint_without_power_falls_onto_its_stop(fmu_folder: Path) -> None:
-    result = faulted("hdrm-coupled", "lift.plant.supply.sag=constant:1@0.5", fmu_folder, 5.5)
+    fault = ["lift.plant.supply.sag=constant:1@0.5"]
+    with load("hdrm-coupled", fault=fault).prepare(fmus=fmu_folder, stop_time=5.5) as simulation:
+        result = simulation.run()
     assert result.problem is None
     lift, tilt = (result.metrics["joints"][joint] for joint in ("lift", "tilt"))
     assert lift["held"] is False and tilt["position_error_m"] < 6.5e-5

@@ -9,7 +9,6 @@ import pytest
 import emla_cosim as ec
 import fmublock
 from emla_cosim.fmu.models import fmu_path
-from emla_cosim.study.controllers import choose_controller
 from emla_cosim.study.joint import _known_units
 from emla_cosim.study.joints.joint_files import load_joint
 from fmublock import Block, Input, Output, Parameter
@@ -124,9 +123,3 @@ def test_command_lists_values_of_the_actuator(emla: Emla, mine: Path) -> None:
     assert done.exit_code == 0, done.output
     taken = "lift.controller takes start values from the actuator: machine.Phi_PM = 0.15 Wb, machine.i_max"
     assert taken in " ".join(done.output.split())
-
-
-def test_the_observer_of_a_users_controller_has_compensated_gains() -> None:
-    found = choose_controller("mine.fmu", None)
-    assert found.gain_set == "compensated"
-    assert list(found.controller.gains) == ["compensated", "robust", "published"]

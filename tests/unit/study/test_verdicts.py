@@ -133,11 +133,12 @@ def by_definition(rows: np.ndarray, window: float, dwell: float) -> dict[str, An
     count=st.integers(2, 120),
     sizes=st.lists(st.integers(1, 40), min_size=1, max_size=4),
     window=st.sampled_from([1e-3, 2.5e-4]),
+    dwell=st.sampled_from([0.2, 0.05]),
     again=st.booleans(),
 )
 def test_metrics_match_their_definitions_for_any_blocks(
     seed: int, start: float, offset: float, decay: float, noise: float, count: int, sizes: list[int],
-    window: float, again: bool,
+    window: float, dwell: float, again: bool,
 ) -> None:  # fmt: skip
     random = np.random.default_rng(seed)
     t = np.arange(count) * 0.01
@@ -147,21 +148,15 @@ def test_metrics_match_their_definitions_for_any_blocks(
         start + t, error, random.normal(size=count), random.normal(size=count), v_d=v_d, x_hat=noise
     )
     rows[:, 7] = random.integers(0, 2, size=count)
-    criteria = {"j.position_window": window}
-    found = judged(rows, sizes, again, criteria=criteria)
-    expected = by_definition(rows, window * (1 + 1e-9), 0.2)
+    found = judged(rows, sizes, again, criteria={"j.position_window": window, "*.window_time": dwell})
+    expected = by_definition(rows, window * (1 + 1e-9), dwell)
     is_settled = expected.pop("is_settled")
     assert found.pop("excursions") == pytest.approx(expected.pop("excursions"))
-    assert {name: found[name] for name in expected} == pytest.approx(
-        expected, rel=1e-9, abs=1e-15, nan_ok=True
-    )
+    numbers = {name: found[name] for name in expected}
+    assert numbers == pytest.approx(expected, rel=1e-9, abs=1e-15, nan_ok=True)
+    assert (found["reason"] is None) == found["held"]
     if found["held"]:
-        assert (
-            is_settled and found["position_error_m"] <= window * (1 + 1e-9) and rows[-1, 0] - rows[0, 0] > 0.3
-        )
-        assert found["reason"] is None
-    else:
-        assert found["reason"]
+        assert is_settled and found["position_error_m"] <= window * (1 + 1e-9) and rows[-1, 0] > start + 0.3
 
 
 @given(
@@ -184,13 +179,6 @@ def test_maxima_depend_neither_on_the_start_error_nor_on_the_stop_time(
     assert later["excursions"]["count"] == 1 and 1.45 < later["excursions"]["time_s"] < 1.55
 
 
-def test_start_on_the_reference_settles_at_0() -> None:
-    t = np.arange(0.0, 2.0, 1e-3)
-    found = judged(rows_of(t, 12e-6 * np.sin(t)))
-    assert found["held"] is True and found["settling_time_s"] == 0.0
-    assert found["position_error_m"] == pytest.approx(12e-6, rel=1e-3)
-
-
 @pytest.mark.parametrize("start", [0.0, 0.1, -0.25, 10.0])
 @pytest.mark.parametrize("step", [1e-4, 1e-2])
 def test_run_longer_than_the_minimum_is_judged(start: float, step: float) -> None:
@@ -204,22 +192,11 @@ def test_run_longer_than_the_minimum_is_judged(start: float, step: float) -> Non
 def test_short_stay_in_the_window_is_not_settled() -> None:
     """An error that swings through the window is inside for less than the window time."""
     t = np.arange(0.0, 2.0, 1e-3)
-    found = judged(rows_of(t, 4e-3 * np.sin(8.0 * t)))
-    assert found["held"] is False and "has not settled" in found["reason"]
-    stay = judged(rows_of(t, 4e-3 * np.sin(8.0 * t)), criteria={"*.window_time": 0.05})
+    rows = rows_of(t, 4e-3 * np.sin(8.0 * t))
+    assert "has not settled" in judged(rows)["reason"]
+    stay = judged(rows, criteria={"*.window_time": 0.05})
     assert stay["settling_time_s"] == pytest.approx((np.pi - np.arcsin(0.25)) / 8.0, abs=1e-3)
     assert stay["held"] is False and "left its position window" in stay["reason"]
-    assert stay["position_error_m"] == pytest.approx(4e-3, rel=1e-3)
-
-
-@pytest.mark.parametrize("omega", [0.5, 2.0])
-def test_slow_crossing_of_the_window_is_not_held(omega: float) -> None:
-    """An error of 4 mm that takes longer than the window time to cross the window of 1 mm."""
-    t = np.arange(0.0, 10.0, 1e-3)
-    found = judged(rows_of(t, 4e-3 * np.cos(omega * t)))
-    assert found["held"] is False and found["position_error_m"] == pytest.approx(4e-3, rel=1e-4)
-    crossings = np.flatnonzero(np.diff((np.abs(np.cos(omega * t)) > 0.25).astype(int)) > 0)
-    assert found["excursions"]["count"] == len(crossings)
 
 
 @given(
@@ -342,10 +319,7 @@ def test_old_names_of_metrics_are_explained() -> None:
     figures = metrics.figures()["j"]
     with pytest.raises(KeyError) as caught:
         figures["converged"]
-    assert (
-        str(caught.value)
-        == "there is no metric 'converged'; 'converged' is now called 'held': docs/metrics.md."
-    )
+    assert "'converged' is now called 'held': docs/metrics.md." in str(caught.value)
     with pytest.raises(KeyError, match="unheard_of"):
         figures["unheard_of"]
     assert figures.get("converged") is None
@@ -355,13 +329,8 @@ def test_old_names_of_metrics_are_explained() -> None:
 
 
 def test_criteria_with_units_and_joints() -> None:
-    given = {
-        "a.position_window": "0.2 mm",
-        "*.position_window": 5e-4,
-        "*.over_speed": "10 %",
-        "b.window_time": 1,
-    }
-    found = criteria_of(["a", "b"], given)
+    windows = {"a.position_window": "0.2 mm", "*.position_window": 5e-4}
+    found = criteria_of(["a", "b"], {**windows, "*.over_speed": "10 %", "b.window_time": 1})
     assert (found["a"].position_window, found["b"].position_window) == (2e-4, 5e-4)
     assert found["a"].over_speed == pytest.approx(0.1) and found["b"].window_time == 1.0
     assert asdict(criteria_of(["a"], {})["a"]) == asdict(Criteria())
@@ -370,23 +339,19 @@ def test_criteria_with_units_and_joints() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (
-            {"lift.window": 1.0},
-            "the criterion 'lift.window' does not exist; write JOINT.CRITERION, with one of",
-        ),
+        ({"lift.window": 1.0}, "'lift.window' does not exist; write JOINT.CRITERION, with one of"),
         ({"position_window": 1.0}, "the criterion 'position_window' does not exist"),
         ({"crane.window_time": 1.0}, "the criterion 'crane.window_time' names 'crane', which is not a joint"),
         ({"lift.window_time": "2 mm"}, "the criterion 'lift.window_time' has"),
-        ({"lift.window_time": 0.0}, "the criterion 'lift.window_time' is 0.0; it must be a positive number."),
+        ({"lift.window_time": 0.0}, "'lift.window_time' is 0.0; it must be a positive number."),
         ({"lift.over_speed": -0.1}, "it must be a positive number."),
         ({"lift.over_speed": "much"}, "the criterion 'lift.over_speed' is 'much'"),
         ({"lift.window_time": float("nan")}, "it must be a positive number."),
     ],
 )
-def test_wrong_criteria_are_refused(given: dict[str, Any], words: str, fmu_folder: Path) -> None:
-    with pytest.raises(CommandError) as caught:
+def test_wrong_criteria_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(CommandError, match=words):
         criteria_of(["lift"], given)
-    assert words in str(caught.value)
 
 
 # ---- runs --------------------------------------------------------------------------------------------
@@ -428,30 +393,6 @@ def test_metrics_do_not_depend_on_output_interval_or_checkpoint(drive: ec.Simula
             found = {name: other[name] for name in numbers}
             assert found == pytest.approx(numbers, rel=1e-12, nan_ok=True)
             assert other["reason"] == figures["reason"]
-
-
-@pytest.mark.slow
-def test_excursions_of_a_joint(fmu_folder: Path) -> None:
-    """FOC on a tilt of half the flux: once it seemed to have converged at 9.4 s, with 201 µm of 6 mm."""
-    flux = {"tilt.plant.motor.Phi_PM": 0.065}
-    with ec.load("study-drive", controller="foc", gains="tuned", fmus=fmu_folder).prepare() as foc:
-        for stop in (2.0, 10.0):
-            result = foc.run(stop_time=stop, set=flux, output_interval=1e-4)
-            figures = result.metrics["joints"]["tilt"]
-            error = np.abs(result["tilt.plant.x_L"] - result["tilt.reference.x_d"])
-            since = result.time >= figures["evaluated_from_s"] - 1e-9
-            assert figures["position_error_m"] == error[since].max() > 6e-3
-            assert figures["excursions"]["count"] == np.count_nonzero(
-                np.diff((error > 1e-3)[since].astype(int)) > 0
-            )
-            assert figures["held"] is False
-            # the reference runs at the speed limit; 2 µm/s beyond are no trip
-            telescope = result.metrics["joints"]["telescope"]
-            assert telescope["held"] is True and telescope["trip"] is None
-            (touched,) = telescope["limits_touched"]
-            assert 0.0 < abs(touched["value"]) - 0.21 < 1e-5
-            assert any(remark.startswith("telescope touched its speed limit") for remark in result.remarks)
-        assert figures["excursions"]["count"] == 7
 
 
 SHEET = ROOT / "docs" / "actuator.toml"
