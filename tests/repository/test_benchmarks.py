@@ -1,6 +1,6 @@
 """The benchmarks compare runs of the same numbers, and write the table that they measured."""
 
-import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from benchmarks.registry import C_LOOP, FMU_CALLS, Tool
 from benchmarks.rounds import Result, check_signals, measured
 from benchmarks.run import README
 from benchmarks.study import study_job
-from benchmarks.table import as_json, in_readme, markdown, rows, text
+from benchmarks.table import in_readme, rows
 from benchmarks.tools import emla
 from benchmarks.tools.c_loop import run_loop
 
@@ -62,13 +62,10 @@ def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
 
 def test_other_numbers_end_the_benchmark_with_a_sentence(job: Job) -> None:
     signals = [0.0] * len(job.signals)
-    other = [*signals[:-1], 1.0]
     check_signals("ours", job, signals, signals)
     component, output = job.signals[-1]
-    with pytest.raises(BenchmarkError) as failure:
-        check_signals("ours", job, other, signals)
-    end = f"at the end {component.name}.{output.name} is 1.0 instead of 0.0."
-    assert str(failure.value) == f"ours computes something else than the C loop: {end}"
+    with pytest.raises(BenchmarkError, match=re.escape(f"{component.name}.{output.name} is 1.0 instead")):
+        check_signals("ours", job, [*signals[:-1], 1.0], signals)
 
 
 def test_rows_hold_medians_ranges_and_what_comes_on_top_of_the_fmus() -> None:
@@ -80,27 +77,11 @@ def test_rows_hold_medians_ranges_and_what_comes_on_top_of_the_fmus() -> None:
     ]
 
 
-def test_table_comes_as_text_markdown_and_json() -> None:
-    lines = text(RESULTS).splitlines()
-    assert len(lines) == 1 + len(RESULTS) + 1
-    assert len({len(line) for line in lines[:-1]}) == 1
-    assert lines[-1] == "another was not measured: it is not installed"
-    table = markdown(RESULTS, 3).splitlines()
-    assert {line.count("|") for line in table[: 2 + len(RESULTS)]} == {6}
-    assert table[-1].startswith("Medians of 3 rounds on ")
-    found = json.loads(as_json(RESULTS))["tools"]
-    assert [tool["step_times_s"] for tool in found] == [r.step_times for r in RESULTS]
-
-
 def test_readme_gets_the_table_between_its_markers() -> None:
     readme = "# Title\n<!-- benchmark begins -->\nold\n<!-- benchmark ends -->\nmore\n"
-    new = in_readme(readme, "| new |")
-    assert new == "# Title\n<!-- benchmark begins -->\n| new |\n<!-- benchmark ends -->\nmore\n"
-    assert in_readme(new, "| new |") == new
-    both = f"{readme}<!-- size begins -->\nold\n<!-- size ends -->\n"
-    assert in_readme(both, "| new |", "size") == both.replace(
-        "size begins -->\nold", "size begins -->\n| new |"
-    )
+    readme += "<!-- size begins -->\nolder\n<!-- size ends -->\n"
+    assert in_readme(readme, "| new |") == readme.replace("old\n", "| new |\n")
+    assert in_readme(readme, "| new |", "size") == readme.replace("older", "| new |")
     for wrong in ("# Title\n", readme.replace("ends", "end"), readme.replace("begins", "ends")):
         with pytest.raises(BenchmarkError, match="no place for the table"):
             in_readme(wrong, "| new |")

@@ -107,17 +107,8 @@ def test_the_citation_is_of_this_version() -> None:
 
 
 HEAVY = {
-    "bokeh",
-    "casadi",
-    "cma",
-    "dask",
-    "jinja2",
-    "lief",
-    "matplotlib",
-    "networkx",
-    "numba",
-    "pandas",
-    "scipy",
+    *("bokeh", "casadi", "cma", "dask", "jinja2", "lief"),
+    *("matplotlib", "networkx", "numba", "pandas", "scipy"),
 }
 """Packages that take long to import, or much memory."""
 

@@ -41,20 +41,6 @@ def test_a_table_has_the_variables_of_the_fmu(model: str, fmu_folder: Path) -> N
     assert found == expected
 
 
-@pytest.mark.parametrize(
-    ("model", "names"),
-    [
-        ("Reference", {"waypoint[1..9]": "x_i", "period": "T_p", "move.start[1..8]": "t_i"}),
-        ("EmlaPlant", {"tau_m": r"\tau_m", "screw.lead": "l", "motor.R_s": "R_s", "i_q_ref": "i_q^*"}),
-        ("EmlaObserver", {"ell": r"\ell", "y_bar": r"\bar{y}", "model.A_eq": "A_{eq}"}),
-        ("Disturbance", {"supply.sag": r"\sigma_u", "d_2.phase[1..2]": r"\varphi_{2,i}"}),
-    ],
-)
-def test_symbols_are_tied_to_names(model: str, names: dict[str, str]) -> None:
-    found = {name: symbol for symbol, name, _ in rows(model)}
-    assert names.items() <= found.items()
-
-
 @pytest.mark.parametrize("model", ["EmlaPlant", "EmlaObserver", "Reference", "Disturbance", "FocController"])
 def test_most_symbols_stand_in_the_equations(model: str) -> None:
     """Those that do not are of variables that no equation needs, such as limits."""
@@ -65,24 +51,6 @@ def test_most_symbols_stand_in_the_equations(model: str) -> None:
     absent = [symbol for symbol in symbols if symbol not in equations]
     assert len(absent) <= 0.15 * len(symbols), absent
     assert len(set(symbols)) == len(symbols)
-
-
-@pytest.mark.parametrize(
-    ("attribute", "symbol"),
-    [
-        ("x_hat", r"\hat{x}"),
-        ("alpha_RL", r"\alpha_{RL}"),
-        ("i_q_measured", r"i_{q,measured}"),
-        ("Phi_PM", r"\Phi_{PM}"),
-        ("u", "u"),
-        ("lead", ""),
-        ("x_L_start", ""),
-        ("delay_steps", ""),
-        ("u_q_late", ""),
-    ],
-)
-def test_a_symbol_is_what_an_attribute_says(attribute: str, symbol: str) -> None:
-    assert symbol_of(attribute) == symbol
 
 
 @given(st.from_regex(r"[A-Za-z]\w{0,20}", fullmatch=True))
@@ -97,16 +65,9 @@ def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
     class Some(Block):
         """Something."""
 
-        x_2 = Parameter(0.5, unit="m", minimum=0.0, description="Length")
         odd = Parameter(1.0, symbol=r"\omega^2")
         y = Output()
 
     found = with_variables("# Some\n\nText.\n", Some)
     assert found.startswith("# Some\n\nText.\n\n## Variables\n\n### Outputs\n")
-    assert "| $x_2$ | `x_2` | m | 0.5 | ≥ 0 | Length |" in found
     assert r"| $\omega^2$ | `odd` |  | 1 |  |  |" in found
-    placed = with_variables("a\n<!-- variables begin -->\nold\n<!-- variables end -->\nb\n", Some)
-    assert placed.startswith("a\n<!-- variables begin -->\n### Outputs\n")
-    assert placed.endswith("\n<!-- variables end -->\nb\n")
-    assert with_variables(placed, Some) == placed
-    assert "old" not in placed

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.language import LONGEST, check_page, check_text, passages
+from tests.support.language import LONGEST, check_page, passages
 from tests.support.paths import ROOT
 
 PAGES = [
@@ -62,28 +62,15 @@ LONG = "This text " + "word " * LONGEST + "ends here."
     ("page", "faults"),
     [
         ("# A\n\nYou can read.\n\nNobody\nis told.\n", ["p.md:5: 'Nobody'", "p.md:6: 'is told'"]),
-        ("# A\n\nYou can read.\n\n- One.\n- It stands\n  there.\n", ["p.md:6: 'stands'"]),
-        ("# A\n\nYou can read.\n\n| whoever |\n|---|\n", ["p.md:5: 'whoever'"]),
-        ("# A\n\nYou can read.\n\n## Nobody reads\n", ["p.md:5: 'Nobody'"]),
-        (f"# A\n\nYou can read. {LONG}\n", ["p.md:3: 39 words"]),
-        (f"# A\n\nYou can read.\n\n1. Short.\n2. {LONG}\n", ["p.md:6: 39 words"]),
-        (f"# A\n\nYou can read.\n\n| {LONG} |\n\n```text\n{LONG} Nobody.\n```\n", []),
-        ("# A\n\nYou can read `nobody`, $nobody$ and [this](nobody.md).\n<!-- nobody -->\n", []),
-        ("# A\n\nYou can read.\n<!-- table begins -->\nNobody.\n<!-- table ends -->\n", []),
-        ("# A\n\n```sh\nls\n```\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
-        ("# A\n\n## B\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
+        (
+            "# A\n\nYou can read.\n\n| whoever |\n|---|\n\n## Nobody\n",
+            ["p.md:5: 'whoever'", "p.md:8: 'Nobody'"],
+        ),
+        (f"# A\n\nYou can read FMI 2.0. {LONG}\n\n1. {LONG}\n", ["p.md:3: 39 words", "p.md:5: 39 words"]),
         ("# A\n\n- You can read.\n", ["p.md:3: begin with a paragraph"]),
-        ("# A\n", ["p.md:1: begin with a paragraph"]),
     ],
 )
 def test_faults_of_a_page_are_found(page: str, faults: list[str]) -> None:
     found = check_page(page, "p.md")
     assert len(found) == len(faults)
     assert all(text.startswith(start) for text, start in zip(found, faults, strict=True))
-
-
-def test_abbreviations_and_versions_do_not_end_a_sentence() -> None:
-    half = "Word " + "word " * (LONGEST - 6)
-    (fault,) = check_text(f"With FMI 2.0 and e.g. this {half} and the rest of it.", "text")
-    assert fault.startswith(f"text:1: {LONGEST + 6} words")
-    assert check_text(f"{half}. {half}? `code`, {half}.", "text") == []

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.commands import widen_terminal
 from tests.support.few_figures import draw_empty
-from tests.support.pages import PAGES, PageError, Reader, fences, missing
+from tests.support.pages import PAGES, PageError, Reader, fences
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
@@ -49,7 +49,6 @@ def test_a_page_works_as_shown(page: Path, place: Path) -> None:
     ("text", "words"),
     [
         ("```python\nprint('one')\n```\n```text output\ntwo\n```\n", r"line 4: \['two'\]"),
-        ("```sh\nfalse\ntrue\n```\n", "line 1: ended with 1"),
         ("```sh exit=2\nemla list\n```\n", "line 1: ended with 0"),
         ("```sh skip\nemla list\n```\n", "line 1: nobody knows what to do with 'skip'"),
         ("Two.\n\n```python run\nraise SystemExit(3)\n```\n", "line 3: ended with 3"),
@@ -60,21 +59,3 @@ def test_a_page_that_does_not_work_is_reported(text: str, words: str, tmp_path: 
     page.write_text(text, encoding="utf-8")
     with pytest.raises(PageError, match=words):
         Reader(page).read()
-
-
-def test_blocks_of_a_page_share_their_names(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("```python\nx = 3\n```\n```python not-run\nx = 4\n```\n```python\nprint(x)\n```\n")
-    reader = Reader(page)
-    reader.read()
-    assert reader.namespace["x"] == 3
-    assert reader.kinds == {"python", "not-run"}
-
-
-def test_missing_lines_of_output_are_reported() -> None:
-    shown = "one\ntwo  \nthree\n"
-    assert missing("one\n...\nthree\n", shown) == []
-    assert missing("o...\ntwo ...\nthree\n", shown) == []
-    assert missing("on\n", shown) == ["on"]
-    assert missing("two\none\n", shown) == ["one"]
-    assert missing("four\n", shown) == ["four"]
