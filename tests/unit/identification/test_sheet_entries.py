@@ -89,6 +89,10 @@ def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Clie
     assert any("failed, most because: the actuator with changes cannot be used" in x for x in found.notes)
 
 
+DATA = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
+POSITION = ec.Input(data=DATA, signals={"prototype.plant.x_L": "x"})
+
+
 @pytest.mark.parametrize(
     ("vary", "words"),
     [
@@ -100,24 +104,13 @@ def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Clie
     ],
 )
 def test_invalid_entries_are_reported(vary: dict[str, Any], words: str, fmu_folder: Path) -> None:
-    data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
     with pytest.raises(CommandError) as refused:
-        ec.identify(
-            "prototype",
-            vary,
-            measured=[ec.Input(data=data, signals={"prototype.plant.x_L": "x"})],
-            fmus=fmu_folder,
-        )
+        ec.identify("prototype", vary, measured=[POSITION], fmus=fmu_folder)
     assert words in str(refused.value)
 
 
 def test_overridden_entry_is_reported(fmu_folder: Path) -> None:
-    data = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
     kept = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
-    experiment = ec.Experiment(
-        "fixed", [ec.Input(data=data, signals={"prototype.plant.x_L": "x"})], {"set": kept}
-    )
+    fixed = [ec.Experiment("fixed", [POSITION], {"set": kept})]
     with pytest.raises(CommandError, match="changes no start value of the experiment 'fixed'"):
-        ec.identify(
-            "prototype", {f"actuator.{ENTRY}": "14 mm:18 mm"}, experiments=[experiment], fmus=fmu_folder
-        )
+        ec.identify("prototype", {f"actuator.{ENTRY}": "14 mm:18 mm"}, experiments=fixed, fmus=fmu_folder)
