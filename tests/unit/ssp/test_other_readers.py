@@ -24,7 +24,6 @@ import emla_cosim.study.loading  # registers the built-in scenarios
 from emla_cosim import Fault
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.run.scenarios.built_in import SCENARIOS
-from emla_cosim.ssp.documents.parameter_sets import parse_parameter_set
 from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.paths import FOREIGN_MAPPING, ROOT
 from tests.support.tiers import mostly_slow
@@ -90,13 +89,6 @@ def their_values(file: Path) -> dict[str, tuple[str, str, str | None]]:
             found[p["name"]] = p["type_name"], given["value"], given.get("unit")
         assert {u for _, _, u in found.values() if u} == set(document.units.units)
     return found
-
-
-def test_parameters_are_the_same(package: Path) -> None:
-    for file in package.rglob("*.ssv"):
-        found = parse_parameter_set(file.read_bytes(), file.name).parameters
-        read = [(p.name, (p.type, p.value, p.unit and p.unit.name)) for p in found]
-        assert read == [(n, (t, CONVERTED[t](v), u)) for n, (t, v, u) in their_values(file).items()]
 
 
 def test_connections_and_values(package: Path) -> None:

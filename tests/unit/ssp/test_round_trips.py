@@ -7,11 +7,7 @@ from typing import Any
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.progress import Progress
-from emla_cosim.fmu.interface import read_interface
-from emla_cosim.run.preparation import prepare_system
 from emla_cosim.study.loading import load
-from emla_cosim.system.resolution import resolve_system
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import Understood, folder, understood
 
@@ -36,22 +32,6 @@ def there_and_back(scenario: str, fmus: Path, **options: Any) -> Understood:
 
 def replaced(name: str, plant: Path | str) -> dict[str, Any]:
     return {"replace": {name: {"fmu": plant, "mapping": FOREIGN_MAPPING}}}
-
-
-def test_study(fmu_folder: Path) -> None:
-    """Names, connections and values are those of the scenario, one name with a value for each component."""
-    step, force = "solver.internal_step", "model.A_eq"
-    given = {"set": {f"lift.plant.{step}": 3e-5, f"tilt.controller.{force}": 0.0456}}
-    found = there_and_back("study", fmu_folder, **given)
-    study = load("study", fmus=fmu_folder, **given)
-    system, fmus = prepare_system(study.system, study.options, Progress())
-    expected = resolve_system(system, {name: read_interface(file) for name, file in fmus.items()})
-    assert found.plain.connections == expected.connections
-    values = [{c.name: c.parameters for c in s.components} for s in (found.plain, expected)]
-    assert values[0] == values[1]
-    assert found.values("lift.plant")[step] == 3e-5
-    assert step not in found.values("lift.controller")
-    assert found.values("tilt.controller")[force] == 0.0456 != found.values("tilt.observer")[force]
 
 
 def test_replaced_component(fmu_folder: Path, foreign_plant: Path) -> None:

@@ -46,14 +46,6 @@ class Pair(Block):
         return {"y": [v.u[0] + 1.0, v.u[1] + 1.0]}
 
 
-class Scalar(Block):
-    u = Input()
-    y = Output()
-
-    def outputs(self, v: Any) -> dict[str, Any]:
-        return {"y": v.u}
-
-
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     path = tmp_path_factory.mktemp("fmus")
@@ -62,7 +54,6 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "Third": third,
         "Pair": fmublock.build(Pair, path / "Pair.fmu"),
         "Pair3": fmublock.build(Pair, path / "Pair3.fmu", fmi=3),
-        "Scalar": fmublock.build(Scalar, path / "Scalar.fmu"),
     }
 
 
@@ -241,17 +232,6 @@ def test_mappings_apply_to_arrays(fmus: dict[str, Path], tmp_path: Path) -> None
         }  # fmt: skip
 
 
-def test_declared_sizes_must_be_those_that_follow_from_structural_parameters(
-    fmus: dict[str, Path], tmp_path: Path
-) -> None:
-    same = binding(values("n", "2", "", "UInt64"))
-    with read_ssp(written(tmp_path / "1", fmus, third("a", same))) as document:
-        assert (document.notes, document.system.component("a").parameters) == ([], {"n": 2})
-    other = third("a", binding(values("n", "3", "", "UInt64")))
-    with pytest.raises(CommandError, match=r"line \d+: dimension 2 of a\.u .* size 2, .* 2 x 3"):
-        run(written(tmp_path / "2", fmus, other))
-
-
 BYTES = connector("Binary_source", "output", "Binary") + connector("Binary_in", "input", "Binary")
 
 
@@ -273,6 +253,8 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
     [
         ((third("a", matrix='<ssc:Dimension size="3"/><ssc:Dimension/>'),),
          "dimension 1 of a.u .* size 3, .* 2 x 2"),
+        ((third("a", binding(values("n", "3", "", "UInt64")), matrix=TWO_BY_TWO),),
+         "dimension 2 of a.u .* size 2, .* 2 x 3"),
         ((third("a", matrix='<ssc:Dimension size="2"/>'),), "a.u is declared with 1 dimension"),
         ((third("a", matrix='<ssc:Dimension sizeConnector="m"/><ssc:Dimension/>'),),
          "'m', which does not exist"),
@@ -417,16 +399,16 @@ def test_pyssp_standard_reads_the_package(exported: tuple[Path, Path], tmp_path:
 @pytest.mark.parametrize(
     ("connections", "given", "version"),
     [
-        (["a.x -> b.u"], {"a.end": 1.0, "a.Int32_in": 7, "a.Boolean_in": True}, "1.0"),
-        (["a.x -> b.u"], {"a.Int8_in": 7}, "2.0"),
-        (["a.x -> b.u", "a.Int64_out -> a.Int64_in"], {}, "2.0"),
-        (["a.y[1,1] -> b.u"], {}, "2.0"),
+        (["a.x -> b.u[1]"], {"a.end": 1.0, "a.Int32_in": 7, "a.Boolean_in": True}, "1.0"),
+        (["a.x -> b.u[1]"], {"a.Int8_in": 7}, "2.0"),
+        (["a.x -> b.u[1]", "a.Int64_out -> a.Int64_in"], {}, "2.0"),
+        (["a.y[1,1] -> b.u[1]"], {}, "2.0"),
     ],
 )
 def test_oldest_sufficient_version_is_written(
     connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
 ) -> None:
-    made = System.of({"a": fmus["Third"], "b": fmus["Scalar"]}, connections, given)
+    made = System.of({"a": fmus["Third"], "b": fmus["Pair"]}, connections, given)
     ec.load(made, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
         texts = [archive.read(n).decode() for n in archive.namelist() if n.endswith((".ssd", ".ssv"))]

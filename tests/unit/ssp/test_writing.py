@@ -62,24 +62,6 @@ def test_component_without_values_has_no_parameter_file(tmp_path: Path, fmu: Pat
     assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j_b.ssv"}
 
 
-def test_files_of_components_that_would_have_the_same_name(tmp_path: Path, fmu: Path) -> None:
-    values = {"a.b": 1.0, "a.c.x": 2.0, "a_c.x": 3.0, "/x.y": 4.0}
-    system = System(tuple(Component(n, parameters={"k": v}) for n, v in values.items()), ())
-    found = exported(tmp_path, system, dict.fromkeys(values, fmu))
-    assert {n: found.values(n)["k"] for n in values} == values
-    assert {"resources/a_c_x.ssv", "resources/a_c_x_2.ssv", "resources/_x_y.ssv"} < files(tmp_path)
-
-
-def test_different_units_of_one_name(tmp_path: Path) -> None:
-    first = fake_fmu(tmp_path / "1.fmu", "y:output:u", "k:parameter:u", units={"u": 'm="1" factor="2"'})
-    second = fake_fmu(tmp_path / "2.fmu", "u:input:u", "p:parameter:u", units={"u": 'm="1" factor="6"'})
-    components = (Component("j.a", parameters={"k": 3.0}), Component("j.b", parameters={"p": 5.0}))
-    system = System(components, (Connection("j.a", "y", "j.b", "u"),))
-    found = exported(tmp_path, system, {"j.a": first, "j.b": second})
-    assert (found.values("j.a"), found.values("j.b")) == ({"k": 3.0}, {"p": 5.0})
-    assert found.wires() == {"j.a.y -> j.b.u": (pytest.approx(1.0 / 3.0), 0.0)}
-
-
 def test_connections_of_all_types(tmp_path: Path) -> None:
     types = ("Real", "Integer", "Boolean", "Enumeration")
     variables = (f"{k}{t}:{c}:{t}" for t in types for k, c in (("y", "output"), ("u", "input")))
@@ -92,21 +74,20 @@ def test_connections_of_all_types(tmp_path: Path) -> None:
     }
 
 
-def test_component_inside_a_component(tmp_path: Path, fmu: Path) -> None:
-    assert exported(tmp_path, *of_all(["a.b", "a.b.c"], fmu)).system.branches == ["a"]
-
-
 @pytest.mark.parametrize(
     "names",
     [
         *(["a.b"], ["a-1.b"], ["Größe.b"], ["_.b"], ["a.1"], ["1.b"], ["a b.c"], ["²x.b"], ["a..b"]),
         # those that differ only in characters that identifiers cannot have
-        ["a.b", "a_b", "a-b", "a b", "a_b_2", "1", "c_1", "_x0020_"],
+        ["a.b", "a_b", "a-b", "a b", "a_b_2", "/a.b", "1", "c_1", "_x0020_"],
+        ["a.b", "a.b.c"],
     ],
 )
 def test_names_stay(names: list[str], tmp_path: Path, fmu: Path) -> None:
-    found = exported(tmp_path, *of_all(names, fmu))
-    assert [c.name for c in found.system.components] == names
+    """Also where the files of components would have the same name."""
+    components = [Component(name, parameters={"k": float(i)}) for i, name in enumerate(names, 1)]
+    found = exported(tmp_path, System(tuple(components), ()), dict.fromkeys(names, fmu)).system.components
+    assert [(c.name, c.parameters) for c in found] == [(c.name, c.parameters) for c in components]
 
 
 @pytest.mark.parametrize(("type_", "value", "expected"), [("Boolean", "true", True), ("Integer", "7", 7)])

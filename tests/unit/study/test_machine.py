@@ -13,11 +13,10 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.run.simulation import Simulation
-from emla_cosim.study import machine_systems
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
+from emla_cosim.study.roles import JOINTS, find_tracked_joints, find_variable
 from emla_cosim.study.systems import STUDY
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
@@ -94,12 +93,6 @@ def check_forces(scenario: str, result: ec.Result) -> None:
     assert error.max() < (1e-9 if scenario == "hdrm-replay" else 1e-6)
 
 
-def test_three_values_close_the_loop(coupled: Simulation) -> None:
-    result = coupled.run(stop_time=1e-3)
-    (loop,) = result.record["stepping"]["loops"]
-    assert sorted(loop) == sorted([*(f"{joint}.plant" for joint in JOINTS), "machine.manipulator"])
-
-
 # ---- agreement with the merged plant -----------------------------------------------------------
 
 
@@ -131,12 +124,6 @@ def test_divergence_of_late_forces_is_explained(coupled: Simulation, algorithm: 
 
 
 # ---- roles -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["study", *machine_systems.SYSTEMS])
-def test_joints_are_found_in_every_system(name: str) -> None:
-    components = [c.name for c in load(name).system.components]
-    assert find_joints(components) == list(JOINTS)
 
 
 def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
@@ -244,17 +231,3 @@ def test_dropped_or_doubled_payload_is_held(name: str, fault: str, payload: floa
     static = inverse_dynamics(HDRM, column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
     mean = column(result, "F_L")[result.time > 0.7].mean(axis=0)
     assert mean == pytest.approx(static, rel=0.05, abs=300.0)
-
-
-@pytest.mark.slow
-def test_joint_without_power_falls_onto_its_stop(fmu_folder: Path) -> None:
-    fault = ["lift.plant.supply.sag=constant:1@0.5"]
-    with load("hdrm-coupled", fault=fault).prepare(fmus=fmu_folder, stop_time=5.5) as simulation:
-        result = simulation.run()
-    assert result.problem is None
-    lift, tilt = (result.metrics["joints"][joint] for joint in ("lift", "tilt"))
-    assert lift["held"] is False and tilt["position_error_m"] < 6.5e-5
-    end = column(result, "x_L")[-1, 0]
-    assert -0.05 < end < 0.0 + 5e-3  # the stop of a stroke that begins at 0
-    assert abs(column(result, "v_L")[-1, 0]) < 1e-2
-    assert any(text.startswith("lift tripped on its") for text in result.remarks)

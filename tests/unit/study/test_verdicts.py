@@ -17,8 +17,6 @@ from emla_cosim.study.criteria import Criteria, criteria_of
 from emla_cosim.study.metrics import JointMetrics
 from emla_cosim.study.registration import register
 from tests.support.joint_data import EMLAS
-from tests.support.paths import ROOT
-from tests.support.tiers import mostly_slow
 
 SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
 NAMES = [*(f"j.{name}" for name in SIGNALS), "j.observer.x_hat", "j.controller.saturated"]
@@ -393,23 +391,3 @@ def test_metrics_do_not_depend_on_output_interval_or_checkpoint(drive: ec.Simula
             found = {name: other[name] for name in numbers}
             assert found == pytest.approx(numbers, rel=1e-12, nan_ok=True)
             assert other["reason"] == figures["reason"]
-
-
-SHEET = ROOT / "docs" / "actuator.toml"
-
-
-@pytest.mark.parametrize("start_error", mostly_slow([-4e-3, -54e-3, 54e-3], [-54e-3]))
-def test_position_error_after_a_far_start(start_error: float, fmu_folder: Path, tmp_path: Path) -> None:
-    """An approach that takes longer than 0.3 s: 5 % of the first error were said of 2 µm."""
-    sheet = tmp_path / "sheet.toml"
-    sheet.write_text(SHEET.read_text().replace("efficiency = 0.85", "efficiency = 0.98"))
-    way = {f"prototype.reference.waypoint[{i}]": 0.1 + 0.05 * min(i, 2) for i in range(1, 10)}
-    start = dict.fromkeys(("prototype.plant.start.x_L", "prototype.observer.start.x_hat"), 0.15 + start_error)
-    how = {"actuator": {"prototype": sheet}, "controller": "rsba", "gains": "compensated", "fmus": fmu_folder}
-    with ec.load("prototype", **how).prepare() as simulation:
-        result = simulation.run(set={**way, **start}, output_interval=1e-4)
-    figures = result.metrics["joints"]["prototype"]
-    error = np.abs(result["prototype.plant.x_L"] - result["prototype.reference.x_d"])
-    assert figures["held"] is True, figures["reason"]
-    assert figures["position_error_m"] == pytest.approx(error[result.time >= 1.0].max(), abs=1e-6)
-    assert figures["position_error_m"] < 5e-6

@@ -48,19 +48,6 @@ def test_invalid_connections(connections: list[tuple[str, str]], message: str, f
         pass
 
 
-def test_error_of_an_fmu_is_reported_with_its_log(fmu_folder: Path) -> None:
-    """The plant checks its values when initialization ends, before the run starts."""
-    system, paths = pair([], fmu_folder)
-    with Assembly(system, paths) as assembly:
-        plant = assembly.network.instances[0]
-        plant.enter_initialization(0.0, 1.0)
-        plant.fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
-        with pytest.raises(
-            InstanceError, match=r"exitInitializationMode with fmi2Error.*motor.R_s = -1 is outside"
-        ):
-            plant.exit_initialization()
-
-
 def test_logs_are_kept_per_instance(fmu_folder: Path) -> None:
     """fmpy knows one logger for the whole process; lines must still reach their own instance."""
     system, paths = pair([], fmu_folder)

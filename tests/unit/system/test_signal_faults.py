@@ -241,15 +241,6 @@ def test_checkpoint_within_a_freeze_is_continued(emla: Emla) -> None:
     assert ran(emla, *fault, "--stop-time", "0.01", "--resume", "c", folder="parts") == whole
 
 
-@pytest.mark.slow
-def test_sweep_varies_a_fault(emla: Emla) -> None:
-    Path("my.toml").write_text(FILE)
-    assert emla("sweep", "my.toml", "--vary", f"{FAULT}.offset=0:1e-4:3", "--output", "sweep").exit_code == 0
-    table = ec.read_sweep(Path("sweep")).variants
-    assert table[f"{FAULT}.offset"].to_list() == pytest.approx([0.0, 5e-5, 1e-4])
-    assert table["lift.torque_peak_N_m"].n_unique() == 3
-
-
 def test_faults_are_arguments_of_the_command() -> None:
     faults = [Fault(ENCODER, "freeze", 1.0, 0.1), Fault("lift.observer.y", "gain", -1e-3, None, -2.5)]
     flag, text = format_arguments({"fault": faults}) or []

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,6 @@ from hypothesis import strategies as st
 
 import emla_cosim as ec
 from emla_cosim.base.quantities import has_unit, parse_quantity, parse_unit_name
-from emla_cosim.base.units import find_conversion
-from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.run.options import Options
 from tests.support.commands import Emla, sentence
@@ -151,18 +148,3 @@ def test_times_may_have_units(emla: Emla) -> None:
         assert words in sentence(emla("run", "lift", "--stop-time", text), 2)
     for text in ("nan", "inf", "-1", "1e-400 s", ""):
         sentence(emla("run", "lift", f"--stop-time={text}"), 2)
-
-
-def test_only_differences_convert_without_offset(fmu_folder: Path) -> None:
-    """The model description says whether a variable is a difference."""
-    description = read_interface(fmu_path("EmlaPlant", "native", fmu_folder))
-    for name, is_difference in (("motor.permitted_rise", True), ("screw.v_max", False)):
-        unit = description.unit(name)
-        assert unit is not None and unit.is_difference == is_difference
-    kelvin, fahrenheit = parse_unit_name("K", "x"), parse_unit_name("degF", "x")
-    assert find_conversion(fahrenheit, kelvin)(212.0) == pytest.approx(373.15)
-    for pair in (
-        (fahrenheit, replace(kelvin, is_difference=True)),
-        (replace(fahrenheit, is_difference=True), kelvin),
-    ):
-        assert find_conversion(*pair)(180.0) == pytest.approx(100.0, rel=1e-12)

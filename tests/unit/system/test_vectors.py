@@ -11,7 +11,7 @@ import scipy.linalg
 import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.values import list_elements, parse_list
+from emla_cosim.base.values import parse_list
 from emla_cosim.system.model import System
 from emla_cosim.system.vectors import connect_elements
 from fmublock import Block, Input, Output, Parameter, State, dot
@@ -142,20 +142,6 @@ def test_scalars_keep_their_connections() -> None:
     assert connect_elements(made, lambda name: names[name]) == made
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("[1, 2.5]", ["1", "2.5"]),
-        ("[[1,2],[3 kN,4]]", [["1", "2"], ["3 kN", "4"]]),
-        ("[ [ 1 ] , [ 2 ] ]", [["1"], ["2"]]),
-        ("[]", []),
-    ],
-)
-def test_lists_are_read_as_texts(text: str, value: list[Any]) -> None:
-    assert parse_list(text) == value
-
-
-def test_elements_of_lists_have_the_names_of_fmi() -> None:
-    cube = np.arange(8.0).reshape(2, 2, 2)
-    found = list_elements({"c": cube, "s": 1.0})
-    assert found["c[2,1,2]"] == cube[1, 0, 1] and found["s"] == 1.0 and len(found) == 9
+def test_lists_are_read_as_texts() -> None:
+    assert parse_list("[ [ 1 ,2.5],[3 kN, 4] ]") == [["1", "2.5"], ["3 kN", "4"]]
+    assert parse_list("[]") == []
