@@ -80,16 +80,6 @@ def with_connectors(text: str, *ports: str) -> str:
     return f"{head}><ssd:Connectors>{''.join(ports)}</ssd:Connectors>{rest}"
 
 
-def wire(start: str, end: str, inside: str = "", **indices: str) -> str:
-    (a, y), (b, u) = (text.rpartition(".")[::2] for text in (start, end))
-    texts = [f'startElement="{a}" '] if a else []
-    texts += [f'endElement="{b}" '] if b else []
-    texts += [f'{name}="{value}" ' for name, value in indices.items()]
-    return (
-        f'<ssd:Connection {"".join(texts)}startConnector="{y}" endConnector="{u}">{inside}</ssd:Connection>'
-    )
-
-
 def values(name: str, texts: str, dimensions: str, type_: str = "Float64") -> str:
     inside = f'<ssv:{type_} value="{texts}"/>{dimensions}'
     parameter = f'<ssv:Parameter name="{name}">{inside}</ssv:Parameter></ssv:Parameters>'
@@ -115,10 +105,10 @@ def test_whole_arrays_elements_and_values(fmus: dict[str, Path], tmp_path: Path)
     a = third("a", binding(values("u", "1 2 3 4", TWO_BY_TWO)))
     b = third("b", binding(values("gain", "5 6 7 8", TWO_BY_TWO)))
     wires = (
-        wire("a.y", "b.u"),
-        wire("b.y", "c.u", startIndices="1 2", endIndices="2 1"),
-        wire("d.u", "c.x", startIndices="2 2"),
-        *(wire(f"a.{t}_out", f"b.{t}_in") for t in TYPES),
+        connection("a.y -> b.u"),
+        connection("b.y -> c.u", start_indices="1 2", end_indices="2 1"),
+        connection("d.u -> c.x", start_indices="2 2"),
+        *(connection(f"a.{t}_out -> b.{t}_in") for t in TYPES),
     )
     found = run(written(tmp_path, fmus, a, b, third("c"), third("d"), *wires))
     for place, index in enumerate(("1,1", "1,2", "2,1", "2,2")):
@@ -136,7 +126,7 @@ def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp
         ports = connector("u", "input", inside=vector), connector("y", "output", inside=vector)
         return with_connectors(component(name, source), *ports)
 
-    inner = system("s", pair("three", "Pair3.fmu"), wire("in", "three.u"), wire("three.y", "out"))
+    inner = system("s", pair("three", "Pair3.fmu"), connection("in -> three.u"), connection("three.y -> out"))
     ports = connector("in", "input", inside="<ssc:Dimension/>"), connector("out", "output", inside=vector)
     inner = with_connectors(inner, *ports)
     path = written(
@@ -145,8 +135,8 @@ def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp
         pair("two", "Pair.fmu"),
         inner,
         third("t"),
-        wire("two.y", "s.in", linear(10.0, 1.0)),
-        wire("s.out", "t.u", startIndices="2", endIndices="1 1"),
+        connection("two.y -> s.in", linear(10.0, 1.0)),
+        connection("s.out -> t.u", start_indices="2", end_indices="1 1"),
         bindings=binding(values("two.u", "1 2", vector)),
     )
     found = run(path)
@@ -160,8 +150,8 @@ def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tm
     inner = system(
         "s",
         third("t"),
-        wire("in", "t.u", startIndices="1 2", endIndices="2 2"),
-        wire("t.y", "out", startIndices="2 2", endIndices="2 1"),
+        connection("in -> t.u", start_indices="1 2", end_indices="2 2"),
+        connection("t.y -> out", start_indices="2 2", end_indices="2 1"),
     )
     inner = with_connectors(
         inner, connector("in", "input", inside=matrix), connector("out", "output", inside=matrix)
@@ -178,10 +168,10 @@ def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tm
         inner,
         reference.replace("NAME", "first"),
         reference.replace("NAME", "second"),
-        wire("a.x", "s.in", endIndices="1 2"),
-        wire("a.y", "first.signal"),
-        wire("second.signal", "b.u", startIndices="2 1", endIndices="1 1"),
-        wire("s.out", "b.u", startIndices="2 1", endIndices="2 2"),
+        connection("a.x -> s.in", end_indices="1 2"),
+        connection("a.y -> first.signal"),
+        connection("second.signal -> b.u", start_indices="2 1", end_indices="1 1"),
+        connection("s.out -> b.u", start_indices="2 1", end_indices="2 2"),
         '<ssd:SignalDictionary name="bus" source="bus.ssb"/>',
     )
     (path / "bus.ssb").write_text("")
@@ -236,7 +226,7 @@ BYTES = connector("Binary_source", "output", "Binary") + connector("Binary_in", 
 
 
 def test_binary_values_pass_through_packages(fmus: dict[str, Path], tmp_path: Path) -> None:
-    parts = third("a", "", BYTES), third("b", "", BYTES), wire("a.Binary_source", "b.Binary_in")
+    parts = third("a", "", BYTES), third("b", "", BYTES), connection("a.Binary_source -> b.Binary_in")
     path = written(tmp_path, fmus, *parts)
     with read_ssp(path) as document:
         files = dict.fromkeys("ab", fmus["Third"])
@@ -245,6 +235,7 @@ def test_binary_values_pass_through_packages(fmus: dict[str, Path], tmp_path: Pa
     assert found[0] == found[1] and len(set(found[0])) > 1
 
 
+A_B = third("a"), third("b")
 UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:Float64/><ssc:Dimension/>")
 
 
@@ -260,19 +251,14 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
          "'m', which does not exist"),
         ((third("a", matrix='<ssc:Dimension sizeConnector="n" size="2"/>'),), "both size and sizeConnector"),
         ((third("a", "", connector("end", "parameter", inside=MATRIX)),), "a.end .* is a scalar"),
-        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="1 1")),
-         r"a.y\[1,1\] -> b.u joins 1 .* and 4 "),
-        ((third("a"), third("b"), wire("a.x", "b.u")),
-         "a.x -> b.u joins 1 element and 4 elements, an array with"),
-        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="1", endIndices="1 1")),
-         "'y' has 2 dimensions"),
-        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="3 1", endIndices="1 1")),
-         r"\[1,1\] to \[2,2\]"),
-        ((third("a"), third("b"), wire("a.y", "b.u", startIndices="0 1", endIndices="1 1")), "at least 1"),
-        ((third("a"), third("b"), wire("a.x", "b.u", startIndices="1", endIndices="1 1")), "'x' is no array"),
-        ((third("a"), third("b"), wire("a.y", "b.u"), wire("a.x", "b.u", endIndices="1 1")),
-         r"b.u\[1,1\] .* two"),
-        ((third("a"), UNSIZED, wire("a.y", "s.in")), "array 'in' of unknown size"),
+        ((*A_B, connection("a.y -> b.u", start_indices="1 1")), r"a.y\[1,1\] -> b.u joins 1 .* and 4 "),
+        ((*A_B, connection("a.x -> b.u")), "a.x -> b.u joins 1 element and 4 elements, an array with"),
+        ((*A_B, connection("a.y -> b.u", start_indices="1", end_indices="1 1")), "'y' has 2 dimensions"),
+        ((*A_B, connection("a.y -> b.u", start_indices="3 1", end_indices="1 1")), r"\[1,1\] to \[2,2\]"),
+        ((*A_B, connection("a.y -> b.u", start_indices="0 1", end_indices="1 1")), "at least 1"),
+        ((*A_B, connection("a.x -> b.u", start_indices="1", end_indices="1 1")), "'x' is no array"),
+        ((*A_B, connection("a.y -> b.u"), connection("a.x -> b.u", end_indices="1 1")), r"b.u\[1,1\] .* two"),
+        ((third("a"), UNSIZED, connection("a.y -> s.in")), "array 'in' of unknown size"),
         ((third("a", "", connector("Choice", "input", "Int8")),), "no variable"),
         ((third("a", "", connector("stride", "parameter", "Int8")),),
          "type Int8, but the variable is of type Int64"),
