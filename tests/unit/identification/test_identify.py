@@ -117,9 +117,8 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     (fit,) = found.fits
     assert fit.rms == pytest.approx(np.sqrt(2.0 * expected.cost / len(x)), rel=1e-3)
     assert fit.is_white and fit.related_input is None and not fit.outliers and found.notes == []
-    assert (
-        found.is_identified and found.converged and found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
-    )
+    assert found.is_identified and found.converged
+    assert found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
 def test_incomplete_model_is_reported_and_fails_on_other_data(identify: Identify) -> None:
@@ -258,13 +257,9 @@ def test_columns_with_names_of_signals_are_compared(identify: Identify) -> None:
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
     for chosen, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
-        found = identify(
-            {"Cart.m": "0.2:10"},
-            measured=[ec.Input(data=columns, columns=chosen)],
-            input=[ec.Input(data=driven)],
-            progress=progress,
-            set={"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]},
-        )
+        options = {"measured": [ec.Input(data=columns, columns=chosen)], "input": [ec.Input(data=driven)]}
+        given = {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}
+        found = identify({"Cart.m": "0.2:10"}, progress=progress, set=given, **options)
         assert {one.signal for one in found.fits} == signals
     assert any("columns that were not compared: remark" in note for note in progress.notes)
 
@@ -309,14 +304,8 @@ def test_lost_start_values_are_reported(tmp_path: Path) -> None:
     signal = run.names[0]
     values = run[signal] + 1e-3 * np.sin(50.0 * run.time)
     one = ec.Input(data={"time": run.time, "y": values}, signals={signal: "y"})
-    found = ec.identify(
-        careless,
-        {f"{name}.gain": "0.5:20"},
-        measured=[one],
-        stop_time=1.0,
-        step_size=0.01,
-        set={f"{name}.stubborn": True},
-    )
+    options = {"stop_time": 1.0, "step_size": 0.01, "set": {f"{name}.stubborn": True}}
+    found = ec.identify(careless, {f"{name}.gain": "0.5:20"}, measured=[one], **options)
     assert any("did not take" in note for note in found.notes), found.notes
 
 

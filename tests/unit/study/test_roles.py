@@ -16,22 +16,14 @@ from tests.support.commands import Emla, sentence
 
 OTHER = {"plant": "press", "reference": "plan", "observer": "guess", "controller": "loop"}
 ROLES = {
-    "x_L": "a.press.x_L",
-    "v_L": "a.press.v_L",
-    "tau_m": "a.press.tau_m",
+    **{role: f"a.press.{role}" for role in ("x_L", "v_L", "tau_m", "i_q", "i_d")},
+    **{role: f"a.press.screw.{role}" for role in ("q_LB", "q_UB", "v_max")},
+    **{role: f"a.press.motor.{role}" for role in ("i_max", "temperature_rise", "permitted_rise")},
     "x_d": "a.plan.x_d",
     "v_d": "a.plan.v_d",
     "x_hat": "a.guess.x_hat",
     "limited_control": "a.loop.saturated",
     "limited_inverter": "a.press.inverter.saturated",
-    "i_q": "a.press.i_q",
-    "i_d": "a.press.i_d",
-    "temperature_rise": "a.press.motor.temperature_rise",
-    "q_LB": "a.press.screw.q_LB",
-    "q_UB": "a.press.screw.q_UB",
-    "v_max": "a.press.screw.v_max",
-    "i_max": "a.press.motor.i_max",
-    "permitted_rise": "a.press.motor.permitted_rise",
 }
 SLIDE = {"slide.x_L": "gantry.slide.place", "slide.x_d": "gantry.motion.x_d"}
 
