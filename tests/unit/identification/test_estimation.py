@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from emla_cosim.base.errors import RunError
 from emla_cosim.identification import estimation
 from emla_cosim.identification.certainty import judge
 from emla_cosim.identification.estimation import Estimator, _find_offset, draw_starting_points
@@ -75,6 +76,18 @@ def test_interrupted_adaptation_keeps_the_best_point() -> None:
     found = searching.estimate([Parameters(DECAY).start])
     searching._adapt_sigma(found, ["y"])
     assert searching.best is not None and (searching.best.point == found.point).all()
+
+
+def test_values_with_failing_runs_are_avoided() -> None:
+    def fails(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
+        return ["the step failed"] if p["b"] > 3.5 else [*decay(p)]
+
+    space = [parameter("a", 0.0, 5.0, 1.0), parameter("b", 0.1, 20.0, 3.4)]
+    solved = problem(space, [[measured(TIME, noisy())]], fails)
+    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
+    assert Parameters(space).values(found.point)["b"] == pytest.approx(3.0, rel=0.02)
+    with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
+        search(solved).estimate([np.array([0.2, 0.9])])
 
 
 def test_uneven_valley_is_followed_to_its_end() -> None:
