@@ -13,10 +13,11 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.run.simulation import Simulation
+from emla_cosim.study import machine_systems
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import JOINTS, find_tracked_joints, find_variable
+from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
 from emla_cosim.study.systems import STUDY
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
@@ -124,6 +125,12 @@ def test_divergence_of_late_forces_is_explained(coupled: Simulation, algorithm: 
 
 
 # ---- roles -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["study", *machine_systems.SYSTEMS])
+def test_joints_are_found_in_every_system(name: str) -> None:
+    components = [c.name for c in load(name).system.components]
+    assert find_joints(components) == list(JOINTS)
 
 
 def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:

@@ -136,6 +136,12 @@ def test_shapes_that_differ_are_refused(names: dict[str, list[str]], message: st
         connect_elements(made, lambda name: names[name])
 
 
+def test_scalars_keep_their_connections() -> None:
+    made = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u", "a.y[1] -> b.v", "a.z -> b.w"])
+    names = {"a": ["x", "x[1]", "y[1]", "z[1]"], "b": ["u", "u[1]", "v", "w"]}
+    assert connect_elements(made, lambda name: names[name]) == made
+
+
 def test_lists_are_read_as_texts() -> None:
     assert parse_list("[ [ 1 ,2.5],[3 kN, 4] ]") == [["1", "2.5"], ["3 kN", "4"]]
     assert parse_list("[]") == []
