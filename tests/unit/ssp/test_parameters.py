@@ -263,6 +263,15 @@ def test_connected_variable_has_the_value_of_its_first_source(
     assert sum("has no effect" in note for note in found.notes) == 2
 
 
+def test_value_in_a_unit_reaches_inputs_of_other_units(tmp_path: Path, fmu: Path) -> None:
+    parts = component("a", "a.fmu", "u:input"), component("b", "b.fmu", "u:input")
+    wires = connection("in -> a.u"), connection("in -> b.u")
+    files = {"b__fmu": fake_fmu(tmp_path / "b.fmu", "u:input:mm")}
+    given = binding(ssv(**{"in": (5.0, "mm")}))
+    found = read(tmp_path, fmu, *parts, *wires, ports="in:input", bindings=given, files=files)
+    assert (found.values("a"), found.values("b")) == ({"u": pytest.approx(5e-3)}, {"u": 5.0})
+
+
 def test_driven_input_gets_no_value(tmp_path: Path, fmu: Path) -> None:
     parts = (
         component("a", "a.fmu", "y:output"),

@@ -94,6 +94,12 @@ def check_forces(scenario: str, result: ec.Result) -> None:
     assert error.max() < (1e-9 if scenario == "hdrm-replay" else 1e-6)
 
 
+def test_three_values_close_the_loop(coupled: Simulation) -> None:
+    result = coupled.run(stop_time=1e-3)
+    (loop,) = result.record["stepping"]["loops"]
+    assert sorted(loop) == sorted([*(f"{joint}.plant" for joint in JOINTS), "machine.manipulator"])
+
+
 # ---- agreement with the merged plant -----------------------------------------------------------
 
 
