@@ -174,6 +174,20 @@ def test_ways_through_systems(parts: tuple, expected: dict, tmp_path: Path, fmus
     assert found == {name: pytest.approx(values) for name, values in expected.items()}
 
 
+def test_conversion_of_units_is_not_stored_in_the_connection(tmp_path: Path, fmus: dict) -> None:
+    """It follows from the units, so that it is right when an FMU is replaced."""
+    parts = (
+        A_Y,
+        component("b", "mm.fmu", "u:input w:input"),
+        connection("a.y -> b.u"),
+        connection("a.y -> b.w", linear(2.0)),
+    )
+    read = understood(rooted(tmp_path, *parts, files=fmus))
+    found = {x.input: x.transformation for x in read.system.connections}
+    assert found["u"] is None
+    assert found["w"] is not None
+
+
 def gain(name: str, ports: str, b: float = 1.0, **values: Any) -> str:
     """The faulty FMU as y = b u, which has no units."""
     return component(name, "Faulty.fmu", ports, binding(ssv(a=0.0, b=b, **values)))
