@@ -29,13 +29,16 @@ class Algorithm:
     lacks: Collection[str] = ()
 
 
+INPUTS = {"none": {"held inputs"}, "master": {"held inputs"}, "fmu": {"lines"}}
+"""What FMUs are told of their inputs within a step, by extrapolation."""
+
+
 def fixed(algorithm: str, extrapolation: str = "none") -> Algorithm:
     has = {"fixed steps"} | ({"explicit"} if algorithm != "strong" else {"strong"})
     lacks = {"discarded steps"} if algorithm != "strong" else set[str]()
-    extrapolates = {"none": set[str](), "master": {"extrapolation"}, "fmu": {"extrapolation", "lines"}}
-    return Algorithm(
-        {"algorithm": algorithm, "extrapolation": extrapolation}, 1, has | extrapolates[extrapolation], lacks
-    )
+    has |= {"extrapolation"} if extrapolation != "none" else set()
+    options = {"algorithm": algorithm, "extrapolation": extrapolation}
+    return Algorithm(options, 1, has | INPUTS[extrapolation], lacks)
 
 
 def controlled(
@@ -43,8 +46,8 @@ def controlled(
 ) -> Algorithm:
     options = {"algorithm": algorithm, "extrapolation": extrapolation, "error_tolerance": tolerance}
     has = {"error control"} | ({"explicit error control"} if algorithm != "strong" else {"strong"})
-    has |= {"lines"} if extrapolation == "fmu" else set()
-    return Algorithm(options, interval, has | ({"free rows"} if interval is None else set()))
+    has |= {"free rows"} if interval is None else set()
+    return Algorithm(options, interval, has | INPUTS[extrapolation])
 
 
 ALGORITHMS: dict[str, Algorithm] = {
@@ -289,7 +292,11 @@ STEPPERS: dict[str, Stepper] = {
         is_compiled=False,
         by_default=[("multirate", "jacobi")],
     ),
-    "in parts": Stepper(run_in_parts, lacks=WHOLE, by_default=[("multirate", "strong, lines")]),
+    "in parts": Stepper(
+        run_in_parts,
+        lacks=WHOLE,
+        by_default=[("multirate", "strong, lines"), ("discarded steps", "strong, middles")],
+    ),
     "checkpoint of Python": Stepper(partial(resume, before=False, after=True), lacks=HALVES),
     "checkpoint of compiled code": Stepper(
         partial(resume, before=True, after=False), lacks=HALVES, is_compiled=False
@@ -307,7 +314,7 @@ STEPPERS: dict[str, Stepper] = {
         partial(run_isolated, first_alone=True),
         lacks={"grouped"},
         is_compiled=False,
-        by_default=[("factors, late start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
+        by_default=[("factors, early start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
     ),
     "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks=OLD, needs=VERSIONS),
     "parts of both versions": Stepper(partial(run, kind="mixed"), lacks=OLD, needs=VERSIONS),

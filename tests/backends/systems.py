@@ -23,6 +23,7 @@ from tests.support.hand_written_fmus import (
     build_event_fmu,
     build_faulty_fmu,
     build_integrated_fmu,
+    build_trigger_fmu,
 )
 
 # ---- blocks --------------------------------------------------------------------------------------
@@ -205,8 +206,11 @@ class Parts:
     def types_of_fmi_3(self) -> Path:
         return self.build("Third", build_all_types_3_fmu)
 
-    def events(self) -> Path:
-        return self.build("Events", build_event_fmu)
+    def events(self, clock: str | None = None) -> Path:
+        return self.build(f"Events{clock or ''}", lambda path: build_event_fmu(path, clock=clock))
+
+    def triggers(self) -> Path:
+        return self.build("Triggers", build_trigger_fmu)
 
     def integrated(self) -> Path:
         """Return a Model Exchange FMU: x' = u - x, y = x + gain u, a bouncing ball and a stair."""
@@ -332,18 +336,39 @@ def fmi_2_types(parts: Parts) -> ec.System:
 
 
 def events(parts: Parts) -> ec.System:
+    """Time events, state events, and a discrete input that changes at events of the other."""
     values = {"a.period": 0.21, "a.threshold": 0.17}
-    return ec.System.of({"a": parts.events(), "b": parts.events()}, [], values)
+    return ec.System.of(dict.fromkeys("ab", parts.events()), ["a.count -> b.n"], values)
+
+
+def clocks(parts: Parts) -> ec.System:
+    """A clock with a period, and one that ticks some time after each event."""
+    values = {"a.w": 2.0, "b.threshold": 0.35}
+    fmus = {name: parts.events(clock) for name, clock in (("a", "periodic"), ("b", "countdown"))}
+    return ec.System.of(fmus, ["a.x -> b.w"], values)
+
+
+def triggered_clocks(parts: Parts) -> ec.System:
+    wires = ["a.alarm -> b.go", "a.level -> b.w"]
+    return ec.System.of(dict.fromkeys("ab", parts.triggers()), wires, {"a.period": 0.3, "a.burst": 2})
 
 
 def model_exchange(parts: Parts) -> ec.System:
-    """a' = -a - b, b' = a - b, each also with its own ball and stair."""
+    """a' = -a - b, b' = a - b, each also with its own ball and stair; a step event sets b back at 0.25."""
     system = ec.System.of(
-        {"a": parts.integrated(), "b": parts.integrated()}, ["a.x -> b.u", "b.x -> a.u"], {"b.x": 0.0}
+        {"a": parts.integrated(), "b": parts.integrated()},
+        ["a.x -> b.u", "b.x -> a.u"],
+        {"b.x": 0.0, "b.limit": 0.25},
     )
     first, second = system.connections
     second = dataclasses.replace(second, transformation=ec.LinearTransformation(-1.0))
     return dataclasses.replace(system, connections=(first, second))
+
+
+def integrated_arrays(parts: Parts) -> ec.System:
+    """An element of a.F comes from b, which is integrated with a, and the other one from c, which is not."""
+    wires = ["a.y[2] -> b.F[2]", "b.y[2] -> a.F[2]", "c.y[3] -> a.F[1]", "a.y[1] -> c.F[2]"]
+    return ec.System.of(dict.fromkeys("abc", parts.block(Springs)), wires, {"a.x[2]": 0.7})
 
 
 def driven_lift(parts: Parts) -> ec.System:
@@ -355,6 +380,12 @@ def driven_lift(parts: Parts) -> ec.System:
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
 ME = {"has": {"Model Exchange"}, "is_interpreted": True, "step": 0.05}
+TICKS: dict[str, Any] = {
+    "step": 0.125,
+    "has": {"events"},
+    "lacks": {"error control"},
+    "is_interpreted": True,
+}
 
 SYSTEMS: dict[str, Entry] = {
     "rigid load": Entry(rigid_load, has={"blocks", "direct loop"}, lacks={"explicit error control"}),
@@ -362,8 +393,8 @@ SYSTEMS: dict[str, Entry] = {
     "two loops": Entry(two_loops, has={"blocks", "direct loop"}, lacks={"explicit error control"}),
     "nonlinear loop": Entry(curves, has={"blocks", "direct loop"}, lacks={"error control"}),
     "discrete states": Entry(controllers, has={"blocks"}, lacks={"error control"}),
-    "factors, late start": Entry(
-        transformed, {"start_time": 0.3}, step=1.0 / 224.0, has={"blocks", "transformations"}
+    "factors, early start": Entry(  # a step across zero does not join the points to the last bit
+        transformed, {"start_time": -0.05}, step=1.0 / 224.0, has={"blocks", "transformations"}
     ),
     "arrays of FMI 3.0": Entry(arrays, has={"arrays"}),
     "multirate": Entry(
@@ -376,9 +407,17 @@ SYSTEMS: dict[str, Entry] = {
     "types of FMI 3.0": Entry(fmi_3_types, step=0.125, has={"types of FMI 3.0"}, lacks={"error control"}),
     "types of FMI 2.0": Entry(fmi_2_types, step=0.01, has={"libraries"}, is_interpreted=True),
     "events": Entry(events, step=0.125, has={"events"}, is_interpreted=True),
+    "clocks": Entry(clocks, **TICKS),
+    "triggered clocks": Entry(triggered_clocks, **TICKS),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),
     "integrated together": Entry(
         model_exchange, **{**ME, "has": {"Model Exchange", "grouped"}}, lacks={"error control"}
+    ),
+    "arrays, integrated together": Entry(
+        integrated_arrays,
+        {"kind": {"a": "me", "b": "me"}},
+        **{**ME, "has": {"Model Exchange", "grouped"}},
+        lacks={"error control"},
     ),
     "lift": Entry(lambda parts: "lift", **LIFT, has={"scenario"}),
     "lift, sampled": Entry(
@@ -416,6 +455,9 @@ MESSAGES = {
     Fault.SET_REAL: "answered setReal",
     Fault.PENDING: "with fmi2Pending",
     Fault.NEGATIVE: "with status -1",
+    Fault.GET_STATE: "answered getFMUstate",
+    Fault.SET_STATE: "answered setFMUstate",
+    Fault.SET_DERIVATIVE: "answered setRealInputDerivatives",
 }
 
 
@@ -425,15 +467,28 @@ def unsolvable(parts: Parts) -> ec.System:
     return ec.System.of(components, ["b.y -> a.u", "a.y -> b.u"], {"a.leap": 1.0, "a.gain": -0.5})
 
 
-def fails(fault: Fault, message: str, is_loop: bool) -> Entry:
-    make = loop_with_a_fault if is_loop else line_with_a_fault
+REPEATED, WITH_LINES = {"explicit"}, {"held inputs"}
+LACKS = {Fault.GET_STATE: REPEATED, Fault.SET_STATE: REPEATED, Fault.SET_DERIVATIVE: WITH_LINES}
+"""Algorithms that do not call the function that fails."""
+
+
+def moving_loop_with_a_fault(fmu: Path, fault: Fault, at: float) -> ec.System:
+    """A loop that an offset sets in motion, so that strong coupling has to repeat steps."""
+    system = loop_with_a_fault(fmu, fault, at)
+    first, *others = system.connections
+    first = dataclasses.replace(first, transformation=ec.LinearTransformation(1.0, 1.0))
+    return dataclasses.replace(system, connections=(first, *others))
+
+
+def fails(fault: Fault, is_loop: bool) -> Entry:
+    make = moving_loop_with_a_fault if is_loop else line_with_a_fault
     return Entry(
         lambda parts: make(parts.faulty(), fault, AT),
         step=0.1,
         steps=12,
         has={"failure"} | ({"fatal"} if fault is Fault.FATAL else set()),
-        lacks={"explicit"} if fault is Fault.GET_STATE else (),
-        fails=message,
+        lacks=LACKS.get(fault, ()),
+        fails=MESSAGES[fault],
     )
 
 
@@ -449,13 +504,18 @@ def fails_in_fmi_3(message: str, values: Mapping[str, Any], *wires: str, is_loop
     )
 
 
-IN_A_LOOP = (Fault.DISCARD, Fault.NAN_Y, Fault.TERMINATE, Fault.GET_REAL, Fault.NEGATIVE)
-IN_A_LINE = (Fault.DISCARD, Fault.ERROR, Fault.FATAL, Fault.NAN_Y, Fault.SET_REAL, Fault.PENDING)
+IN_A_LOOP = (
+    *(Fault.DISCARD, Fault.NAN_Y, Fault.TERMINATE, Fault.GET_REAL, Fault.NEGATIVE),
+    *(Fault.GET_STATE, Fault.SET_STATE),
+)
+IN_A_LINE = (
+    *(Fault.DISCARD, Fault.ERROR, Fault.FATAL, Fault.NAN_Y, Fault.SET_REAL, Fault.PENDING),
+    Fault.SET_DERIVATIVE,
+)
 
 FAILING: dict[str, Entry] = {
-    **{f"{fault.name} in a line": fails(fault, MESSAGES[fault], False) for fault in IN_A_LINE},
-    **{f"{fault.name} in a loop": fails(fault, MESSAGES[fault], True) for fault in IN_A_LOOP},
-    "GET_STATE in a loop": fails(Fault.GET_STATE, "answered getFMUstate", True),
+    **{f"{fault.name} in a line": fails(fault, False) for fault in IN_A_LINE},
+    **{f"{fault.name} in a loop": fails(fault, True) for fault in IN_A_LOOP},
     "unsolvable loop": Entry(
         unsolvable,
         steps=12,
@@ -471,7 +531,9 @@ FAILING: dict[str, Entry] = {
         is_loop=True,
     ),
     "FMI 3.0: returns early": fails_in_fmi_3(
-        "returned early", {"b.fault": 3, "b.end": 0.5}, "a.Int32_out -> b.Int16_in"
+        ", which was not allowed",
+        {"b.fault": 3, "b.end": 0.5},
+        "a.Int32_out -> b.Int16_in",
     ),
     "FMI 3.0: wants event mode": fails_in_fmi_3(
         "asked for event mode, which is not used", {"b.fault": 4, "b.end": 0.5}, is_loop=True

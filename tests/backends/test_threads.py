@@ -27,13 +27,12 @@ from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.algorithms.tasks import Call, StepTask
+from emla_cosim.master.algorithms.tasks import StepTask
 from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import kernel, sharing
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.sharing import Sharing
 from emla_cosim.master.stepping.thread_schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_systems import line_with_a_fault, open_system
@@ -68,38 +67,6 @@ def work_of(algorithm: OperationTableAlgorithm, network: Network) -> list[StepTa
     return algorithm.tasks()
 
 
-# ---- what has to come before what --------------------------------------------------------------
-
-
-def test_outputs_of_jacobi_wait_for_their_readers() -> None:
-    """Inputs of 0, 1, 2 have the places 0 to 2, steps 3 to 5, and outputs 6 to 8."""
-    work = work_of(Jacobi(), chains(3, [(0, 1), (1, 2), (0, 2)]))
-    assert [task.steps for task in work] == [call == Call.STEP for call in Call for _ in range(3)]
-    assert [task.after for task in work[:6]] == [(), (), (), (0,), (1,), (2,)]
-    assert [task.after for task in work[6:]] == [(1, 2, 3), (2, 4), (5,)]
-
-
-def test_gauss_seidel_orders_each_chain_alone() -> None:
-    """Two chains of two, of which the second goes back to the beginning of the first."""
-    work = work_of(GaussSeidel(order=["s0", "s1", "s2", "s3"]), chains(4, [(0, 1), (2, 3), (3, 0)]))
-    after = [task.after for task in work]
-    assert after[3] == (2,)  # the inputs of s1 wait for the outputs of s0
-    assert after[6] == ()  # the second chain waits for nobody
-    assert after[9] == (8,)
-    assert after[11] == (0, 10)  # what s3 gives must not be there before s0 has read the earlier value
-
-
-def test_groups_wait_for_what_they_read_and_samples_for_all_groups() -> None:
-    network = chains(5, [(0, 1), (1, 0), (2, 3), (1, 4)])
-    work = work_of(Strong(step_multiples={"s4": 2}), network)
-    members = [task.instances for task in work]
-    assert sorted(members[:3]) == [(0, 1), (2,), (3,)]
-    assert members[3:] == [(4,)] * 3
-    loop, source, reader = (members.index(x) for x in ((0, 1), (2,), (3,)))
-    assert work[loop].after == work[source].after == () and work[reader].after == (source,)
-    assert work[3].after == (0, 1, 2)
-
-
 # ---- who does what -----------------------------------------------------------------------------
 
 
@@ -132,22 +99,24 @@ def lane_of(work: Sequence[StepTask], placement: ThreadSchedule) -> dict[int, se
     return found
 
 
-def test_independent_steps_are_balanced() -> None:
-    """9 is the sum of 4 and 5, and of 3, 3 and 3."""
-    work = work_of(Jacobi(), chains(5, []))
-    assert schedule_tasks(work, [5.0, 3.0, 3.0, 4.0, 3.0], 2).length == 9.0
-
-
-def test_there_are_no_lanes_without_work() -> None:
-    placement = schedule_tasks(work_of(GaussSeidel(), chains(4, [(0, 1), (1, 2)])), [1.0, 1.0, 1.0, 1.0], 4)
-    assert len(placement.lanes) == 2 and placement.length == 3.0
-
-
-def test_three_chains_in_two_threads_are_interleaved() -> None:
-    """Whole chains would need 6; the tasks of one chain between those of the others need 5."""
-    network = chains(9, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)])
-    placement = schedule_tasks(work_of(GaussSeidel(), network), [1.0] * 9, 2)
-    assert placement.length == 5.0
+@pytest.mark.parametrize(
+    ("kind", "links", "costs", "threads", "length"),
+    [
+        (Jacobi, [], [5.0, 3.0, 3.0, 4.0, 3.0], 2, 9.0),  # of 4 and 5, and of 3, 3 and 3
+        (GaussSeidel, [(0, 1), (1, 2)], [1.0] * 4, 4, 3.0),  # two threads have nothing to do
+        # whole chains would need 6; the tasks of one chain between those of the others need 5
+        (GaussSeidel, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)], [1.0] * 9, 2, 5.0),
+    ],
+)
+def test_steps_are_balanced_and_interleaved(
+    kind: type[OperationTableAlgorithm],
+    links: list[tuple[int, int]],
+    costs: list[float],
+    threads: int,
+    length: float,
+) -> None:
+    placement = schedule_tasks(work_of(kind(), chains(len(costs), links)), costs, threads)
+    assert placement.length == length and all(placement.lanes)
 
 
 @given(st.data())
@@ -275,63 +244,6 @@ def test_heavy_steps_are_tried_in_threads(
     assert min(report[f"{x}_us"] for x in ("handover", "step_in_threads", "step_in_one_thread")) > 0.0
 
 
-class FakeKernel:
-    """A kernel whose lanes meet in this time in s."""
-
-    def __init__(self, handover: float) -> None:
-        self.together, self.shared, self._handover = False, 0, handover
-        self.schedules = 0
-
-    @property
-    def threads(self) -> int:
-        return self.shared if self.together else 1
-
-    def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
-        self.together, self.shared = True, len(lanes)
-        self.schedules += 1
-
-    def handover(self) -> float:
-        return self._handover
-
-
-def driven(handover: float, alone: float, together: Sequence[float]) -> list[int]:
-    """The threads that step in the end, as steps in threads cost this in turn, and in one thread that."""
-    kernel = FakeKernel(handover)
-    algorithm = begun(chains(2, [], slow(1e-4)), Jacobi(), TIMES)
-    found, chosen = Sharing(kernel, algorithm, None), list[int]()  # type: ignore[arg-type]
-    for cost in together:
-        for _ in range(40):
-            if found.observing:
-                with found.observed():
-                    algorithm.step(0.0, 0.125)
-                continue
-            found.did(1, cost if kernel.together else alone)
-        chosen.append(kernel.threads)
-        found.did(1, 100.0)  # time passes
-    return chosen
-
-
-def test_the_faster_way_is_taken_and_measured_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    assert driven(1e-6, 1e-2, [6e-3, 6e-3, 2e-2, 6e-3]) == [2, 2, 1, 2]
-    assert driven(1e-6, 1e-2, [9.9e-3, 2e-2]) == [1, 1]  # a change has to be worth it
-    assert driven(0.5, 1e-2, [6e-3, 6e-3]) == [1, 1]  # a handover that costs more than is gained
-    assert driven(1e-6, 1e-5, [6e-6, 6e-6]) == [1, 1]  # too short to be looked at
-
-
-def test_short_runs_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    kernel = FakeKernel(1e-6)
-    algorithm = begun(chains(2, [], slow(1e-4)), Jacobi(), TIMES)
-    found = Sharing(kernel, algorithm, None)  # type: ignore[arg-type]
-    for _ in range(9):  # 90 ms
-        found.did(1, 1e-2)
-        assert not found.observing
-    for _ in range(3):
-        found.did(1, 1e-2)
-    assert found.observing
-
-
 def test_automatic_threads_that_cannot_start_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "count_cores", lambda: 2)
 
@@ -364,21 +276,6 @@ def test_threads_need_a_compiler_for_their_loop(monkeypatch: pytest.MonkeyPatch)
     two = FixedSteps(begun(chains(2, [], advance), Jacobi(), times), times, threads=2)
     with pytest.raises(ec.RunError, match=words):
         recorded(two)
-
-
-def test_measuring_does_as_many_steps_as_requested(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Otherwise a caller that checks the time between two calls requests more and more."""
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    same = kernel.c_address(None, "getpid")
-    monkeypatch.setattr(kernel, "_seconds", lambda: same)  # a stretch ends early when the second does
-    times = make_communication_points(100.0, 1.0)
-    stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
-    table = Table(3, room=200)
-    for count in (1, 2, 4, 40):
-        before = stepping.steps
-        stepping.advance(table, count)
-        assert stepping.steps == before + count
-    stepping.close()
 
 
 def test_steps_that_only_wait_for_each_other_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,18 +79,6 @@ def test_two_components_of_one_library_are_independent(
     assert rows[2] == [" ".join(pair) for pair in zip(*rows[:2], strict=True)]
 
 
-def test_error_status_ends_the_host(plain_host: Path, unpacked_fmus: Fmus, tmp_path: Path) -> None:
-    """Otherwise the tests here would prove nothing."""
-    plan = write_plan(tmp_path / "plan", unpacked_fmus, 10)
-    mass = unpacked_fmus["EmlaPlant"].variables["screw.M_BS"].valueReference
-    plant = [c.model for c in LIFT.components].index("EmlaPlant")
-    plan.write_text(plan.read_text() + f"real {plant} {mass} -1\n")
-    with pytest.raises(
-        AssertionError, match=r"lift\.plant answered fmi2ExitInitializationMode with fmi2Error"
-    ):
-        run_program(plain_host, plan, tmp_path / "results")
-
-
 @pytest.mark.parametrize(
     ("sanitizer", "cycles"),
     [("address", 100), ("thread", 50), pytest.param("address", 1000, marks=pytest.mark.nightly)],

@@ -9,7 +9,6 @@ as our Jacobi does; a sequential container does what our Gauss-Seidel does.
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,7 @@ from fmu_manipulation_toolbox.assembly import AssemblyNode
 
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import build
-from emla_cosim.study.loading import load
 from tests.support.joint_run import STEP, Array, Case, differences, our_run, study_joint
-from tests.support.scenario_runs import run_scenario
 
 if sys.platform == "linux":  # libcosim and Ecos have no packages for other platforms
     from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
@@ -200,34 +197,6 @@ def test_joint_has_the_bits_of_our_master(
     assert differences(case, found, our_run(case, algorithm)) == {}
     if master in (libcosim_run, ecos_run):
         assert "".join(capfd.readouterr()) == "", "no warnings"
-
-
-def test_joint_shows_differences_of_masters(moving_case: Case) -> None:
-    """All of its signals move, except the constant load; order of exchange and step size change them."""
-    run = our_run(moving_case, "jacobi")
-    still = [
-        name for name, at_rest in zip(moving_case.signals, np.ptp(run, axis=0) == 0.0, strict=True) if at_rest
-    ]
-    assert still == [("lift.disturbance", "F_L")]
-    assert max(differences(moving_case, our_run(moving_case, "gauss-seidel"), run).values()) > 0.1
-    other = our_run(replace(moving_case, step=2.0**-13), "jacobi")
-    assert max(differences(moving_case, other, run).values()) > 1e-3
-
-
-@slow
-@linux
-def test_libcosim_has_the_bits_of_results_csv(fmu_folder: Path, tmp_path: Path) -> None:
-    """Three joints, 15 FMUs, as `emla run study --algorithm jacobi` leaves them in results.csv."""
-    study = load("study")
-    case = Case(study.system, fmu_folder, "native", 500, STEP)
-    options = {"algorithm": "jacobi", "stop_time": case.times.stop, "output_interval": STEP}
-    assert run_scenario(study, tmp_path, fmus=fmu_folder, **options).problem is None
-    rows = np.genfromtxt(
-        tmp_path / "results.csv", delimiter=",", names=True, deletechars="", encoding="utf-8"
-    )
-    assert rows["time"].tolist() == [case.times.point(k) for k in range(case.steps + 1)]
-    expected = np.array([rows[f"{c}.{output}"] for c, output in case.signals]).T.copy()
-    assert differences(case, libcosim_run(case, tmp_path), expected) == {}
 
 
 class Mixed(Case):

@@ -152,30 +152,6 @@ def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path)
     assert attributes(f"{platform}/osp:Algorithm/osp:FixedStepAlgorithm") == {"baseStepSize": "0.0001"}
 
 
-def test_manipulator_loads_and_diverges_without_strong_coupling(fmu_folder: Path, tmp_path: Path) -> None:
-    """Both hosts pass forces on a step late. Ecos goes on without the FMU that fails."""
-    system = load("hdrm-coupled").system
-    package = load("hdrm-coupled", fmus=fmu_folder).export(tmp_path / "machine.ssp")
-    read = load(str(package)).system
-    assert [c.name for c in read.components] == [c.name for c in system.components]
-    assert {str(x) for x in read.connections} == {str(x) for x in system.connections}
-    log_output_level(CosimLogLevel.FATAL)
-    execution = CosimExecution.from_ssp_file(str(package))
-    names = {component.name.replace(".", "_") for component in system.components}
-    assert {info.name.decode() for info in execution.slave_infos()} == names
-    done = 0
-    while done < 200 and execution.step(1):
-        done += 1
-    assert 10 < done < 100
-    EcosLib.set_log_level("off")
-    with EcosSimulation(1e-4, ssp_path=str(package)) as simulation:
-        assert simulation.init(parameter_set="initialValues")
-        positions = stepped(simulation, ["telescope_plant::x_L"], 200)[1:, 0]
-    swings = np.abs(np.diff(positions))
-    assert swings[:10].max() < 0.05 * swings.max()
-    assert len(set(positions[-100:])) == 1
-
-
 # ---- a system as one FMU ------------------------------------------------------------------------
 
 OUTPUTS = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]

@@ -239,6 +239,10 @@ class Fault(IntEnum):
     """The step that passes `at` writes to every file that the process has open, but for the first three."""
     HANG_TERMINATE = 27
     """fmi2Terminate never returns."""
+    SET_STATE = 28
+    """fmi2SetFMUstate answers fmi2Error after `at`."""
+    SET_DERIVATIVE = 29
+    """fmi2SetRealInputDerivatives answers fmi2Error after `at`."""
 
 
 class Counts:

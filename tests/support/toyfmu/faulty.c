@@ -28,7 +28,8 @@ enum { U, A, B, AT, LONGEST, Y, Z, REALS, FAULT = REALS }; /* value references *
 enum { /* values of the parameter `fault` */
     NO_FAULT, DISCARD, FAIL, DIE, NAN_Y, TERMINATE, GET_REAL, SET_REAL, NAN_Z, PEND, EXIT_INITIALIZATION,
     ENTER_INITIALIZATION, GET_STATE, WARN, EXIT, SEGFAULT, ABORT, HANG, SEGFAULT_GET_REAL, SEGFAULT_INITIALIZATION,
-    SEGFAULT_TERMINATE, SEGFAULT_FREE, SEGFAULT_FREE_STATE, NEGATIVE, HUGE_STATE, ORPHAN, GARBLE, HANG_TERMINATE, FAULTS
+    SEGFAULT_TERMINATE, SEGFAULT_FREE, SEGFAULT_FREE_STATE, NEGATIVE, HUGE_STATE, ORPHAN, GARBLE, HANG_TERMINATE, SET_STATE,
+    SET_DERIVATIVE, FAULTS
 };
 
 #define TIME_TOLERANCE 1e-9 /* in s; a step that ends at `at` does not pass it */
@@ -106,7 +107,9 @@ static int before(Model *m, const char *function) {
         {"fmi2GetReal", GET_REAL, 0, "to refuse getting values at t = %.9g s."},
         {"fmi2GetReal", SEGFAULT_GET_REAL, 0, NULL},
         {"fmi2SetReal", SET_REAL, 0, "to refuse setting values at t = %.9g s."},
+        {"fmi2SetRealInputDerivatives", SET_DERIVATIVE, 0, "to refuse derivatives at t = %.9g s."},
         {"fmi2GetFMUstate", GET_STATE, 0, "to refuse its state at t = %.9g s."},
+        {"fmi2SetFMUstate", SET_STATE, 0, "to refuse another state at t = %.9g s."},
     };
     if (m->serial <= dead_up_to && m->serial) {
         calls_after_fatal++;

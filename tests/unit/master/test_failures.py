@@ -1,9 +1,6 @@
 """An FMU that fails ends the run with one message that names it, and every row so far is kept."""
 
-import errno
 import json
-import os
-import re
 import signal
 import time
 from collections.abc import Callable
@@ -23,15 +20,11 @@ import emla_cosim.run.execution
 import emla_cosim.run.simulation
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import app
-from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.instances.fmu_instance import DiscardedStepError
-from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.checkpoint import save_checkpoint
 from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
-from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile
-from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.recorders.recorder import Recorder
 from emla_cosim.run.result import Result
 from emla_cosim.sandbox.interruption import ONE_REQUEST
 from emla_cosim.study.loading import load
@@ -44,10 +37,7 @@ from tests.support.faulty_systems import (
     run_system,
     wired,
 )
-from tests.support.full_disk import files_of_at_most
 from tests.support.hand_written_fmus import Counts, Fault, build_faulty_fmu
-from tests.support.simulated import simulated
-from tests.support.slaves import FakeSlave
 from tests.support.whole_files import names
 
 AT = 0.35
@@ -217,64 +207,33 @@ def test_command_reports_the_failure_in_one_message(
 
 # ---- strong coupling and error control ---------------------------------------------------------
 
-ITERATED = [
-    *((fault, line_with_a_fault) for fault in ENDINGS if fault not in (Fault.DISCARD, Fault.SET_REAL)),
-    *((fault, loop_with_a_fault) for fault in (Fault.ERROR, Fault.FATAL, Fault.NAN_Y, Fault.GET_REAL)),
+STRONG, CONTROLLED = {"algorithm": "strong"}, {"error_tolerance": 0.1}
+REPEATED = [
+    *(
+        (fault, loop_with_a_fault, STRONG)
+        for fault in (Fault.ERROR, Fault.FATAL, Fault.NAN_Y, Fault.GET_REAL)
+    ),
+    *((fault, line_with_a_fault, CONTROLLED) for fault in ENDINGS),
 ]
 
 
-@pytest.mark.parametrize(("fault", "make"), ITERATED)
-def test_failing_fmu_ends_a_strongly_coupled_run(
-    fault: Fault, make: Callable[..., System], faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+@pytest.mark.parametrize(("fault", "make", "options"), REPEATED)
+def test_failing_fmu_ends_a_run_that_repeats_steps(
+    fault: Fault,
+    make: Callable[..., System],
+    options: dict[str, Any],
+    faulty_fmu: Path,
+    tmp_path: Path,
+    counts: list[Counts],
 ) -> None:
-    result = run_system(make(faulty_fmu, fault, AT), tmp_path, "strong")
-    assert result.problem is not None and "j.bad" in result.problem
-    frame = table(tmp_path)
-    assert frame["time"][-1] == pytest.approx(0.3) and np.isfinite(frame.to_numpy()).all()
-    assert result.end_s == pytest.approx(0.3)
-    check_freed(counts, died=fault == Fault.FATAL)
-
-
-@pytest.mark.parametrize("stepped", STEPPED)
-def test_fmu_may_end_the_run(stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]) -> None:
-    result = run_system(line_with_a_fault(faulty_fmu, Fault.TERMINATE, AT), tmp_path, **STEPPED[stepped])
-    assert (result.problem, result.end_s) == (None, pytest.approx(0.3))
-    assert "j.bad asked to end the simulation during doStep at t = 0.3 s." in result.remarks[0]
-    assert table(tmp_path)["time"][-1] == pytest.approx(0.3)
-    check_freed(counts)
-
-
-@pytest.mark.parametrize("fault", [f for f in ENDINGS if f != Fault.DISCARD])
-def test_failing_fmu_ends_a_run_with_error_control(
-    fault: Fault, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
-) -> None:
-    result = run_system(line_with_a_fault(faulty_fmu, fault, AT), tmp_path, error_tolerance=0.1)
+    """All states that it saved are freed."""
+    result = run_system(make(faulty_fmu, fault, AT), tmp_path, **options)
     assert result.problem is not None and "j.bad" in result.problem
     frame = table(tmp_path)
     assert np.isfinite(frame.to_numpy()).all()
-    assert frame["time"][-1] == result.end_s
+    assert 0.29 < frame["time"][-1] == result.end_s < 0.41
     assert len(frame) == result.steps + 1
     check_freed(counts, died=fault == Fault.FATAL)
-
-
-def test_discarded_step_of_strong_coupling_is_halved_several_times(
-    faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
-) -> None:
-    result = run_system(loop_with_a_fault(faulty_fmu, Fault.DISCARD, AT), tmp_path, "strong")
-    match = re.search(r"j\.bad answered doStep at t = (\S+) s with fmi2Discard", result.problem or "")
-    assert match is not None, result.problem
-    assert AT - 1e-3 < float(match[1]) <= AT
-    assert table(tmp_path)["time"][-1] == pytest.approx(0.3)
-    check_freed(counts)
-
-
-def test_discarded_step_of_error_control_is_shortened_until_it_is_tiny(
-    faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
-) -> None:
-    result = run_system(line_with_a_fault(faulty_fmu, Fault.DISCARD, AT), tmp_path, error_tolerance=0.1)
-    assert re.search(r"j.bad answered doStep at t = 0.3(5|49999)\d* s with fmi2Discard", result.problem or "")
-    assert 0.35 - 1e-6 < table(tmp_path)["time"][-1] <= 0.35 + 1e-8
-    check_freed(counts)
 
 
 @pytest.mark.parametrize("options", [{"algorithm": "strong"}, {"error_tolerance": 0.5}])
@@ -292,45 +251,25 @@ def test_step_that_is_too_long_for_an_fmu_is_divided(
     check_freed(counts)
 
 
-def test_all_members_of_a_loop_take_the_divided_step() -> None:
-    """The result is that of steps as short as the parts."""
-
-    def ending(longest: float, step: float) -> np.ndarray:
-        def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
-            if h > longest:
-                raise DiscardedStepError("position", "doStep", "fmi2Discard", [])
-            return x + h * u
-
-        position = FakeSlave("position", 1, [1.0], advance)
-        speed = FakeSlave("speed", 1, [0.0], lambda u, x, t, h: x - h * u)
-        network = Network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
-        return simulated(network, Strong(coupling_tolerance=1e-13), make_communication_points(1.0, step))[-1]
-
-    assert ending(0.3 * 0.125, 0.125) == pytest.approx(ending(1.0, 0.25 * 0.125), abs=1e-11)
-
-
 # ---- states of FMUs ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("options", [{"algorithm": "strong"}, {"error_tolerance": 0.1}, {"checkpoint": "c"}])
-def test_failed_get_state_ends_the_run(
-    options: dict[str, Any], faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (Fault.GET_STATE, "j.bad answered getFMUstate with fmi2Error."),
+        (
+            Fault.HUGE_STATE,
+            f"j.bad answered SerializedFMUstateSize with {2**60} bytes, more than {2**32}.",
+        ),
+    ],
+)
+def test_state_that_cannot_be_saved_leaves_the_rows_and_no_checkpoint(
+    fault: Fault, message: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
 ) -> None:
-    if "checkpoint" in options:
-        options = {"checkpoint": tmp_path / "c"}
-    result = run_system(loop_with_a_fault(faulty_fmu, Fault.GET_STATE, AT), tmp_path / "out", **options)
-    assert result.problem is not None
-    assert "j.bad answered getFMUstate with fmi2Error." in result.problem
-    assert np.isfinite(table(tmp_path / "out").to_numpy()).all()
-    assert not (tmp_path / "c").exists()
-    check_freed(counts)
-
-
-def test_size_of_a_state_is_limited(faulty_fmu: Path, tmp_path: Path, counts: list[Counts]) -> None:
-    system = line_with_a_fault(faulty_fmu, Fault.HUGE_STATE, AT)
+    system = line_with_a_fault(faulty_fmu, fault, AT)
     result = run_system(system, tmp_path / "out", checkpoint=tmp_path / "c")
-    assert result.problem is not None
-    assert f"j.bad answered SerializedFMUstateSize with {2**60} bytes, more than {2**32}." in result.problem
+    assert result.problem is not None and message in result.problem
     assert not (tmp_path / "c").exists()
     assert len(table(tmp_path / "out")) == 11
     check_freed(counts)
@@ -384,71 +323,7 @@ def test_checkpoints_free_their_states(
     check_freed(counts)
 
 
-# ---- a full disk, no memory, Ctrl-C ------------------------------------------------------------
-
-
-def test_every_recorder_is_ended_when_one_fails() -> None:
-    ended: list[str] = []
-
-    class Shelf(Recorder):
-        def __init__(self, name: str, room: int) -> None:
-            self.name, self.room = name, room
-
-        def __str__(self) -> str:
-            return self.name
-
-        def write(self, rows: np.ndarray) -> None:
-            self.room -= len(rows)
-            if self.room < 0:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-        def end(self) -> None:
-            ended.append(self.name)
-
-    buffer = RowBuffer(2, [Shelf("the shelf", 3), Shelf("another", 100)], block_rows=2)
-    with pytest.raises(RecordingError, match=r"^the shelf cannot be written: No space left on device\.$"):
-        for _ in range(10):
-            buffer.room(1)[:] = 0.0
-            buffer.commit(1)
-    buffer.end()
-    assert ended == ["the shelf", "another"]
-
-
-@pytest.mark.parametrize("stepped", ["compiled jacobi", "gauss-seidel"])
-def test_full_disk_ends_the_run(
-    stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written = []
-
-    def write(file: CsvFile, rows: np.ndarray) -> None:
-        if len(written) > 1:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written.append(len(rows))
-
-    monkeypatch.setattr(CsvFile, "write", write)
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
-    result = run_system(system, tmp_path, stop_time=2000.0, **STEPPED[stepped])
-    assert result.problem == f"{tmp_path / 'results.csv'} cannot be written: No space left on device."
-    assert sum(written) <= result.steps < 20_000
-    assert json.loads((tmp_path / "run.json").read_text())["status"] == result.problem
-    check_freed(counts)
-
-
-def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
-    path = tmp_path / "results.csv"
-    file = CsvFile(path)
-    file.begin(Outline(["a", "b"], [None, None], make_communication_points(50.0, 1.0), range(2), every=3))
-    rows = np.random.default_rng(1).normal(size=(50, 3))
-    with files_of_at_most(1000):
-        file.write(rows[:2])
-        with pytest.raises(OSError, match="File too large"):
-            file.write(rows[2:])
-            file.memory()  # waits until the rows are on the disk
-        file.end()
-    stored = polars.read_csv(path).to_numpy()
-    assert path.read_bytes().endswith(b"\n")
-    assert 1 <= len(stored) < 17
-    assert (stored == rows[::3][: len(stored)]).all()
+# ---- no memory, Ctrl-C -------------------------------------------------------------------------
 
 
 def test_recorder_without_memory_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:

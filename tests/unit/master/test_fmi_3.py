@@ -1,5 +1,6 @@
 """FMI 3.0 co-simulation FMUs in systems, also together with FMI 2.0."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,16 +9,11 @@ import polars
 import pytest
 
 import emla_cosim as ec
-import fmublock
 from emla_cosim.base.errors import CommandError, RunError
-from emla_cosim.fmu.file import open_fmu
-from emla_cosim.fmu.log import FmuLog
-from emla_cosim.fmu.models import MODELS
-from emla_cosim.master.instances.instance_kinds import make_instance
 from emla_cosim.system.model import System
-from fmublock import Block, Input, Output
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, edit_description
 from tests.support.tiers import mostly_slow
+from tests.unit.master.conftest import run as run_for
 
 DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
 STEP, STOP = 0.125, 1.0
@@ -40,17 +36,8 @@ OPTIONS: list[dict[str, Any]] = [
     {"algorithm": "strong", "isolate": ["b"]},
     {"algorithm": "jacobi"},
 ]
+run = partial(run_for, stop=STOP)
 NUMBERS = {**VALUES, "Float32": float(np.float32(0.1)), "Boolean": 1, "Enumeration": 2}
-
-
-class Twice(Block):
-    """Doubles a number."""
-
-    u = Input()
-    y = Output()
-
-    def outputs(self, v: Any) -> dict[str, Any]:
-        return {"y": 2.0 * v.u}
 
 
 @pytest.fixture(scope="module")
@@ -59,16 +46,10 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_all_types_3_fmu(file)
 
 
-def run(system: System, **options: Any) -> ec.Result:
-    with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
-        return simulation.run()
-
-
-@pytest.mark.parametrize("isolate", mostly_slow([[], ["a", "b"]], [[]]))
-def test_all_types_and_arrays_pass_through_connections(path: Path, isolate: list[str]) -> None:
+def test_all_types_and_arrays_pass_through_connections(path: Path) -> None:
     connections = ["a.y -> b.u", *(f"a.{t}_out -> b.{t}_in" for t in VALUES)]
     values = {f"a.{t}_in": value for t, value in VALUES.items()}
-    found = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}), isolate=isolate)
+    found = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}))
     for kind, number in NUMBERS.items():
         assert found[f"a.{kind}_out"][-1] == number, kind
         assert found[f"b.{kind}_out"][-1] == number, kind
@@ -84,14 +65,6 @@ def test_one_element_leaves_the_others(path: Path) -> None:
     found = run(system)
     assert found["b.y[1,2]"][-1] == 2.0 * found["a.x"][-1] == 1.0
     assert [found[f"b.y[{e}]"][-1] for e in ("1,1", "2,1", "2,2")] == [0.5, 3.5, 8.0]
-
-
-def test_both_versions_in_one_system(path: Path, tmp_path: Path) -> None:
-    fmublock.build(Twice, tmp_path / "Twice.fmu")
-    fmus = {"three": path, "two": tmp_path / "Twice.fmu", "last": path}
-    found = run(System.of(fmus, ["three.x -> two.u", "two.y -> last.u[2,2]"]))
-    assert found["two.y"][-1] == 2.0 * found["three.x"][-1] == 1.0
-    assert found["last.y[2,2]"][-1] == 4.0
 
 
 @pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::2]), ids=str)
@@ -197,24 +170,16 @@ def test_mime_types_must_match(path: Path, tmp_path: Path) -> None:
     assert run(system, lenient=True)["b.checksum"][0] == 0
 
 
-@pytest.mark.parametrize(
-    ("value", "source", "isolate"),
-    [
-        (127, "Int16", []),
-        (128, "Int16", []),
-        (-129, "Int32", []),
-        pytest.param(128, "Int16", ["a", "b"], marks=pytest.mark.slow),
-    ],
-)
-def test_signal_out_of_range_ends_the_run(value: int, source: str, isolate: list[str], path: Path) -> None:
-    system = System.of({"a": path, "b": path}, [f"a.{source}_out -> b.Int8_in"], {f"a.{source}_in": value})
-    if value == 127:
-        assert run(system, isolate=isolate)["b.Int8_out"][-1] == value
-        return
-    with pytest.raises(
-        RunError, match=f"b got a value that .*: its input Int8_in is Int8 and cannot be {value}"
-    ):
-        run(system, isolate=isolate)
+def test_signal_out_of_the_range_of_its_input_ends_the_run(path: Path) -> None:
+    def passed(value: int) -> float:
+        system = System.of({"a": path, "b": path}, ["a.Int16_out -> b.Int8_in"], {"a.Int16_in": value})
+        return run(system)["b.Int8_out"][-1]
+
+    assert (passed(127), passed(-128)) == (127, -128)
+    for value in (128, -129):
+        message = f"b got a value that .*: its input Int8_in is Int8 and cannot be {value}"
+        with pytest.raises(RunError, match=message):
+            passed(value)
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
@@ -231,45 +196,6 @@ def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        (DISCARD, "fmi3Discard"),
-        (EARLY, "returned early at t = 0.5 s, which was not allowed"),
-        (EVENT, "asked for event mode"),
-    ],
-)
-def test_answers_of_steps_are_reported(path: Path, fault: int, words: str) -> None:
-    with pytest.raises(RunError, match=words):
-        run(System.of({"a": path}, [], {"a.fault": fault, "a.end": 0.5}))
-
-
-def test_an_fmu_may_end_the_run(path: Path) -> None:
-    ended = run(System.of({"a": path}, [], {"a.fault": TERMINATE, "a.end": 0.5}))
-    assert ended.problem is None
-    assert "a asked to end the simulation during doStep at t = 0.5 s" in ended.remarks[0]
-
-
-def test_state_is_restored(path: Path, tmp_path: Path) -> None:
-    instance = make_instance("a", open_fmu(path, tmp_path / "a"), ["u[1,1]"], ["x"], FmuLog())
-    try:
-        instance.enter_initialization(0.0)
-        instance.exit_initialization()
-        instance.inputs[:] = 2.0
-        instance.set_inputs()
-        state, content = instance.save(), instance.serialize()
-        seen = []
-        for restore in (lambda: None, lambda: instance.restore(state), lambda: instance.deserialize(content)):
-            restore()
-            instance.do_step(0.0, 0.25)
-            instance.get_outputs()
-            seen.append(instance.outputs[0])
-        assert seen == [0.5, 0.5, 0.5]
-        instance.forget(state)
-    finally:
-        instance.close()
-
-
-@pytest.mark.parametrize(
     ("name", "value", "words"),
     [
         ("a.UInt8_in", 256, "at most 255"),
@@ -283,18 +209,3 @@ def test_state_is_restored(path: Path, tmp_path: Path) -> None:
 def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         run(System.of({"a": path}, [], {name: value}))
-
-
-@pytest.mark.parametrize("scenario", ["lift", pytest.param("study", marks=pytest.mark.slow)])
-def test_plants_of_fmi_3_give_the_bytes_of_those_of_fmi_2(
-    scenario: str, fmu_folder: Path, tmp_path: Path
-) -> None:
-    """The same blocks built for both versions; controllers, observers and references stay FMI 2.0."""
-    plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
-    joints = ["lift"] if scenario == "lift" else ["lift", "tilt", "telescope"]
-    mixed = {f"{joint}.plant": plant for joint in joints}
-    for name, replaced in (("old", {}), ("mixed", mixed)):
-        loaded = ec.load(scenario, fmus=fmu_folder, stop_time=0.05, replace=replaced)
-        loaded.prepare().run().save(tmp_path / name, plots=False)
-    old, new = ((tmp_path / name / "results.csv").read_bytes() for name in ("old", "mixed"))
-    assert new == old and len(old) > 10_000

@@ -12,13 +12,10 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.study.loading import load
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
 from tests.support.hand_written_fmus import Fault
 from tests.support.simulated import begun
@@ -92,14 +89,6 @@ def test_a_loop_that_initial_values_do_not_go_round_is_not_repeated() -> None:
     assert initial(Network([a, b], links)).tolist() == [5.0, 10.0]
     assert (a.held[0], b.held[0]) == (10.0, 5.0)
     assert calls.count("a.get") == calls.count("b.get") == 2
-
-
-def test_the_study_has_no_loops_of_initial_values(fmu_folder: Path) -> None:
-    system = load("study").system
-    fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
-    with Assembly(system, fmus) as assembly:
-        groups = assembly.network.groups(lambda x: x.initial)
-    assert [len(group) for group in groups] == [1] * 15
 
 
 def without_initial_unknowns(fmu: Path, path: Path, outputs: bytes | None = None) -> Path:
@@ -229,16 +218,6 @@ def test_huge_iterate_is_not_a_solution() -> None:
         assert initial(ring(lambda u: 2.0 - u**3)) == pytest.approx([1.0, 1.0])
 
 
-def test_loops_that_share_a_slave_are_solved_together() -> None:
-    """a = 1 + 2 b + c, b = a - 3 c, c = 4 a + 1: two loops through a, and one through all three."""
-    a = gate("a", 2, lambda u: 1.0 + 2.0 * u[0] + u[1])
-    b = gate("b", 2, lambda u: u[0] - 3.0 * u[1])
-    c = gate("c", 1, lambda u: 4.0 * u[0] + 1.0)
-    network = Network([a, b, c], [link(1, 0), link(2, 0, 1), link(0, 1), link(2, 1, 1), link(0, 2)])
-    expected = np.linalg.solve([[1.0, -2.0, -1.0], [-1.0, 1.0, 3.0], [-4.0, 0.0, 1.0]], [1.0, 0.0, 1.0])
-    assert initial(network) == pytest.approx(expected, rel=1e-10)
-
-
 def test_loop_after_a_loop_uses_its_solution() -> None:
     """a = b - 1 and b = 2 a give a = 1, b = 2; then c = d + b and d = 3 c give c = -1."""
     a, b = gate("a", 1, lambda u: u[0] - 1.0), gate("b", 1, lambda u: 2.0 * u[0])
@@ -246,10 +225,6 @@ def test_loop_after_a_loop_uses_its_solution() -> None:
     links = [link(0, 2, 1), link(1, 0), link(3, 2), link(2, 3), link(0, 1)]
     found = initial(Network([a, b, c, d], links))
     assert found == pytest.approx([1.0, 2.0, -0.5, -1.5], rel=1e-10)
-
-
-def test_instance_that_reads_itself_is_a_loop() -> None:
-    assert initial(Network([gate("a", 1, lambda u: 3.0 * u[0] - 4.0)], [link(0, 0)])) == pytest.approx([2.0])
 
 
 @pytest.mark.parametrize("change", [1.0, -1.0])
@@ -265,12 +240,6 @@ def test_loop_without_a_solution_is_named(change: float) -> None:
 
 
 # ---- values that are no numbers ----------------------------------------------------------------
-
-
-def test_nan_of_an_instance_is_named() -> None:
-    network = Network([gate("b", 1, lambda u: 1.0), gate("a", 0, lambda u: math.nan)], [link(1, 0)])
-    with pytest.raises(RunError, match=r"^a\[0\] became nan at t = 0 s\.$"):
-        initial(network)
 
 
 def test_nan_of_a_loop_is_named() -> None:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.master.algorithms.explicit import Explicit
-from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.strong import Strong
@@ -159,21 +158,6 @@ def test_steps_of_instances_join(
             expected = rows[::multiple, 0].tolist()
             assert [time for time, _ in slave.told] == expected[:-1]
             assert slave.added_up(start) == expected
-
-
-@pytest.mark.parametrize(
-    ("kind", "extrapolation"), [(Jacobi, e) for e in EXTRAPOLATIONS] + [(GaussSeidel, "master")]
-)
-def test_compiled_code_makes_the_same_steps(kind: type[Explicit], extrapolation: str) -> None:
-    """Across zero time, where a step may not join."""
-    times = make_communication_points(0.003, 3e-5, -0.003)
-    found = []
-    for compiled in (False, True):
-        slaves, network = watches()
-        stepping = FixedSteps(begun(network, kind(extrapolation, {"b": 2}), times), times, compiled)
-        assert stepping.is_compiled == compiled
-        found.append((recorded(stepping).tobytes(), [slave.told for slave in slaves]))
-    assert found[0] == found[1]
 
 
 def test_halves_of_discarded_steps_join() -> None:

@@ -10,14 +10,13 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.system.model import System
 from tests.support.hand_written_fmus import build_trigger_fmu, edit_description
-from tests.support.tiers import mostly_slow
+from tests.unit.master.conftest import run
 
 STEP, STOP = 0.125, 2.0
 PERIOD = 0.3
 WIRES = ["a.alarm -> b.go", "a.level -> b.w"]
 CLEAR_IN_GET, NEVER_CLEAR = 1, 2
 ALGORITHMS = ["gauss-seidel", "strong", "jacobi"]
-BY_DEFAULT: list[Any] = [*((algorithm, []) for algorithm in ALGORITHMS), ("gauss-seidel", ["b"])]
 
 
 @pytest.fixture(scope="module")
@@ -28,11 +27,6 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def dependent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_trigger_fmu(tmp_path_factory.mktemp("clocks") / "Dependent.fmu", sub=0.2)
-
-
-def run(system: System, step: float = STEP, stop: float = STOP, **options: Any) -> ec.Result:
-    with ec.load(system, step_size=step, stop_time=stop, **options).prepare() as simulation:
-        return simulation.run()
 
 
 def pair(fmu: Path, wires: Any = WIRES, names: str = "ab", **values: float) -> System:
@@ -55,14 +49,10 @@ def delayed(values: Any) -> Any:
     return np.concatenate([[0.0], values[:-1]])
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "isolate"), mostly_slow([*BY_DEFAULT, ("jacobi", ["a", "b"])], BY_DEFAULT)
-)
-def test_triggered_clock_ticks_in_the_step_that_reads_its_source(
-    fmu: Path, algorithm: str, isolate: list[str]
-) -> None:
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_triggered_clock_ticks_in_the_step_that_reads_its_source(fmu: Path, algorithm: str) -> None:
     is_late = algorithm == "jacobi"
-    found = run(pair(fmu), algorithm=algorithm, isolate=isolate)
+    found = run(pair(fmu), algorithm=algorithm)
     levels = alarms(found["time"])
     seen = delayed(levels) if is_late else levels
     assert levels[-1] == 6
@@ -130,21 +120,6 @@ def test_clocks_in_a_loop(fmu: Path, algorithm: str) -> None:
     levels = alarms(found["time"])
     assert np.array_equal(found["b.ticks"], levels)
     assert np.array_equal(found["a.ticks"], levels if algorithm == "strong" else delayed(levels))
-
-
-@pytest.mark.parametrize("isolate", mostly_slow([[], ["b"]], [[]]))
-def test_second_run_and_resumed_run_have_the_same_ticks(
-    fmu: Path, isolate: list[str], tmp_path: Path
-) -> None:
-    with ec.load(pair(fmu), step_size=STEP, stop_time=STOP, algorithm="jacobi").prepare() as simulation:
-        first, second = simulation.run(), simulation.run()
-    path = tmp_path / "c"
-    run(pair(fmu), stop=0.375, algorithm="jacobi", checkpoint=path, isolate=isolate)  # b has yet to tick
-    resumed = run(pair(fmu), algorithm="jacobi", resume=path, isolate=isolate)
-    for name in ("a.alarm", "b.ticks", "b.sum", "b.echo", "b.last"):
-        assert np.array_equal(second[name], first[name])
-        assert np.array_equal(resumed[name], first[name][-len(resumed["time"]) :])
-    assert resumed["b.ticks"][1] == 1
 
 
 def test_package_keeps_connections_of_clocks(fmu: Path, tmp_path: Path) -> None:
