@@ -209,11 +209,6 @@ def test_the_command_writes_both_files_and_replaces_only_its_own(
     assert (tmp_path / "control.h").read_bytes() == first[1]
 
 
-def test_the_command_refuses_options_of_other_files(emla: Callable[..., Result]) -> None:
-    refused = emla("x.c", "--inputs", "*")
-    assert refused.exit_code == 2 and "a C file cannot hold --inputs" in refused.stderr
-
-
 def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path) -> None:
     source = tmp_path / "control.c"
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)

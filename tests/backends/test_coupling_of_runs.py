@@ -68,14 +68,6 @@ def test_parts_and_a_second_start_change_no_figures(simulation: ec.Simulation, a
     same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), alone, 1e-6)
 
 
-@pytest.mark.slow
-def test_rows_change_no_figures_of_isolated_fmus(alone: ec.Result, fmu_folder: Path) -> None:
-    with load(rigid_load(), fmus=fmu_folder, **HOW).prepare(isolate=True) as apart:
-        short = apart.run(bonds=BOND, stop_time=0.2)
-        assert set(short.coupling) == set(alone.coupling)
-        same(short, apart.run(bonds=BOND, stop_time=0.2, output_interval=0.1))
-
-
 def test_a_checkpoint_changes_no_figures(simulation: ec.Simulation, alone: ec.Result, tmp_path: Path) -> None:
     place = tmp_path / "half.checkpoint"
     simulation.run(bonds=BOND, stop_time=1.234, checkpoint=place)

@@ -3,7 +3,6 @@
 That they have the bits of those of FMI 2.0 is shown in test_matrix.py.
 """
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from tests.support.hand_written_fmus import build_all_types_3_fmu, build_integra
 CLOCK = """<Clock name="tick" valueReference="30" causality="input" intervalVariability="constant"
                   intervalDecimal="1"/>"""
 STEP, STOP = 0.05, 1.0
-INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 Fmus = Mapping[int, Path]
 
 
@@ -99,14 +97,6 @@ def test_a_crash_is_reported_with_the_call_of_fmi_3(
 # ---- Model Exchange ------------------------------------------------------------------------------
 
 
-def rotating(fmu: Path) -> ec.System:
-    """a' = -a - b, b' = a - b."""
-    system = ec.System.of({"a": fmu, "b": fmu}, ["a.x -> b.u", "b.x -> a.u"], {"b.x": 0.0})
-    first, second = system.connections
-    second = dataclasses.replace(second, transformation=ec.LinearTransformation(-1.0))
-    return dataclasses.replace(system, connections=(first, second))
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -139,12 +129,6 @@ def test_clocks_are_refused(tmp_path: Path) -> None:
         run(path)
     (note,) = ec.info(path).notes
     assert note.startswith("the FMU cannot be run here: it has the clock 'tick'")
-
-
-def test_error_control_needs_states(tmp_path: Path) -> None:
-    path = build_integrated_fmu(tmp_path / "Integrated.fmu", version=3, rollback=False)
-    with pytest.raises(CommandError, match="canGetAndSetFMUstate"):
-        run(rotating(path), integrate_together=False, error_tolerance=1e-3)
 
 
 # ---- arrays in Model Exchange: the bits of FMI 2.0, which has their elements as scalars ------------

@@ -99,26 +99,6 @@ def lane_of(work: Sequence[StepTask], placement: ThreadSchedule) -> dict[int, se
     return found
 
 
-@pytest.mark.parametrize(
-    ("kind", "links", "costs", "threads", "length"),
-    [
-        (Jacobi, [], [5.0, 3.0, 3.0, 4.0, 3.0], 2, 9.0),  # of 4 and 5, and of 3, 3 and 3
-        (GaussSeidel, [(0, 1), (1, 2)], [1.0] * 4, 4, 3.0),  # two threads have nothing to do
-        # whole chains would need 6; the tasks of one chain between those of the others need 5
-        (GaussSeidel, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)], [1.0] * 9, 2, 5.0),
-    ],
-)
-def test_steps_are_balanced_and_interleaved(
-    kind: type[OperationTableAlgorithm],
-    links: list[tuple[int, int]],
-    costs: list[float],
-    threads: int,
-    length: float,
-) -> None:
-    placement = schedule_tasks(work_of(kind(), chains(len(costs), links)), costs, threads)
-    assert placement.length == length and all(placement.lanes)
-
-
 @given(st.data())
 def test_lanes_never_wait_for_each_other(data: st.DataObject) -> None:
     """Every task is in one lane, each slave in one, and a step is as long as was said."""
@@ -186,16 +166,43 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
         assert ended(failing(times), kind(), seed) == expected
 
 
-def test_threads_that_cannot_start_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    stepping = in_lanes(FixedSteps(begun(chains(3, []), Jacobi(), TIMES), TIMES))
+def no_thread(*_: Any) -> None:
+    raise RuntimeError("can't start new thread")
 
-    def refused(thread: Any) -> None:
-        raise RuntimeError("can't start new thread")
 
-    monkeypatch.setattr("threading.Thread.start", refused)
-    with pytest.raises(ec.RunError, match="cannot start 3 threads for FMUs: can't start new thread"):
-        stepping.advance(Table(4), 5)
-    assert stepping.steps == 0
+def no_compiler(*_: Any) -> None:
+    raise ImportError("No module named 'numba'")
+
+
+@pytest.mark.parametrize(
+    ("place", "failure", "words"),
+    [
+        ("threading.Thread.start", no_thread, "cannot start 2 threads for FMUs: can't start new thread"),
+        # a machine that has compiled the loop of one thread alone may have no compiler any more
+        (
+            "emla_cosim.master.stepping.machine_code.load",
+            no_compiler,
+            "cannot be compiled: No module named 'numba'",
+        ),
+    ],
+)
+def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
+    place: str, failure: Callable[..., None], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a request, the run goes on in one thread, and reports why."""
+    kernel._advance_lane.cache_clear()
+    monkeypatch.setattr(place, failure)
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    times = make_communication_points(60.0, 1.0)
+    alone, two = (
+        FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=threads)
+        for threads in (None, 2)
+    )
+    recorded(alone)
+    assert alone.steps == 60 and alone.report()["threads"] == 1
+    assert words.rpartition(": ")[2] in alone.report()["refused"]
+    with pytest.raises(ec.RunError, match=words):
+        recorded(two)
 
 
 @pytest.mark.parametrize("threads", [0, -1, 33])
@@ -242,50 +249,6 @@ def test_heavy_steps_are_tried_in_threads(
     assert sorted(name for lane in report["lanes"] for name in lane) == ["s0", "s1", "s2", "s3"]
     assert all(report["lanes"]) and report["threads"] in (1, 2)
     assert min(report[f"{x}_us"] for x in ("handover", "step_in_threads", "step_in_one_thread")) > 0.0
-
-
-def test_automatic_threads_that_cannot_start_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-
-    def refused(thread: Any) -> None:
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr("threading.Thread.start", refused)
-    times = make_communication_points(60.0, 1.0)
-    stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
-    recorded(stepping)
-    assert stepping.steps == 60
-    assert stepping.report()["threads"] == 1
-    assert "can't start new thread" in stepping.report()["refused"]
-
-
-def test_threads_need_a_compiler_for_their_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that has compiled the loop of one thread alone may have no compiler any more."""
-    kernel._advance_lane.cache_clear()
-
-    def missing(name: str) -> Any:
-        raise ImportError(f"No module named '{name}'")
-
-    monkeypatch.setattr(kernel.machine_code, "load", lambda *_: missing("numba"))
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    times, words = make_communication_points(60.0, 1.0), "cannot be compiled: No module named 'numba'"
-    advance = slow(1e-3)
-    auto = FixedSteps(begun(chains(2, [], advance), Jacobi(), times), times, threads=None)
-    recorded(auto)
-    assert auto.steps == 60 and words in auto.report()["refused"]
-    two = FixedSteps(begun(chains(2, [], advance), Jacobi(), times), times, threads=2)
-    with pytest.raises(ec.RunError, match=words):
-        recorded(two)
-
-
-def test_steps_that_only_wait_for_each_other_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a chain each step waits for the one in front."""
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
-    times, links = make_communication_points(60.0, 1.0), [(0, 1), (1, 2)]
-    stepping = FixedSteps(begun(chains(3, links, slow(1e-3)), GaussSeidel(), times), times, threads=None)
-    recorded(stepping)
-    report = stepping.report()
-    assert report["threads"] == 1 and "lanes" not in report
 
 
 # ---- FMUs that do not run beside others --------------------------------------------------------

@@ -298,9 +298,6 @@ def test_missing_capabilities_are_reported_with_the_components(
     assert str(error.value) == f"{message}; j.b, j.c cannot do it."
     assert list((tmp_path / "out").iterdir()) == []
     check_freed(counts)
-    if options == {"algorithm": "strong"}:  # which needs no states without a loop
-        line = wired([faulty("j.a", plain, b=1.0, u=1.0), faulty("j.b", plain)], "j.a.y -> j.b.u")
-        assert run_system(line, tmp_path / "out", "strong").problem is None
 
 
 def test_checkpoints_free_their_states(

@@ -82,15 +82,6 @@ def test_start_values_are_used_until_sources_have_values() -> None:
     assert set(seen) == {7.0, 10.0}
 
 
-def test_a_loop_that_initial_values_do_not_go_round_is_not_repeated() -> None:
-    calls: list[str] = []
-    a, b = gate("a", 1, lambda u: 5.0, calls), gate("b", 1, lambda u: 2.0 * u[0], calls)
-    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
-    assert initial(Network([a, b], links)).tolist() == [5.0, 10.0]
-    assert (a.held[0], b.held[0]) == (10.0, 5.0)
-    assert calls.count("a.get") == calls.count("b.get") == 2
-
-
 def without_initial_unknowns(fmu: Path, path: Path, outputs: bytes | None = None) -> Path:
     """The same FMU, which says nothing of what its initial values depend on; and other things of outputs."""
     with zipfile.ZipFile(fmu) as original, zipfile.ZipFile(path, "w") as silent:

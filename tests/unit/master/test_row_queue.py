@@ -55,41 +55,6 @@ def numbered(first: int, count: int) -> np.ndarray:
     return np.repeat(np.arange(first, first + count, dtype=float)[:, None], WIDTH, axis=1)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_all_rows_are_stored_in_order(seed: int) -> None:
-    random, store, count = np.random.default_rng(seed), Store(), 0
-    queue = RowQueue(WIDTH, store, store.progress)
-    for size in random.integers(0, 40, size=60):
-        queue.put(numbered(count, size))
-        count += size
-        if random.random() < 0.1:
-            queue.drain()
-            assert len(store.rows) == count
-    queue.drain()
-    assert store.rows == list(range(count))
-    assert store.threads - {threading.current_thread().name}
-
-
-def test_rows_are_taken_while_others_are_stored() -> None:
-    """One block is being stored, and the next one fits in."""
-    may_store, begun = threading.Event(), threading.Event()
-    stored = list[float]()
-
-    def store(rows: np.ndarray) -> None:
-        begun.set()
-        assert may_store.wait(60.0)
-        stored.extend(rows[:, 0])
-
-    queue = RowQueue(WIDTH, store, lambda: len(stored))
-    queue.put(numbered(0, BLOCK))
-    assert begun.wait(60.0)
-    queue.put(numbered(BLOCK, BLOCK))
-    assert not stored
-    may_store.set()
-    queue.drain()
-    assert stored == list(range(2 * BLOCK))
-
-
 @pytest.mark.parametrize("fails_at", [1, 5])
 def test_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
     store, count, raised = Store(fails_at), 0, 0
@@ -129,8 +94,10 @@ def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_another_process_can_read_the_waiting_rows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it was told stays true until it is told more, also while the next rows are put."""
+def test_all_rows_are_stored_in_order_and_readable_by_another_process(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the process was told stays true until it is told more, also while the next rows are put."""
     memory = bytearray(2**25 + 2**12)
     monkeypatch.setattr(black_box._Box, "memory", memory)
     random, store, count = np.random.default_rng(seed), Store(), 0
@@ -138,6 +105,9 @@ def test_another_process_can_read_the_waiting_rows(seed: int, monkeypatch: pytes
     assert queue.is_shared
     waited = 0
     for size in random.integers(0, BLOCK + 1, size=80):
+        if random.random() < 0.1:
+            queue.drain()
+            assert len(store.rows) == count
         stored, (first, last) = queue.list_waiting()
         assert (stored, last) == (first, count)
         queue.put(numbered(count, size))
@@ -145,9 +115,12 @@ def test_another_process_can_read_the_waiting_rows(seed: int, monkeypatch: pytes
         assert copy[:, 0].tolist() == list(range(first, last))
         count += size
         waited += last - first
+    for size in (2 * BLOCK + 3, 0, 40):  # more than fits into the ring
+        queue.put(numbered(count, size))
+        count += size
     queue.drain()
     assert store.rows == list(range(count))
-    assert waited
+    assert waited and store.threads - {threading.current_thread().name}
 
 
 def make_outline(every: int = 1) -> Outline:
