@@ -217,6 +217,13 @@ def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path
     assert not re.search(r"\b(static (?!const|void|int|inline)|malloc|printf)", source.read_text())
 
 
+def build(*arguments: Any) -> None:
+    """Run the compiler for C."""
+    command = [*COMPILER[:3], *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.slow
 def test_a_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
     source, main = tmp_path / "control.c", tmp_path / "main.cpp"
@@ -225,45 +232,38 @@ def test_a_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
         '#include "control.h"\nint main() {\n    control_parameters p;\n    control_inputs u;\n'
         "    control_defaults(&p, &u);\n    return p.controller_beta_1 > 0.0 ? 0 : 1;\n}\n"
     )
-    parts = [("cc", source, "-std=c99"), ("c++", main, "-std=c++11")]
-    for kind, file, standard in parts:
-        command = [
-            *COMPILER[:3],
-            kind,
-            standard,
-            "-Wall",
-            "-Werror",
-            "-c",
-            file,
-            "-o",
-            file.with_suffix(".o"),
-        ]
-        assert subprocess.run(command, check=False).returncode == 0
-    objects = [file.with_suffix(".o") for _, file, _ in parts]
-    command = [*COMPILER[:3], "cc", *objects, "-lm", "-o", tmp_path / "program"]  # it needs no C++ library
-    assert subprocess.run(command, check=False).returncode == 0
-    assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
+    for kind, file, standard in (("cc", source, "-std=c99"), ("c++", main, "-std=c++11")):
+        build(kind, standard, "-Wall", "-Werror", "-c", file, "-o", file.with_suffix(".o"))
+    program = tmp_path / "program"  # which needs no C++ library
+    build("cc", source.with_suffix(".o"), main.with_suffix(".o"), "-lm", "-o", program)
+    assert subprocess.run([program], check=False).returncode == 0
+
+
+FIRMWARE = """#include "control.h"
+static control memory;
+static control_parameters parameters;
+volatile control_inputs given;
+volatile control_outputs taken;
+int main(void) {
+    control_inputs u;
+    control_outputs y;
+    control_defaults(&parameters, &u);
+    if (control_start(&memory, 0, &parameters, &u, &y)) return 1;
+    for (;;) {
+        u = given;
+        if (!control_step(&memory, &u, &y)) return 2;
+        taken = y;
+    }
+}
+"""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_it_links_for_a_cortex_m4(precision: str, fmu_folder: Path, tmp_path: Path) -> None:
-    source = tmp_path / "control.c"
+    source, main, program = (tmp_path / name for name in ("control.c", "main.c", "control.elf"))
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL, precision=precision)
-    (tmp_path / "main.c").write_text(
-        '#include "control.h"\n'
-        "static control memory;\nstatic control_parameters parameters;\n"
-        "volatile control_inputs given;\nvolatile control_outputs taken;\n"
-        "int main(void) {\n    control_inputs u;\n    control_outputs y;\n"
-        "    control_defaults(&parameters, &u);\n"
-        "    if (control_start(&memory, 0, &parameters, &u, &y)) return 1;\n"
-        "    for (;;) {\n        u = given;\n        if (!control_step(&memory, &u, &y)) return 2;\n"
-        "        taken = y;\n    }\n}\n"
-    )
+    main.write_text(FIRMWARE)
     target = ["-target", "thumb-linux-musleabihf", "-mcpu=cortex_m4", "-Os", "-static", "-s"]
-    files = [str(source), str(tmp_path / "main.c"), "-o", str(tmp_path / "control.elf")]
-    done = subprocess.run([*COMPILER, *target, *files], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    size = (tmp_path / "control.elf").stat().st_size
-    print(f"{precision}: {size} bytes")
-    assert size < 200_000
+    build(*COMPILER[3:], *target, source, main, "-o", program)
+    assert program.stat().st_size < 200_000

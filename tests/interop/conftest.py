@@ -32,21 +32,12 @@ else:  # for which libcosim and Ecos have no packages
     collect_ignore = ["test_packages.py"]
 
 
-def make_case(request: pytest.FixtureRequest, variant: str) -> Case:
-    joint, flavour, steps = VARIANTS[variant]
-    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
-    return Case(joint(), folder, flavour, steps, STEP)
-
-
 @pytest.fixture(params=mostly_slow(VARIANTS, ["moving-native"]))
 def case(request: pytest.FixtureRequest) -> Case:
     """Return each variant of the joint in turn."""
-    return make_case(request, request.param)
-
-
-@pytest.fixture
-def moving_case(request: pytest.FixtureRequest) -> Case:
-    return make_case(request, "moving-native")
+    joint, flavour, steps = VARIANTS[request.param]
+    folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
+    return Case(joint(), folder, flavour, steps, STEP)
 
 
 @pytest.fixture(autouse=True)

@@ -7,22 +7,18 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
-from libcosimpy.CosimEnums import CosimVariableType
+from ecospy import EcosSimulation, EcosSimulationStructure
 from libcosimpy.CosimExecution import CosimExecution
-from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
-from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 from lxml import etree
 
 import emla_cosim as ec
+from emla_cosim.fmu.models import build
 from emla_cosim.study.loading import load
 from tests.support.joint_run import Array
+from tests.support.package_hosts import Signal, ecos_run, libcosim_run, observed, stepped
 
 pytestmark = pytest.mark.slow
-
-Signal = tuple[str, str]
-"""Component and output."""
 
 STEP, STEPS = 1e-4, 500
 NAMESPACES = {
@@ -31,48 +27,6 @@ NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
 }
-
-
-def libcosim_run(package: Path, signals: list[Signal], step: float, count: int) -> Array:
-    """Run a package with the step size that it tells libcosim."""
-    log_output_level(CosimLogLevel.WARNING)
-    execution = CosimExecution.from_ssp_file(str(package))
-    indices = {c: execution.slave_index_from_instance_name(c.replace(".", "_")) for c, _ in signals}
-    references = {
-        c: {v.name.decode(): v.reference for v in execution.slave_variables(i)} for c, i in indices.items()
-    }
-    return observed(execution, [(indices[c], references[c][name]) for c, name in signals], step, count)
-
-
-def observed(execution: CosimExecution, series: list[tuple[int, int]], step: float, count: int) -> Array:
-    observer = CosimObserver.create_time_series()
-    assert execution.add_observer(observer)
-    for one in series:
-        assert observer.start_time_series(*one, CosimVariableType.REAL)
-    assert execution.step(count + 1)  # one step more, because libcosimpy drops the last sample
-    columns = []
-    for one in series:
-        times, _, values = observer.time_series_real_samples(*one, 0, count + 2)
-        assert times == [round(k * step * 1e9) for k in range(count + 1)]
-        columns.append(values)
-    return np.array(columns).T
-
-
-def ecos_run(package: Path, signals: list[Signal], step: float, count: int) -> Array:
-    EcosLib.set_log_level("warn")
-    with EcosSimulation(step, ssp_path=str(package)) as simulation:
-        assert simulation.init(parameter_set="initialValues")
-        return stepped(simulation, [f"{c.replace('.', '_')}::{name}" for c, name in signals], count)
-
-
-def stepped(simulation: EcosSimulation, names: list[str], count: int) -> Array:
-    rows = []
-    for k in range(count + 1):
-        if k > 0:
-            simulation.step()
-        rows.append([simulation.get_real(name) for name in names])
-    simulation.terminate()
-    return np.array(rows)
 
 
 def our_run(scenario: ec.Scenario, signals: list[Signal], step: float) -> Array:
@@ -129,6 +83,17 @@ def test_package_has_the_values_of_our_run(
     assert (np.abs(found - expected).max(axis=0) <= 1e-12 * largest).all()
     lines = "".join(capfd.readouterr()).splitlines()
     assert [line for line in lines if "FMI status" not in line] == [], "no warnings of the host"
+
+
+def test_ecos_runs_packages_with_fmus_of_fmi_3(fmu_folder: Path, tmp_path: Path) -> None:
+    """Of components without arrays: Ecos knows only scalars."""
+    names = {"lift.plant": "EmlaPlant", "lift.observer": "EmlaObserver"}
+    newer = {name: build(model, "native", [], tmp_path, fmi=3) for name, model in names.items()}
+    times = {"step_size": STEP, "stop_time": 300 * STEP}
+    scenario = load("lift", fmus=fmu_folder, replace=newer, **times)
+    signals = [("lift.plant", "x_L"), ("lift.observer", "x_hat"), ("lift.controller", "u_q")]
+    found = ecos_run(scenario.export(tmp_path / "lift.ssp"), signals, STEP, 300)
+    np.testing.assert_array_equal(found, our_run(load("lift", fmus=fmu_folder, **times), signals, STEP))
 
 
 def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path) -> None:

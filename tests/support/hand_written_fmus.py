@@ -185,64 +185,35 @@ class Fault(IntEnum):
     """What goes wrong: values of the parameter `fault`. A step passes `at` if it ends later."""
 
     NONE = 0
-    DISCARD = 1
-    """Steps that would pass `at` are discarded."""
-    ERROR = 2
-    """The step that would pass `at` answers fmi2Error."""
-    FATAL = 3
-    """The step that would pass `at` answers fmi2Fatal."""
-    NAN_Y = 4
-    """From the step that passes `at` on the output y is NaN."""
-    TERMINATE = 5
-    """The step that would pass `at` ends there, discarded, and the FMU asks to end the run."""
-    GET_REAL = 6
-    """fmi2GetReal answers fmi2Error after `at`."""
-    SET_REAL = 7
-    """fmi2SetReal answers fmi2Error after `at`."""
-    NAN_Z = 8
-    """From the step that passes `at` on the output z is NaN."""
-    PENDING = 9
-    """The step that would pass `at` answers fmi2Pending, and is never done."""
-    EXIT_INITIALIZATION = 10
-    """fmi2ExitInitializationMode answers fmi2Error."""
-    ENTER_INITIALIZATION = 11
-    """fmi2EnterInitializationMode answers fmi2Error."""
-    GET_STATE = 12
-    """fmi2GetFMUstate answers fmi2Error after `at`."""
-    WARNING = 13
-    """Steps that pass `at` are done with fmi2Warning."""
-    EXIT = 14
-    """The step that would pass `at` ends the process with exit code 0."""
-    SEGFAULT = 15
-    """The step that would pass `at` ends the process with SIGSEGV."""
-    ABORT = 16
-    """The step that would pass `at` ends the process with SIGABRT."""
-    HANG = 17
-    """The step that would pass `at` never returns. Before, it makes the file that `MARK` names."""
-    SEGFAULT_GET_REAL = 18
-    """fmi2GetReal ends the process with SIGSEGV after `at`."""
-    SEGFAULT_INITIALIZATION = 19
-    """fmi2ExitInitializationMode ends the process with SIGSEGV."""
-    SEGFAULT_TERMINATE = 20
-    """fmi2Terminate ends the process with SIGSEGV."""
-    SEGFAULT_FREE = 21
-    """fmi2FreeInstance ends the process with SIGSEGV."""
-    SEGFAULT_FREE_STATE = 22
-    """fmi2FreeFMUstate ends the process with SIGSEGV."""
-    NEGATIVE = 23
-    """The step that would pass `at` answers -1, which is no status, and is not done."""
-    HUGE_STATE = 24
-    """fmi2SerializedFMUstateSize answers 2^60 bytes after `at`."""
-    ORPHAN = 25
-    """The step that would pass `at` ends the process with exit code 3, and leaves a copy of it behind."""
-    GARBLE = 26
-    """The step that passes `at` writes to every file that the process has open, but for the first three."""
-    HANG_TERMINATE = 27
-    """fmi2Terminate never returns."""
-    SET_STATE = 28
-    """fmi2SetFMUstate answers fmi2Error after `at`."""
-    SET_DERIVATIVE = 29
-    """fmi2SetRealInputDerivatives answers fmi2Error after `at`."""
+    DISCARD = 1  # Steps that would pass `at` are discarded
+    ERROR = 2  # The step that would pass `at` answers fmi2Error
+    FATAL = 3  # The step that would pass `at` answers fmi2Fatal
+    NAN_Y = 4  # From the step that passes `at` on the output y is NaN
+    TERMINATE = 5  # The step that would pass `at` ends there, discarded, and the FMU asks to end the run
+    GET_REAL = 6  # fmi2GetReal answers fmi2Error after `at`
+    SET_REAL = 7  # fmi2SetReal answers fmi2Error after `at`
+    NAN_Z = 8  # From the step that passes `at` on the output z is NaN
+    PENDING = 9  # The step that would pass `at` answers fmi2Pending, and is never done
+    EXIT_INITIALIZATION = 10  # fmi2ExitInitializationMode answers fmi2Error
+    ENTER_INITIALIZATION = 11  # fmi2EnterInitializationMode answers fmi2Error
+    GET_STATE = 12  # fmi2GetFMUstate answers fmi2Error after `at`
+    WARNING = 13  # Steps that pass `at` are done with fmi2Warning
+    EXIT = 14  # The step that would pass `at` ends the process with exit code 0
+    SEGFAULT = 15  # The step that would pass `at` ends the process with SIGSEGV
+    ABORT = 16  # The step that would pass `at` ends the process with SIGABRT
+    HANG = 17  # The step that would pass `at` never returns. Before, it makes the file that `MARK` names
+    SEGFAULT_GET_REAL = 18  # fmi2GetReal ends the process with SIGSEGV after `at`
+    SEGFAULT_INITIALIZATION = 19  # fmi2ExitInitializationMode ends the process with SIGSEGV
+    SEGFAULT_TERMINATE = 20  # fmi2Terminate ends the process with SIGSEGV
+    SEGFAULT_FREE = 21  # fmi2FreeInstance ends the process with SIGSEGV
+    SEGFAULT_FREE_STATE = 22  # fmi2FreeFMUstate ends the process with SIGSEGV
+    NEGATIVE = 23  # The step that would pass `at` answers -1, which is no status, and is not done
+    HUGE_STATE = 24  # fmi2SerializedFMUstateSize answers 2^60 bytes after `at`
+    ORPHAN = 25  # The step that would pass `at` ends the process with exit code 3, and leaves a copy
+    GARBLE = 26  # The step that passes `at` writes to all open files, but for the first three
+    HANG_TERMINATE = 27  # fmi2Terminate never returns
+    SET_STATE = 28  # fmi2SetFMUstate answers fmi2Error after `at`
+    SET_DERIVATIVE = 29  # fmi2SetRealInputDerivatives answers fmi2Error after `at`
 
 
 class Counts:

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fmpy import read_model_description
-from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from emla_cosim.fmu.models import fmu_path
@@ -75,13 +73,6 @@ class Case:
     def signals(self) -> list[tuple[str, str]]:
         """Component and output of every connected signal."""
         return list(dict.fromkeys((c.source, c.output) for c in self.system.connections))
-
-    def variables(self) -> dict[str, dict[str, ModelVariable]]:
-        """The variables of every component by name."""
-        return {
-            name: {v.name: v for v in read_model_description(str(path)).modelVariables}
-            for name, path in self.fmus.items()
-        }
 
 
 def our_run(case: Case, algorithm: str) -> Array:
