@@ -510,7 +510,7 @@ IN_A_LOOP = (
 )
 IN_A_LINE = (
     *(Fault.DISCARD, Fault.ERROR, Fault.FATAL, Fault.NAN_Y, Fault.SET_REAL, Fault.PENDING),
-    Fault.SET_DERIVATIVE,
+    *(Fault.TERMINATE, Fault.SET_DERIVATIVE),
 )
 
 FAILING: dict[str, Entry] = {

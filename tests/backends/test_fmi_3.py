@@ -3,6 +3,7 @@
 That they have the bits of those of FMI 2.0 is shown in test_matrix.py.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,6 @@ import emla_cosim as ec
 import fmublock
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.fmu.file import open_fmu
-from emla_cosim.fmu.fmi_3_calls import DISCARD, ERROR, StepEnd
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.master.instances.call_codes import code_of, decode_call
 from emla_cosim.master.instances.instance_kinds import make_instance
@@ -55,25 +55,6 @@ def run(source: Any, **options: Any) -> ec.Result:
 
 
 @pytest.mark.parametrize(
-    ("status", "flags", "expected"),
-    [(0, "", 0), (1, "", 1), (0, "t", DISCARD), (1, "te", DISCARD), (0, "v", ERROR), (0, "e", ERROR)]
-    + [(status, "tev", status) for status in (2, 3, 4, -1)],
-)
-def test_flags_of_a_step_become_a_status(status: int, flags: str, expected: int) -> None:
-    """The arguments are eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime."""
-    end = StepEnd()
-
-    def step(component: Any, time: float, length: float, kept: int, *places: int) -> int:
-        for place, flag in zip(places, "vte", strict=False):
-            if flag in flags:
-                end._flags[place - end.address] = True
-        return status
-
-    assert end.call(step, None, 0.0, 1.0, 1) == expected
-    assert end.terminates == ("t" in flags)
-
-
-@pytest.mark.parametrize(
     ("inputs", "names"),
     [
         ([f"u[{place}]" for place in ("1,1", "1,2", "2,1", "2,2")], ("setFloat64", "getFloat64")),
@@ -95,6 +76,31 @@ def test_a_crash_is_reported_with_the_call_of_fmi_3(
 
 
 # ---- Model Exchange ------------------------------------------------------------------------------
+
+
+def rotating(fmu: Path) -> ec.System:
+    """a' = -a - b, b' = a - b."""
+    system = ec.System.of({"a": fmu, "b": fmu}, ["a.x -> b.u", "b.x -> a.u"], {"b.x": 0.0})
+    first, second = system.connections
+    second = dataclasses.replace(second, transformation=ec.LinearTransformation(-1.0))
+    return dataclasses.replace(system, connections=(first, second))
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"fmi_tolerance": 1e-6}, 1e-5),
+        ({"integrate_together": False, "algorithm": "strong", "extrapolation": "master"}, 1e-2),
+        ({"integrate_together": False, "extrapolation": "fmu", "error_tolerance": 1e-3}, 1e-2),
+    ],
+    ids=["group", "strong", "error control"],
+)
+def test_coupled_fmus_follow_the_closed_form(
+    options: Mapping[str, Any], error: float, integrated: Path
+) -> None:
+    found = run(rotating(integrated), **options)
+    t = found["time"]
+    assert found["a.x"] == pytest.approx(np.exp(-t) * np.cos(t), abs=error)
 
 
 @pytest.mark.parametrize(

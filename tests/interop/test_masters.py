@@ -20,7 +20,7 @@ from fmu_manipulation_toolbox.assembly import AssemblyNode
 
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.study.loading import load
-from tests.support.joint_run import Array, Case, differences, our_run
+from tests.support.joint_run import STEP, Array, Case, differences, our_run
 
 slow = pytest.mark.slow
 Master = Callable[[Case, Path], Array]
@@ -143,3 +143,11 @@ def test_joint_has_the_bits_of_our_master(
     found = master(case, tmp_path)
     assert differences(case, found, our_run(case, algorithm)) == {}
     assert [line for line in "".join(capfd.readouterr()).splitlines() if "FMI status" not in line] == []
+
+
+@slow
+@pytest.mark.skipif(sys.platform != "linux", reason="libcosim has packages for Linux only.")
+def test_libcosim_has_the_bits_of_the_whole_study(fmu_folder: Path, tmp_path: Path) -> None:
+    """Three joints, 15 FMUs."""
+    case = Case(load("study").system, fmu_folder, "native", 500, STEP)
+    assert differences(case, connect_in_libcosim(case, tmp_path), our_run(case, "jacobi")) == {}

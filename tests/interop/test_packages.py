@@ -117,6 +117,19 @@ def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path)
     assert attributes(f"{platform}/osp:Algorithm/osp:FixedStepAlgorithm") == {"baseStepSize": "0.0001"}
 
 
+def test_package_of_the_manipulator_loads(fmu_folder: Path, tmp_path: Path) -> None:
+    """Its connections are between elements of arrays. Both hosts pass forces on a step late, and diverge."""
+    package = load("hdrm-coupled", fmus=fmu_folder).export(tmp_path / "machine.ssp")
+    execution = CosimExecution.from_ssp_file(str(package))
+    names = {component.name.replace(".", "_") for component in load("hdrm-coupled").system.components}
+    assert {info.name.decode() for info in execution.slave_infos()} == names
+    assert execution.step(10)
+    with EcosSimulation(1e-4, ssp_path=str(package)) as simulation:
+        assert simulation.init(parameter_set="initialValues")
+        positions = stepped(simulation, ["telescope_plant::x_L"], 10)
+    assert np.ptp(positions) > 0.0
+
+
 # ---- a system as one FMU ------------------------------------------------------------------------
 
 OUTPUTS = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]

@@ -26,7 +26,6 @@
 #include "fmu.h"
 
 #define LIMIT 256 /* of components, connections, start values and printed values each */
-#define WARM_UP_CYCLES 100
 
 typedef struct {
     char name[128], guid[128], resources[4096], path[4096];
@@ -64,7 +63,6 @@ typedef struct {
 typedef struct {
     const Plan *plan;
     long cycles;
-    int reports_memory;
     double *rows;
 } Job;
 
@@ -263,18 +261,6 @@ static void run(const Plan *plan, double *rows) {
 
 static size_t count_values(const Plan *plan) { return (size_t)(plan->steps + 1) * plan->n_printed; }
 
-/* Resident memory of the process's own: pages of libraries come when their code is first used. */
-static void report_resident_memory(long cycles) {
-    char line[256];
-    long resident = -1;
-    FILE *file = fopen("/proc/self/smaps_rollup", "r");
-    while (file != NULL && resident < 0 && fgets(line, sizeof line, file) != NULL)
-        sscanf(line, "Anonymous: %ld", &resident);
-    if (resident < 0) fail("cannot read /proc/self/smaps_rollup");
-    fclose(file);
-    printf("after %ld cycles %ld KiB are resident\n", cycles, resident);
-}
-
 static void *run_cycles(void *argument) {
     const Job *job = argument;
     const size_t size = count_values(job->plan) * sizeof *job->rows;
@@ -282,8 +268,6 @@ static void *run_cycles(void *argument) {
     for (long cycle = 1; cycle <= job->cycles; cycle++) {
         run(job->plan, cycle == 1 ? job->rows : again);
         if (cycle > 1 && memcmp(job->rows, again, size) != 0) fail("run %ld differs from the first", cycle);
-        if (job->reports_memory && (cycle == WARM_UP_CYCLES || cycle == job->cycles))
-            report_resident_memory(cycle);
     }
     free(again);
     return NULL;
@@ -294,7 +278,7 @@ static void run_threads(const Plan *plan, long threads, long cycles, double *row
     pthread_t *ids = allocate((size_t)threads, sizeof *ids);
     Job *jobs = allocate((size_t)threads, sizeof *jobs);
     for (long i = 0; i < threads; i++) {
-        jobs[i] = (Job){plan, cycles, threads == 1, rows + (size_t)i * count};
+        jobs[i] = (Job){plan, cycles, rows + (size_t)i * count};
         if (pthread_create(&ids[i], NULL, run_cycles, &jobs[i]) != 0) fail("cannot start a thread");
     }
     for (long i = 0; i < threads; i++) pthread_join(ids[i], NULL);

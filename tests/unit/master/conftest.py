@@ -1,4 +1,4 @@
-"""The FMU with events in its variants, and runs of FMUs of FMI 3.0."""
+"""FMUs that several files here run, and runs of them."""
 
 from collections.abc import Callable
 from functools import cache
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from tests.support.hand_written_fmus import build_event_fmu
+from tests.support.hand_written_fmus import build_event_fmu, build_reluctant_fmu
 
 
 def run(source: Any, step: float = 0.125, stop: float = 2.0, **options: Any) -> ec.Result:
@@ -27,3 +27,9 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         return build_event_fmu(folder / f"{name}.fmu", **options)
 
     return build_once
+
+
+@pytest.fixture(scope="module")
+def reluctant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the FMU that loses start values, or is slow."""
+    return build_reluctant_fmu(tmp_path_factory.mktemp("reluctant") / "Reluctant.fmu")

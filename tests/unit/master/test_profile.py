@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from tests.support.hand_written_fmus import build_reluctant_fmu
 from tests.support.tiers import mostly_slow
 
 NAP = 2e-3
@@ -21,10 +20,9 @@ SAME = {"stop_time": 0.05, "step_size": 1e-4}
     [{"algorithm": "jacobi"}, {"algorithm": "strong", "compiled": False}, {"threads": 2}],
     ids=str,
 )
-def test_time_is_that_of_the_fmu_that_takes_it(options: dict[str, Any], tmp_path: Path) -> None:
+def test_time_is_that_of_the_fmu_that_takes_it(options: dict[str, Any], reluctant: Path) -> None:
     """Two FMUs read each other; the steps of one take 2 ms."""
-    fmu = build_reluctant_fmu(tmp_path / "Reluctant.fmu")
-    system = ec.System.of({"slow": fmu, "fast": fmu}, ["slow.x -> fast.u", "fast.x -> slow.u"])
+    system = ec.System.of({"slow": reluctant, "fast": reluctant}, ["slow.x -> fast.u", "fast.x -> slow.u"])
     values = {"slow.slow_from": 0.0, "slow.pause": NAP, "fast.x": 1.0}
     with ec.load(system, step_size=0.05, stop_time=0.5, set=values, **options).prepare() as simulation:
         plain, result = simulation.run(), simulation.run(profile=True)

@@ -7,14 +7,13 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.cli.app import app
 from emla_cosim.sweeps.summary import status_line
 from emla_cosim.system.model import Alias, Component, Connection, System
+from tests.support.commands import Emla
 from tests.support.hand_written_fmus import build_reluctant_fmu
 from tests.support.tiers import mostly_slow
 
@@ -29,11 +28,6 @@ VALUES = {
     "mode": "heat",
     "label": "north",
 }
-
-
-@pytest.fixture(scope="module")
-def reluctant(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_reluctant_fmu(tmp_path_factory.mktemp("reluctant") / "Reluctant.fmu")
 
 
 def _options(values: dict[str, Any], **options: Any) -> dict[str, Any]:
@@ -114,21 +108,12 @@ def test_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) -> N
             simulation.run(resume=tmp_path / "kept", fmi_tolerance=1e-3)
 
 
-def test_terminal_and_record_show_lost_values(reluctant: Path, tmp_path: Path) -> None:
-    arguments = [
-        "run",
-        str(reluctant),
-        "--set",
-        "Reluctant.share=-1",
-        "--no-plots",
-        "--output",
-        str(tmp_path / "o"),
-    ]
-    done = CliRunner().invoke(app, arguments)
+def test_terminal_and_record_show_lost_values(reluctant: Path, emla: Emla) -> None:
+    done = emla("run", str(reluctant), "--set", "Reluctant.share=-1", "--no-plots", "--output", "o")
     assert done.exit_code == 0, done.output
     sentence = "The FMU of Reluctant did not take 1 start value: share is 0.0 instead of -1.0."
     assert sentence in " ".join(done.output.split())
-    record = json.loads((tmp_path / "o" / "run.json").read_text())
+    record = json.loads(Path("o", "run.json").read_text())
     assert record["components"]["Reluctant"]["not_taken"]["share"]["read"] == 0.0
 
 

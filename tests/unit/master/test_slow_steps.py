@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.recorders.recorder import RowBuffer
 from emla_cosim.system.model import Component, Connection, System
-from tests.support.hand_written_fmus import build_reluctant_fmu
 from tests.support.tiers import mostly_slow
 from tests.support.waiting import wait_for
 
@@ -28,11 +26,6 @@ WAYS = {
     "isolated": {"isolate": True},
     "error control": {"error_tolerance": 1e-3, "largest_step": 1e-4},
 }
-
-
-@pytest.fixture(scope="module")
-def reluctant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    yield build_reluctant_fmu(tmp_path_factory.mktemp("reluctant") / "Reluctant.fmu")
 
 
 def _pair(fmu: Path) -> System:
