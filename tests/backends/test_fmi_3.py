@@ -137,6 +137,12 @@ def test_clocks_are_refused(tmp_path: Path) -> None:
     assert note.startswith("the FMU cannot be run here: it has the clock 'tick'")
 
 
+def test_error_control_needs_states(tmp_path: Path) -> None:
+    path = build_integrated_fmu(tmp_path / "Integrated.fmu", version=3, rollback=False)
+    with pytest.raises(CommandError, match="canGetAndSetFMUstate"):
+        run(rotating(path), integrate_together=False, error_tolerance=1e-3)
+
+
 # ---- arrays in Model Exchange: the bits of FMI 2.0, which has their elements as scalars ------------
 
 ELEMENTS = ["a.y[1] -> b.F[2]", "b.y[2] -> a.F[1]"]

@@ -1,6 +1,8 @@
 """An FMU that fails ends the run with one message that names it, and every row so far is kept."""
 
+import errno
 import json
+import os
 import signal
 import time
 from collections.abc import Callable
@@ -300,6 +302,12 @@ def test_missing_capabilities_are_reported_with_the_components(
     check_freed(counts)
 
 
+def test_strong_coupling_needs_no_states_without_a_loop(tmp_path: Path) -> None:
+    plain = build_faulty_fmu(tmp_path, rollback=False, name="Plain")
+    line = wired([faulty("j.a", plain, b=1.0, u=1.0), faulty("j.b", plain)], "j.a.y -> j.b.u")
+    assert run_system(line, tmp_path / "out", "strong").problem is None
+
+
 def test_checkpoints_free_their_states(
     faulty_fmu: Path, tmp_path: Path, counts: list[Counts], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -320,7 +328,27 @@ def test_checkpoints_free_their_states(
     check_freed(counts)
 
 
-# ---- no memory, Ctrl-C -------------------------------------------------------------------------
+# ---- a full disk, no memory, Ctrl-C ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepped", ["compiled jacobi", "gauss-seidel"])
+def test_full_disk_ends_the_run(
+    stepped: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = []
+
+    def write(file: CsvFile, rows: np.ndarray) -> None:
+        if len(written) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written.append(len(rows))
+
+    monkeypatch.setattr(CsvFile, "write", write)
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    result = run_system(system, tmp_path, stop_time=2000.0, **STEPPED[stepped])
+    assert result.problem == f"{tmp_path / 'results.csv'} cannot be written: No space left on device."
+    assert sum(written) <= result.steps < 20_000
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == result.problem
+    check_freed(counts)
 
 
 def test_recorder_without_memory_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:
