@@ -1,13 +1,7 @@
 """The `emla` command: the files that it leaves, and one error message with exit code 2 for each mistake."""
 
 import json
-import os
 import shlex
-import shutil
-import signal
-import subprocess
-import sys
-import time
 import zipfile
 from pathlib import Path
 
@@ -26,12 +20,6 @@ from tests.support.whole_files import names
 TABLES = {"results.csv", "metrics.json", "run.json"}
 PICTURES = {f"{name}.png" for name in JOINT_FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
-FIGURES = """
-    held reason trip limits_touched excursions oscillation settling_time_s evaluated_from_s convergence_time_s
-    position_error_m following_error_m following_error_rms_m standstill_error_m standstill_error_rms_m
-    velocity_error_m_s torque_effort_N_m torque_peak_N_m observer_position_error_m saturated_fraction
-    saturated_after_settling
-"""
 
 
 def test_run_writes_table_metrics_record_and_pictures(emla: Emla, tmp_path: Path) -> None:
@@ -44,8 +32,6 @@ def test_run_writes_table_metrics_record_and_pictures(emla: Emla, tmp_path: Path
     assert frame.columns[0] == "time" and "lift.plant.x_L" in frame.columns
     assert frame["time"].to_numpy() == pytest.approx(np.arange(401) * 1e-3)
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert set(metrics) == {"joints", "signals", "coupling", "run"}
-    assert set(metrics["joints"]["lift"]) == set(FIGURES.split())
     assert metrics["run"]["steps"] == 4000
     record = json.loads((folder / "run.json").read_text())
     assert record["status"] == "completed"
@@ -82,6 +68,8 @@ def test_options_reach_the_run(emla: Emla, tmp_path: Path) -> None:
     settings = record["settings"]
     assert (settings["step_size_s"], settings["output_interval_s"]) == (2e-5, 2e-3)
     assert (settings["gains"], settings["order"]) == ("robust", ORDER.split(","))
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text(), parse_constant=pytest.fail)
+    assert metrics["joints"]["lift"]["position_error_m"] is None  # as errors count from 0.3 s on
     assert settings["step_multiples"] == {"lift.controller": 5}
     assert record["components"]["lift.plant"]["parameters"]["use_commanded_current"] == "true"
     assert len(polars.read_csv(tmp_path / "out/results.csv")) == 6
@@ -113,17 +101,12 @@ def test_build_writes_one_fmu_for_these_platforms(
 
 MISTAKES = [
     ("run nosuch", "no scenario 'nosuch'", "study", "lift"),
-    ("run lift --algorithm euler", "no algorithm 'euler'", "jacobi, gauss-seidel and strong"),
     ("run lift --extrapolation cubic", "no extrapolation 'cubic'", "none, master and fmu"),
-    ("run lift --coupling-tolerance 1e-6", "gauss-seidel has no coupling tolerance; strong has."),
     ("run lift --order lift.plant,,", "missing: lift.reference", "unknown or named twice: ''"),
     ("run lift --step-multiple lift.plant=2.5", "--step-multiple lift.plant=2.5 is not a whole number."),
-    ("run lift --step-multiple lift.plant", "--step-multiple lift.plant", "NAME=VALUE"),
     ("run lift --set lift.plant.start.x_L", "--set lift.plant.start.x_L", "NAME=VALUE"),
     ("run lift --set lift.plant.start.x_L=wide", "lift.plant.start.x_L = wide is not a number"),
-    ("run lift --replace lift.plant", "--replace lift.plant", "NAME=VALUE"),
     ("run lift --flavour java", "no flavour 'java'", "native and python"),
-    ("run lift --controller pid", "no controller 'pid'", "rsba, foc, cac and anatc, or write"),
     ("run lift --controller robust", "'robust' is a set of gains, not a controller", "--gains robust"),
     ("run lift --gains pid", "no set of gains 'pid'", "damped, compensated, robust, published and compliant"),
     ("run lift --output-format xls", "no output format 'xls'", "csv and parquet"),
@@ -203,50 +186,3 @@ def test_failed_run_keeps_its_results(emla: Emla, tmp_path: Path) -> None:
     record = json.loads((tmp_path / "out/run.json").read_text())
     assert record["status"].startswith("the run ended at")
     assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == len(frame) - 1
-
-
-def _start(arguments: list[str], folder: Path, limit: int | None = None) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "emla_cosim", *arguments]
-    if limit is not None:
-        command = ["prlimit", f"--fsize={limit}", *command]
-    return subprocess.Popen(
-        command, cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ
-    )
-
-
-@pytest.mark.slow
-def test_ctrl_c_keeps_the_results_so_far(fmu_folder: Path, tmp_path: Path) -> None:
-    arguments = ["run", "lift", "--stop-time", "1000", "--fmus", str(fmu_folder), "--output", "out"]
-    process = _start(arguments, tmp_path)
-    results = tmp_path / "out" / "results.csv"
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and (not results.exists() or results.stat().st_size < 100_000):
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1, errors
-    assert "interrupted at t = " in errors and "Traceback" not in errors
-    frame = polars.read_csv(results)
-    assert np.isfinite(frame.to_numpy()).all()
-    metrics = json.loads((tmp_path / "out/metrics.json").read_text())
-    # the row of the last step is recorded whatever the output interval
-    assert frame["time"][-1] == pytest.approx(metrics["run"]["steps"] * 1e-4)
-    assert json.loads((tmp_path / "out/run.json").read_text())["status"].startswith("interrupted")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(
-    shutil.which("prlimit") is None,
-    reason="There is no `prlimit`, which limits the size of files, on this machine.",
-)
-def test_full_disk_ends_the_run_with_one_message(fmu_folder: Path, tmp_path: Path) -> None:
-    """A limit of 200 kB per file stands in for the full disk."""
-    arguments = ["run", "lift", "--stop-time", "2", "--fmus", str(fmu_folder), "--output", "out"]
-    process = _start(arguments, tmp_path, limit=200_000)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1, errors
-    assert "Traceback" not in errors
-    assert "results.csv cannot be written: File too large" in errors
-    size = (tmp_path / "out/results.csv").stat().st_size
-    assert 100_000 < size <= 200_000
-    assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] > 0

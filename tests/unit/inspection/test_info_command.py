@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -77,17 +76,13 @@ def test_other_files_are_not_replaced(emla: Emla, content: str) -> None:
     text = sentence(emla("info", "lift", "--json", "mine.toml"), 2)
     assert "'mine.toml' was not written by emla. Choose another file for the JSON file" in text
     assert Path("mine.toml").read_text() == content
-    Path("link").symlink_to("nowhere")
-    assert "it is a symbolic link" in sentence(emla("info", "lift", "--json", "link"), 2)
-    assert not Path("nowhere").exists()
-    for _ in range(2):
-        assert emla("info", "lift", "--json", "ours.json").exit_code == 0
 
 
 def test_json_to_standard_output_or_a_file(emla: Emla) -> None:
     shown = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
     assert [v["name"] for v in shown["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]
-    assert emla("info", "lift", "--match", "*.R_s", "--json", "x.json").stdout == ""
+    for _ in range(2):
+        assert emla("info", "lift", "--match", "*.R_s", "--json", "x.json").stdout == ""
     assert json.loads(Path("x.json").read_text(encoding="ascii")) == shown
 
 
@@ -154,33 +149,25 @@ def test_invalid_fmu_gives_one_message(content: bytes, emla: Emla, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("damage", "words"),
+    ("content", "damage", "words"),
     [
-        (lambda content: content.replace(b"QQ", b"QR"), "Bad CRC-32"),
-        (lambda content: content.replace(b"</a>", b"</b>"), "cannot be read"),
-        (None, "is larger than 16 MiB"),
+        (b"<a>QQ</a>", (b"QQ", b"QR"), "Bad CRC-32"),
+        (b"<a>QQ</a>", (b"</a>", b"</b>"), "cannot be read"),
+        (b"<a>" + b" " * 2**24 + b"</a>", (b"", b""), "is larger than 16 MiB"),
     ],
+    ids=["damaged", "not XML", "large"],
 )
 def test_unreadable_terminals_are_reported(
-    damage: Callable[[bytes], bytes] | None, words: str, emla: Emla, tmp_path: Path
+    content: bytes, damage: tuple[bytes, bytes], words: str, emla: Emla, tmp_path: Path
 ) -> None:
-    path, terminals = tmp_path / "x.fmu", "terminalsAndIcons/terminalsAndIcons.xml"
-    text = b"<a>QQ</a>" if damage is not None else b"<a>" + b" " * 2**24 + b"</a>"
+    path = tmp_path / "x.fmu"
     with zipfile.ZipFile(path, "w") as archive:  # not compressed
         archive.writestr("modelDescription.xml", description(real("x")))
-        archive.writestr(terminals, text)
-    if damage is not None:
-        path.write_bytes(damage(path.read_bytes()))
-    done = emla("info", str(path), "--json")
-    assert done.exit_code == 0
-    told = json.loads(done.stdout)
+        archive.writestr("terminalsAndIcons/terminalsAndIcons.xml", content)
+    path.write_bytes(path.read_bytes().replace(*damage))
+    told = json.loads(emla("info", str(path), "--json").stdout)
     assert told["fmus"][0]["terminals"] == [] and any(words in note for note in told["notes"])
     assert words in " ".join(emla("info", str(path)).stdout.split())
-
-
-def test_pattern_without_a_match(emla: Emla) -> None:
-    assert "matches 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
-    assert "there is no scenario 'nothing'" in sentence(emla("info", "nothing"), 2)
 
 
 THIRD = """
@@ -192,35 +179,32 @@ THIRD = """
 """Variables of FMI 3.0 with a Clock."""
 
 
-def test_fmi_3_types_sizes_clocks_and_terminals(emla: Emla, tmp_path: Path) -> None:
-    content = description(THIRD, version="3.0")
-    content = content.replace(b'modelIdentifier="M"/>', b'modelIdentifier="M" hasEventMode="true"/>')
-    content = content.replace(
-        b"<ModelStructure/>", b'<ModelStructure><Output valueReference="2"/></ModelStructure>'
-    )
-    inner = '<Terminal name="inner"/>'
-    terminals = f"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
-    <Terminal name="outer">{inner}</Terminal></Terminals></fmiTerminalsAndIcons>"""
-    for runs in (True, False):
-        if not runs:  # as Scheduled Execution
-            content = content.replace(b"CoSimulation", b"ScheduledExecution")
-            content = content.replace(b' hasEventMode="true"', b"")
-        files = {
-            "modelDescription.xml": content,
-            "terminalsAndIcons/terminalsAndIcons.xml": terminals.encode(),
-        }
-        write_archive(tmp_path / "x.fmu", files)
-        shown = " ".join(emla("info", str(tmp_path / "x.fmu")).stdout.split())
-        told = json.loads(emla("info", str(tmp_path / "x.fmu"), "--json").stdout)
-        assert ("cannot be run here" in shown) is not runs
-        assert ("M.u[1..3] Float32 input" in shown) is runs and ("M.u Float32 [3] input" in shown) is not runs
-        assert "terminals outer, outer.inner" in shown
-        assert "M.tick triggered Clock input" in shown
-        assert "M.count Int8 output at tick" in shown
-        assert told["fmus"][0]["capabilities"] == (
-            {"CoSimulation": ["hasEventMode"]} if runs else {"ScheduledExecution": []}
-        )
-        assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
-        rows = {v["fmu_name"]: v for v in told["variables"]}
-        assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
-        assert (rows["tick"]["interval_variability"], rows["tick"]["settable"]) == ("triggered", False)
+TERMINALS = """<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
+<Terminal name="outer"><Terminal name="inner"/></Terminal></Terminals></fmiTerminalsAndIcons>"""
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ScheduledExecution"])
+def test_fmi_3_types_sizes_clocks_and_terminals(kind: str, emla: Emla, tmp_path: Path) -> None:
+    runs = kind == "CoSimulation"
+    text = description(THIRD, "3.0", kind).decode()
+    text = text.replace("<ModelStructure/>", '<ModelStructure><Output valueReference="2"/></ModelStructure>')
+    if runs:
+        text = text.replace('modelIdentifier="M"/>', 'modelIdentifier="M" hasEventMode="true"/>')
+    files = {"modelDescription.xml": text, "terminalsAndIcons/terminalsAndIcons.xml": TERMINALS}
+    path = str(tmp_path / "x.fmu")
+    write_archive(Path(path), {name: content.encode() for name, content in files.items()})
+    shown = " ".join(emla("info", path).stdout.split())
+    for row in (
+        "terminals outer, outer.inner",
+        "M.tick triggered Clock input",
+        "M.count Int8 output at tick",
+    ):
+        assert row in shown
+    assert ("M.u[1..3] Float32 input" in shown) is runs and ("M.u Float32 [3] input" in shown) is not runs
+    assert ("cannot be run here" in shown) is not runs
+    told = json.loads(emla("info", path, "--json").stdout)
+    assert told["fmus"][0]["capabilities"] == {kind: ["hasEventMode"] if runs else []}
+    assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
+    rows = {v["fmu_name"]: v for v in told["variables"]}
+    assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
+    assert (rows["tick"]["interval_variability"], rows["tick"]["settable"]) == ("triggered", False)

@@ -1,6 +1,5 @@
 """Rows in files and in the buffer: every n-th row, all bits, and all rows of a process that ended."""
 
-import json
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -11,11 +10,9 @@ from hypothesis import given
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RowBuffer
 from emla_cosim.recorders.stored import open_stored_run
 from emla_cosim.sandbox import black_box
-from emla_cosim.study.loading import load
-from tests.support.scenario_runs import run_scenario
 
 
 def outline(names: list[str], every: int = 1) -> Outline:
@@ -73,32 +70,6 @@ def test_number_of_rows_read_is_bounded(form: type[CsvFile | ParquetFile], most:
             assert len(set(np.diff(found["time"]))) <= 1
 
 
-def test_buffer_ends_every_recorder_even_if_one_fails() -> None:
-    class Counting(Recorder):
-        def __init__(self, broken: bool) -> None:
-            self.rows, self.ended, self.broken = 0, False, broken
-
-        def __str__(self) -> str:
-            return "the counter"
-
-        def write(self, rows: np.ndarray) -> None:
-            self.rows += len(rows)
-
-        def end(self) -> None:
-            self.ended = True
-            if self.broken:
-                raise OSError(28, "No space left on device")
-
-    recorders = [Counting(broken=True), Counting(broken=False)]
-    buffer = RowBuffer(3, recorders, block_rows=4)
-    for count in (3, 1, 2, 2, 2):
-        assert len(buffer.room(count)) == count
-        buffer.commit(count)
-    with pytest.raises(RecordingError, match=r"^the counter cannot be written: No space left on device\.$"):
-        buffer.end()
-    assert [(r.rows, r.ended) for r in recorders] == [(10, True), (10, True)]
-
-
 @pytest.mark.parametrize("pending", [0, 1, 3])
 @pytest.mark.parametrize("committed", [0, 3, 4, 13])
 def test_rows_of_an_ended_process_are_recovered(
@@ -132,10 +103,3 @@ def test_size_of_a_block_is_bounded(width: int) -> None:
     rows = RowBuffer(width, []).room(2 * BLOCK_ROWS)
     assert len(rows) == 1 or rows.nbytes <= BLOCK_SIZE
     assert len(rows) == BLOCK_ROWS or rows.nbytes + 8 * width > BLOCK_SIZE
-
-
-def test_missing_metrics_are_null_in_json(fmu_folder: Path, tmp_path: Path) -> None:
-    """Errors count from 0.3 s on; JSON has no NaN."""
-    run_scenario(load("lift"), tmp_path, fmus=fmu_folder, stop_time=0.01)
-    metrics = json.loads((tmp_path / "metrics.json").read_text(), parse_constant=pytest.fail)
-    assert metrics["joints"]["lift"]["position_error_m"] is None

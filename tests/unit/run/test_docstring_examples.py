@@ -33,11 +33,7 @@ def examples() -> dict[str, doctest.DocTest]:
 
 
 EXAMPLES = examples()
-
-
-SLOW = {f"emla_cosim.{name}" for name in ("identify", "compare", "tune", "Input", "sweep")} | {
-    "fmublock.build"
-}
+SLOW = {"fmublock.build", *(f"emla_cosim.{n}" for n in ("identify", "compare", "tune", "Input", "sweep"))}
 
 
 @pytest.mark.parametrize("name", mostly_slow(EXAMPLES, EXAMPLES.keys() - SLOW))

@@ -60,13 +60,16 @@ def ending(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_integrated_fmu(tmp_path_factory.mktemp("ending") / "B.fmu")
 
 
+def load_ending(fmu: Path, end: float) -> ec.Scenario:
+    return ec.load(str(fmu), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": end})
+
+
 def test_an_fmu_may_end_the_run(ending: Path) -> None:
     """At 0.3 s, in an event: the last complete step ends at 0.2 s."""
-    with ec.load(
-        str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": 3.0}
-    ).prepare() as simulation:
+    with load_ending(ending, 3.0).prepare() as simulation:
         result = simulation.run()
         again = simulation.run(set={"B.end": 5.0})
+        assert "requirements not met" in str(simulation.attempt(require=["B.h.final > 1e9"]).problem)
     assert (result.problem, result.end_s, result.record["status"]) == (None, pytest.approx(0.2), "completed")
     assert result.remarks[0].startswith("the run ended at t = 0.2 s: B asked to end the simulation")
     assert result.record["requested_end"] == {"component": "B", "time_s": pytest.approx(0.2)}
@@ -75,19 +78,8 @@ def test_an_fmu_may_end_the_run(ending: Path) -> None:
 
 
 def test_an_fmu_that_ends_before_the_first_row_fails(ending: Path) -> None:
-    with (
-        ec.load(
-            str(ending), kind={"*": "me"}, step_size=0.1, stop_time=1.0, set={"B.end": -1.0}
-        ).prepare() as simulation,
-        pytest.raises(RunError),
-    ):
+    with load_ending(ending, -1.0).prepare() as simulation, pytest.raises(RunError):
         simulation.run()
-
-
-def test_requirements_are_checked_at_an_end_that_an_fmu_asks_for(ending: Path) -> None:
-    options = {"kind": {"*": "me"}, "step_size": 0.1, "stop_time": 1.0, "set": {"B.end": 3.0}}
-    with ec.load(str(ending), **options, require=["B.h.final > 1e9"]).prepare() as simulation:
-        assert "requirements not met" in str(simulation.attempt().problem)
 
 
 @pytest.mark.parametrize("isolate", [False, True])

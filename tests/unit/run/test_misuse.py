@@ -1,5 +1,6 @@
 """Mistakes of a program that uses the package: one error message, and other results stay the same."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -35,6 +36,13 @@ def rows(result: ec.Result) -> bytes:
     return np.column_stack(list(result.read(["time", *result.names]).values())).tobytes()
 
 
+def in_threads(function: Callable[[], object]) -> None:
+    """Call a function in four threads at once."""
+    with ThreadPoolExecutor(4) as threads:
+        for done in [threads.submit(function) for _ in range(4)]:
+            done.result()
+
+
 def test_simulations_in_threads_are_independent(fmu_folder: Path) -> None:
     scenario = ec.load("lift", stop_time=0.1, fmus=fmu_folder)
     found: list[bytes] = []
@@ -43,14 +51,9 @@ def test_simulations_in_threads_are_independent(fmu_folder: Path) -> None:
         with scenario.prepare() as simulation:
             found.append(rows(simulation.run()))
 
-    threads = [threading.Thread(target=run) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    in_threads(run)
     run()
-    assert len(found) == 5
-    assert len(set(found)) == 1
+    assert len(found) == 5 and len(set(found)) == 1
 
 
 def test_threads_that_prepare_keep_the_working_folder(
@@ -71,11 +74,7 @@ def test_threads_that_prepare_keep_the_working_folder(
         with scenario.prepare():
             seen.add(get_working_folder())
 
-    threads = [threading.Thread(target=prepare) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    in_threads(prepare)
     assert seen == {tmp_path}
     assert Path.cwd() == tmp_path
 
@@ -128,13 +127,16 @@ def test_error_of_a_recorder_is_raised_and_others_are_ended(
     assert lift.run().problem is None
 
 
-def test_simulation_with_a_broken_recorder_can_be_closed(fmu_folder: Path) -> None:
+def test_simulation_can_be_closed_once_and_not_used_after_it(fmu_folder: Path) -> None:
+    """Even if a recorder raises an error then."""
     simulation = ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare()
     simulation.start(recorders=[Failing("pause", ValueError("mine"))])
     with pytest.raises(ValueError, match="mine"):
         simulation.close()
-    with pytest.raises(ec.CommandError, match="the simulation is closed"):
-        simulation.run()
+    simulation.close()
+    for use in (simulation.run, simulation.start, lambda: simulation.advance(0.002), lambda: simulation["x"]):
+        with pytest.raises(ec.CommandError, match="the simulation is closed"):
+            use()
 
 
 @pytest.mark.parametrize(
@@ -159,6 +161,14 @@ def test_recorder_cannot_run_its_simulation(use: str, where: str, lift: ec.Simul
     assert set(refused) == {"the simulation is running; a recorder cannot run, end or close it."}
 
 
+def test_full_disk_of_a_recorder_is_reported(lift: ec.Simulation) -> None:
+    kept = ec.TimeSeries()
+    full = Failing("write", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    with pytest.raises(ec.RunError, match=r"cannot be written: No space left on device\.$"):
+        lift.run(recorders=[kept, full])
+    assert len(kept.rows)
+
+
 def test_rows_are_read_only(lift: ec.Simulation) -> None:
     class Scribbling(ec.Recorder):
         def write(self, rows: Array) -> None:
@@ -168,24 +178,13 @@ def test_rows_are_read_only(lift: ec.Simulation) -> None:
         lift.run(recorders=[Scribbling()])
 
 
-def test_recorders_are_a_list_of_recorders(lift: ec.Simulation) -> None:
-    table = ec.TimeSeries()
-    assert len(lift.run(recorders=(r for r in [table])).time) == 21  # pyright: ignore[reportArgumentType]
-    for wrong, words in (
-        (table, "must be a list"),
-        (3, "must be a list"),
-        ([None], "None is no Recorder"),
-        ([table, table], "has a recorder twice"),
-    ):
-        with pytest.raises(ec.CommandError, match=words):
-            lift.run(recorders=wrong)  # pyright: ignore[reportArgumentType]
-
-
 def test_other_threads_cannot_use_a_running_simulation(lift: ec.Simulation) -> None:
     refused: list[str] = []
 
     def meddle() -> None:
-        for use in (lambda: lift["lift.plant.x_L"], lambda: lift.__setitem__("a.b", 1), lift.finish):
+        for use in (
+            lift.run, lift.finish, lambda: lift["lift.plant.x_L"], lambda: lift.__setitem__("a.b", 1)
+        ):  # fmt: skip
             with pytest.raises(ec.CommandError) as found:
                 use()
             refused.append(str(found.value))
@@ -197,24 +196,25 @@ def test_other_threads_cannot_use_a_running_simulation(lift: ec.Simulation) -> N
             thread.join()
 
     assert lift.run(recorders=[Waiting()]).problem is None
-    assert len(refused) == 3
+    assert len(refused) == 4
     assert {text.partition(";")[0] for text in refused} == {"another thread uses this simulation"}
 
 
-MISTAKES: dict[str, Callable[[ec.Simulation], Any]] = {
-    "read": lambda lift: lift["lift.plant.nothing"],
-    "set": lambda lift: lift.__setitem__("lift.plant.nothing", 1.0),
-    "set a parameter": lambda lift: lift.__setitem__("lift.plant.motor.R_s", 1.0),
-    "advance": lambda lift: lift.advance(1.5e-4),
-    "run": lambda lift: lift.run(nothing=1),
-    "run with a value": lambda lift: lift.run(set={"lift.plant.nothing": 1.0}),
-}
-
-
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_mistake_does_not_lock_out_other_threads(mistake: str, lift: ec.Simulation) -> None:
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        lambda lift: lift["lift.plant.nothing"],
+        lambda lift: lift.__setitem__("lift.plant.nothing", 1.0),
+        lambda lift: lift.advance(1.5e-4),
+        lambda lift: lift.run(set={"lift.plant.nothing": 1.0}),
+    ],
+    ids=["read", "set", "advance", "run"],
+)
+def test_mistake_does_not_lock_out_other_threads(
+    mistake: Callable[[ec.Simulation], Any], lift: ec.Simulation
+) -> None:
     with pytest.raises(ec.CommandError):
-        MISTAKES[mistake](lift)
+        mistake(lift)
     with ThreadPoolExecutor(1) as other:
         assert other.submit(lift.run, stop_time=1e-3).result().problem is None
         assert other.submit(lambda: lift["lift.plant.x_L"]).result() > 0.0
@@ -268,13 +268,34 @@ def test_late_answer_of_an_isolated_fmu_is_ignored(faulty_fmu: Path) -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_values_of_other_types_are_refused(lift: ec.Simulation, faulty_fmu: Path) -> None:
-    with pytest.raises(ec.CommandError, match="must be a number"):
-        lift.run(stop_time=np.array([0.02, 0.03]))
-    result = lift.run()
-    for folder in (None, 3, b"x"):
-        with pytest.raises(ec.CommandError, match=r"the folder is .* must be a text"):
-            result.save(folder)  # pyright: ignore[reportArgumentType]
+TABLE = ec.TimeSeries()
+WRONG_TYPES: list[tuple[Callable[[ec.Simulation], Any], str]] = [
+    (lambda _: ec.System.of({"a": 3}), "a is 3; it must be an FMU file, a block class or"),  # type: ignore
+    (lambda _: ec.System.of({"a": "Reference"}, [3]), "'3' is not a connection"),  # type: ignore
+    (lambda lift: lift.run(recorders=TABLE), "must be a list"),  # type: ignore
+    (lambda lift: lift.run(recorders=3), "must be a list"),  # type: ignore
+    (lambda lift: lift.run(recorders=[None]), "None is no Recorder"),  # type: ignore
+    (lambda lift: lift.run(recorders=[TABLE, TABLE]), "has a recorder twice"),
+    (lambda lift: lift.run(stop_time=np.array([0.02, 0.03])), "must be a number"),
+    (lambda lift: lift.advance("soon"), "the time to advance to is 'soon'; it must be a number"),
+    (lambda lift: lift.advance(float("nan")), "t = nan s is no communication point"),
+    (lambda lift: lift[3], "'3' is not a variable"),  # type: ignore
+    (lambda lift: lift.run()[3], "the signal '3' was not recorded"),  # type: ignore
+    (lambda lift: lift.run().save(None), "the folder is None; it must be a text"),  # type: ignore
+]
+
+
+@pytest.mark.parametrize(("use", "words"), WRONG_TYPES, ids=[words for _, words in WRONG_TYPES])
+def test_values_of_other_types_are_refused(
+    use: Callable[[ec.Simulation], Any], words: str, lift: ec.Simulation
+) -> None:
+    with pytest.raises(ec.CommandError) as found:
+        use(lift)
+    assert words in str(found.value)
+    assert lift.run(recorders=(r for r in [TABLE])).problem is None  # pyright: ignore[reportArgumentType]
+
+
+def test_two_components_of_one_name_are_refused(faulty_fmu: Path) -> None:
     system = System(2 * (faulty("j.a", faulty_fmu),), ())
     with pytest.raises(ec.CommandError, match=r"there are two components 'j\.a'"):
         ec.load(system, stop_time=1.0, step_size=0.1).prepare()

@@ -12,7 +12,6 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.run.requirements import Requirement, describe_unmet, parse_requirement
 from tests.support.commands import Emla, sentence
 
@@ -62,24 +61,18 @@ def test_unmet_requirements_are_listed_and_results_are_kept(emla: Emla) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "Write METRIC"),
         ("lift.held", "Write METRIC"),
-        ("lift.position_error_m <", "Write METRIC"),
         ("< 3", "Write METRIC"),
         ("lift.position_error_m = 3", "Write METRIC"),
         ("0 < lift.position_error_m < 3", "Write METRIC"),
         ("lift.position_error_m < 20 µm", "Write METRIC"),
         ("lift.position_error_m < nan", "Write METRIC"),
-        ("lift.position_error_m < 1e999", "Write METRIC"),
         ("lift.held < true", "use == or != with true and false"),
         ("lift.held == 1", "lift.held is true or false"),
         ("lift.position_error_m != false", "lift.position_error_m is a number"),
         ("lift.position_eror_m < 1", "did you mean lift.position_error_m"),
-        ("tilt.position_error_m < 1", "there is no metric 'tilt.position_error_m'"),
         ("lift.trip == false", "there is no metric 'lift.trip'"),
         ("lift.converged == true", "'converged' is now called 'lift.held': docs/metrics.md."),
-        ("lift.left_limits == false", "'left_limits' is now called 'lift.trip'"),
-        ("lift.saturated_after_convergence < 1", "is now called 'lift.saturated_after_settling'"),
         ("lift." + "x" * 200 + " < 1", "there are lift.held,"),
     ],
 )
@@ -90,16 +83,11 @@ def test_invalid_requirement(text: str, words: str, lift: ec.Simulation) -> None
 
 
 def test_invalid_requirement_keeps_an_earlier_run(emla: Emla) -> None:
-    Path("o").mkdir()
-    Path("o/results.csv").write_text("of an earlier run")
-    listed = {"format": "emla-output", "version": 1, "files": {"results.csv": None}}
-    Path("o", MANIFEST).write_text(json.dumps(listed))
-    for text, words in (
-        ("lift.held", "Write METRIC"),
-        ("tilt.held == true", "there is no metric 'tilt.held'"),
-    ):
-        assert words in sentence(emla(*RUN, *requiring(text)), 2)
-    assert Path("o/results.csv").read_text() == "of an earlier run"
+    assert emla(*RUN).exit_code == 0
+    before = Path("o/results.csv").read_bytes()
+    assert "Write METRIC" in sentence(emla(*RUN, *requiring("lift.held")), 2)
+    assert "there is no metric 'tilt.held'" in sentence(emla(*RUN, *requiring("tilt.held == true")), 2)
+    assert Path("o/results.csv").read_bytes() == before
 
 
 def test_missing_value_and_failed_run(lift: ec.Simulation) -> None:
@@ -126,17 +114,11 @@ def test_requirements_in_python(lift: ec.Simulation) -> None:
         lift.run(require=["lift.held == false"])
     result = e.value.fields["result"]
     assert result.metrics["joints"]["lift"]["held"] is True and len(result.time) == 401
-    assert lift.attempt(require=["run.steps != 4000"]).problem == (
-        "requirements not met: run.steps != 4000, but it is 4000."
-    )
     assert lift.attempt(require=["run.steps == 4000"]).problem is None
     lift.start(require=["lift.held == true"])
     lift.advance(0.1)
     with pytest.raises(ec.RunError, match=r"lift\.held == true, but it is false"):
         lift.finish()
-    with pytest.raises(CommandError, match="there is no metric"):
-        lift.run(require=["lift.speed < 1"])
-    assert lift.run().problem is None
 
 
 def test_interrupted_run_does_not_meet_requirements(lift: ec.Simulation) -> None:

@@ -67,11 +67,7 @@ def test_study_has_observers_in_the_loop_and_disturbances() -> None:
         assert feeding["x_hat"] == (f"{joint}.observer", "x_hat")
         assert feeding["v_hat"] == (f"{joint}.observer", "v_hat")
         plant = system.component(f"{joint}.plant").parameters
-        assert (plant["uncertainty.F_2"], plant["uncertainty.F_3"], plant["uncertainty.F_4"]) == (
-            0.01,
-            0.002,
-            0.001,
-        )
+        assert [plant[f"uncertainty.F_{n}"] for n in (2, 3, 4)] == [0.01, 0.002, 0.001]
         assert "use_commanded_current" not in plant  # the default: actual current
         disturbance = system.component(f"{joint}.disturbance").parameters
         assert disturbance["d_3.amplitude[1]"] == 0.42
@@ -133,7 +129,3 @@ def test_every_scenario_starts_with_all_gains(name: str, gains: str, fmu_folder:
         name, gains=gains, step_size=step, stop_time=count * step, fmus=fmu_folder
     ).prepare() as simulation:
         assert simulation.run().problem is None
-
-
-def test_representation_of_a_scenario() -> None:
-    assert repr(load("lift")) == "<Scenario lift: 5 components; The lift joint of the study alone>"

@@ -14,7 +14,7 @@ from emla_cosim.study.loading import load
 from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
-from tests.support.commands import Emla, sentence
+from tests.support.commands import Emla
 from tests.support.hand_written_fmus import build_all_types_fmu
 
 DESCRIPTION = "modelDescription.xml"
@@ -67,7 +67,6 @@ def test_fmu_runs_like_a_system_of_one_component(reference: Path) -> None:
         ({"startTime": 1, "stopTime": 3, "stepSize": 0.5}, (1.0, 3.0, 0.5), 0),
         ({"stopTime": 5}, (0.0, 5.0, 0.005), 1),
         ({"stepSize": 0.1}, (0.0, 10.0, 0.1), 1),
-        ({"startTime": 4}, (4.0, 14.0, 0.01), 2),
         ({"stopTime": 1, "stepSize": 0.3}, (0.0, 1.0, 0.25), 1),
         ({"startTime": 9, "stopTime": 3, "stepSize": 0.5}, (9.0, 19.0, 0.5), 1),
         ({"stopTime": "INF", "stepSize": "NaN"}, (0.0, 10.0, 0.01), 2),
@@ -92,21 +91,17 @@ def test_options_replace_a_missing_experiment(reference: Path, tmp_path: Path) -
     assert not load(fmu, stop_time=2.0, step_size=0.5).notes
 
 
-def test_long_steps_have_a_row_each(reference: Path, tmp_path: Path) -> None:
-    fmu = with_description(reference, tmp_path / "x.fmu", experiment(stopTime=31536000, stepSize=86400))
-    result = load(fmu).prepare().run()
-    assert len(result["Reference.x_d"]) == 366
+def test_long_steps_have_a_row_each(reference: Path) -> None:
+    assert len(load(reference, stop_time=31536000.0, step_size=86400.0).prepare().run().time) == 366
 
 
 @pytest.mark.parametrize(
     ("model", "name"),
     [
         ("Modelica.Blocks.Examples.PID_Controller", "PID_Controller"),
-        ("my motor (v2)", "my_motor_v2"),
         ("Müller·Kupplung", "Müller_Kupplung"),
         ("2ndOrder", "model_2ndOrder"),
         ("a=b,c@d#*?[1]", "a_b_c_d_1"),
-        ("...", "model"),
         ("", "model"),
     ],
 )
@@ -125,17 +120,13 @@ def test_any_model_name_gives_a_valid_component_name(model: str) -> None:
 
 @pytest.mark.parametrize("name", ["a#b.fmu", "with space.FMU", "[bold]é.ssp.fmu"])
 def test_files_may_have_any_name(name: str, emla: Emla, reference: Path, tmp_path: Path) -> None:
-    file = with_description(
-        reference, tmp_path / name, ('modelName="Reference"', 'modelName="[bold]&#233; é"')
-    )
-    done = emla(
-        "run", str(file), "--no-plots", "--stop-time", "0.01", "--output", "out", "--set", "bold_é_é.period=2"
-    )
+    model = ('modelName="Reference"', 'modelName="[bold]&#233; é"')
+    file = with_description(reference, tmp_path / name, model)
+    short = ("--no-plots", "--stop-time", "0.01", "--output", "out", "--set", "bold_é_é.period=2")
+    done = emla("run", str(file), *short)
     assert done.exit_code == 0, done.output
-    record = json.loads(Path("out/run.json").read_text(encoding="utf-8"))
-    assert record["scenario"] == "bold_é_é"
-    header = Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0]
-    assert header.startswith("time,bold_é_é.x_d")
+    assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["scenario"] == "bold_é_é"
+    assert Path("out/results.csv").read_text(encoding="utf-8").startswith("time,bold_é_é.x_d")
 
 
 def test_scenario_file_of_an_fmu(reference: Path, tmp_path: Path) -> None:
@@ -154,31 +145,17 @@ def test_fmu_can_be_exported(reference: Path, tmp_path: Path) -> None:
     assert again.system.component("Reference").parameters["period"] == 3.0
 
 
-def test_options_of_built_in_systems_are_refused(emla: Emla, reference: Path) -> None:
-    refused = emla("run", str(reference), "--controller", "foc")
-    says = f"Error: '{reference}' has its own gains; --controller is for built-in systems."
-    assert sentence(refused, 2) == says
-
-
 @pytest.mark.parametrize(
-    ("edits", "says"),
+    ("edit", "says"),
     [
-        ([('fmiVersion="2.0"', 'fmiVersion="3.0"')], "is not a valid FMU"),
-        ([('fmiVersion="2.0"', 'fmiVersion="9"')], "Unsupported FMI version"),
-        ([("<ModelVariables>", "<ModelVariables")], "is not an FMU that can be read"),
+        (('fmiVersion="2.0"', 'fmiVersion="3.0"'), "is not a valid FMU"),
+        (('fmiVersion="2.0"', 'fmiVersion="9"'), "Unsupported FMI version"),
+        (("<ModelVariables>", "<ModelVariables"), "is not an FMU that can be read"),
     ],
 )
-def test_invalid_fmu(
-    edits: list[tuple[str, str]], says: str, emla: Emla, reference: Path, tmp_path: Path
-) -> None:
-    refused = emla("run", str(with_description(reference, tmp_path / "x.fmu", *edits)))
-    assert says in sentence(refused, 2)
-
-
-@pytest.mark.parametrize("name", ["none.fmu", "a" * 300 + ".fmu", "x\0y.fmu", "p.ssp/x.fmu"])
-def test_missing_file(name: str) -> None:
-    with pytest.raises(CommandError, match="there is no FMU file"):
-        load(name)
+def test_invalid_fmu(edit: tuple[str, str], says: str, reference: Path, tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=says):
+        load(with_description(reference, tmp_path / "x.fmu", edit))
 
 
 def test_short_names_work_with_inputs_and_faults(fmu_folder: Path, tmp_path: Path) -> None:
@@ -205,11 +182,9 @@ def test_short_names_work_with_inputs_and_faults(fmu_folder: Path, tmp_path: Pat
 def test_short_names_do_not_hide_added_components(fmu_folder: Path) -> None:
     system = System.of({"plant": fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"}).with_main()
     both = system + System.of({"input": "x.fmu"})
-    assert [(c.name, n) for c, n in map(both.split, ("motor.R_s", "input.motor.R_s", "plant.motor.R_s"))] == [
-        ("plant", "motor.R_s"),
-        ("input", "motor.R_s"),
-        ("plant", "motor.R_s"),
-    ]
+    for name, component in (("R_s", "plant"), ("input.R_s", "input"), ("plant.R_s", "plant")):
+        found, variable = both.split(name)
+        assert (found.name, variable) == (component, "R_s")
 
 
 @pytest.fixture(scope="module")

@@ -28,18 +28,6 @@ class Square(Film):
         return frame
 
 
-def test_frames_in_the_file_equal_those_of_the_film() -> None:
-    stream = BytesIO()
-    write_gif(Square(), stream, Progress())
-    with Image.open(stream) as found:
-        assert (found.format, found.info["loop"]) == ("GIF", 0)
-        frames = [(f.info["duration"], np.asarray(f.convert("RGB"))) for f in ImageSequence.Iterator(found)]
-    assert len(frames) == 12
-    assert [duration for duration, _ in frames] == 11 * [100] + [1500]
-    for index, (_, frame) in enumerate(frames):
-        assert np.array_equal(frame, Square()[index])
-
-
 class Counted(Progress):
     def __init__(self, each: Callable[[int], None] = lambda _: None) -> None:
         self.count, self._each = 0, each
@@ -49,10 +37,17 @@ class Counted(Progress):
         self._each(self.count)
 
 
-def test_progress_counts_every_frame() -> None:
-    progress = Counted()
-    write_gif(Square(), BytesIO(), progress)
+def test_frames_in_the_file_equal_those_of_the_film() -> None:
+    stream, progress = BytesIO(), Counted()
+    write_gif(Square(), stream, progress)
     assert progress.count == 12
+    with Image.open(stream) as found:
+        assert (found.format, found.info["loop"]) == ("GIF", 0)
+        frames = [(f.info["duration"], np.asarray(f.convert("RGB"))) for f in ImageSequence.Iterator(found)]
+    assert len(frames) == 12
+    assert [duration for duration, _ in frames] == 11 * [100] + [1500]
+    for index, (_, frame) in enumerate(frames):
+        assert np.array_equal(frame, Square()[index])
 
 
 def test_ctrl_c_ends_it_between_two_frames() -> None:
@@ -73,7 +68,5 @@ def test_missing_signals_are_named() -> None:
     check_animated("it", names, names)
     with pytest.raises(CommandError) as found:
         check_animated("it", names, names[2:])
-    assert (
-        str(found.value)
-        == "an animation needs signals that are not recorded: lift.plant.x_L and tilt.plant.x_L."
-    )
+    words = "an animation needs signals that are not recorded: lift.plant.x_L and tilt.plant.x_L."
+    assert str(found.value) == words

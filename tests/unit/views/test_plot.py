@@ -51,16 +51,12 @@ def test_runs_of_different_steps_are_overlaid(tmp_path: Path) -> None:
     b = kept(tmp_path / "b", {"time": [0, 0.5], "x": [1, 5]}, form="parquet")
     c = kept(tmp_path / "c", {"time": [0, 9], "x": [7, 8]}, {"x": "mm"})
     axes, notes = drawn(a, b, c)
-    assert [(x.get_title(loc="left"), x.get_ylabel()) for x in axes] == [
-        ("x", "m"),
-        ("x", "mm"),
-        ("v", "m/s"),
-    ]
+    titles = [(x.get_title(loc="left"), x.get_ylabel()) for x in axes]
+    assert titles == [("x", "m"), ("x", "mm"), ("v", "m/s")]
     assert curves(axes[0]) == {"a": ([0, 1, 2], [1, 2, 3]), "b": ([0, 0.5], [1, 5])}
     assert curves(axes[1]) == {"c": ([0, 9], [7, 8])}
     assert notes == ["b has no v.", "c has no v."]
-    colors = {line.get_label(): line.get_color() for x in axes for line in x.get_lines()}
-    assert len(set(colors.values())) == 3
+    assert len({line.get_color() for x in axes for line in x.get_lines()}) == 3
 
 
 def test_one_run_has_panels_by_unit_within_the_times(tmp_path: Path) -> None:
@@ -167,8 +163,7 @@ def test_layouts_have_the_width_of_a_column(layout: str, width: float, tmp_path:
     figure = overlay_runs(traces, layout=layout).figure
     assert figure.get_figwidth() == pytest.approx(width)
     figure.draw_without_rendering()
-    (axes,) = figure.axes
-    assert axes.get_window_extent().width > 0.55 * figure.bbox.width  # the legend leaves room for curves
+    assert figure.axes[0].get_window_extent().width > 0.55 * figure.bbox.width  # the legend leaves room
     assert (figure.get_suptitle() == "a") is (layout == "screen")
     assert overlay_runs(traces, layout=layout, title="mine").figure.get_suptitle() == "mine"
 
@@ -194,7 +189,7 @@ def test_number_of_panels_is_bounded(tmp_path: Path) -> None:
     assert len(drawn(place, place)[0]) == MOST_PANELS
 
 
-@pytest.mark.parametrize("name", ["$x^2$", "_hidden", 'a","b', "*?[x]#", "line\nbreak"])
+@pytest.mark.parametrize("name", ["$x^2$", "_hidden", "*?[x]#", "line\nbreak"])
 def test_names_are_not_markup(name: str, tmp_path: Path) -> None:
     place = kept(tmp_path / "$a_b$", {"time": [0, 1], name: [0, 1]}, {name: "$m"})
     axes, _ = drawn(place, patterns=[name])
@@ -223,7 +218,6 @@ WRONG = [
     (["nowhere"], "the run, 'nowhere', does not exist."),
     (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
     (["a", "--signals", "y"], "no signal matches 'y'; there are x."),
-    (["a", "--from", "3"], "there are no rows to plot between these times."),
     (["a", "--from", "nan"], "--from is 'nan'; it must be a number, or a number and a unit"),
     (["a", "--from", "9 h"], "there are no rows to plot between these times."),
     (["a", "--from", "1", "--to", "1"], "the plot begins at 1 s, which must be before its end, 1 s."),
