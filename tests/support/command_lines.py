@@ -145,49 +145,33 @@ def _joined(*parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(text for part in parts for text in part)
 
 
-_run = st.builds(
-    lambda scenario, options: _joined(
-        ("run", scenario, "--fmus", FMUS, "--no-plots", "--stop-time", "0.002", "--output", "out"), *options
-    ),
-    _scenarios,
-    _options(RUN),
-)
-_export = st.builds(
-    lambda scenario, file, options: _joined(("export", scenario, file, "--fmus", FMUS), *options),
-    _scenarios,
-    _paths | st.sampled_from(["new.ssp", "ok.ssp"]),
-    _options(EXPORT),
-)
-_rerun = st.builds(
-    lambda quiet, file, options: _joined(
-        (*quiet, "rerun", file, "--fmus", FMUS, "--no-plots", "--output", "out"), *options
-    ),
-    st.sampled_from([(), ("-q",)]),
-    _paths | st.sampled_from(["ok.json"]),
-    _options(RUN),
-)
+def _command(*head: Any, options: st.SearchStrategy[list[Any]]) -> st.SearchStrategy[tuple[str, ...]]:
+    """A command of texts and strategies for texts, and its options."""
+    texts = [part if isinstance(part, st.SearchStrategy) else st.just(part) for part in head]
+    return st.builds(lambda first, more: _joined(first, *more), st.tuples(*texts), options)
+
+
+_output = ("--fmus", FMUS, "--no-plots", "--output", "out")
+_packages = _paths | st.sampled_from(["new.ssp", "ok.ssp"])
+_records = _paths | st.sampled_from(["ok.json", "-q"])
+_run = _command("run", _scenarios, *_output, "--stop-time", "0.002", options=_options(RUN))
+_export = _command("export", _scenarios, _packages, "--fmus", FMUS, options=_options(EXPORT))
+_rerun = _command("rerun", _records, *_output, options=_options(RUN))
 _shown = st.sampled_from(
     [("--json",), ("--json", "device"), ("--match", "*.x_L"), ("--match", ODD), ("--match",)]
 )
-_info = st.builds(
-    lambda scenario, options, shown: _joined(("info", scenario, "--fmus", FMUS), *options, *shown),
-    _scenarios,
-    _options(INFO),
-    st.lists(_shown | _paths.map(lambda path: ("--json", path)), max_size=2),
+_files = st.lists(_shown | _paths.map(lambda path: ("--json", path)), max_size=2)
+_info = _command(
+    "info", _scenarios, "--fmus", FMUS, options=st.builds(lambda a, b: [*a, *b], _options(INFO), _files)
 )
 _model = st.sampled_from([*MODELS, "EmlaPlant", "x", ODD, "gone.py:B", "broken.py:B", "block.py:C", "folder"])
-_more = [
-    ("--flavour", "python"), ("--flavour", "x"), ("--platform", "x"), ("--output", "device"),
-    ("--output",)
-]  # fmt: skip
-_build = st.builds(
-    lambda models, more: _joined(("build", *models, "--output", FMUS, "--platform", host_platform()), *more),
-    st.lists(_model, min_size=1, max_size=2),
-    st.lists(st.sampled_from(_more), max_size=2),
+_more = st.sampled_from(
+    [("--flavour", "python"), ("--flavour", "x"), ("--platform", "x"), ("--output", "device"), ("--output",)]
 )
-_words = st.lists(_nonsense | _texts | st.sampled_from(["run", "list", "export", "ru"]), max_size=4).map(
-    tuple
-)
+_others = st.lists(_more | _model.map(lambda model: (model,)), max_size=2)
+_build = _command("build", _model, "--output", FMUS, "--platform", host_platform(), options=_others)
+_known = st.sampled_from(["run", "list", "export", "ru"])
+_words = st.lists(_nonsense | _texts | _known, max_size=4).map(tuple)
 _list = st.lists(_nonsense | _texts, max_size=1).map(lambda more: ("list", *more))
 commands = _weighted((12, _run), (3, _export), (2, _rerun), (3, _info), (1, _build), (1, _list), (2, _words))
 

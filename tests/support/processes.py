@@ -3,24 +3,46 @@
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 
 def start(
-    folder: Path, *arguments: object, code: str = "", environment: Mapping[str, str] | None = None
+    folder: Path,
+    *arguments: object,
+    code: str = "",
+    before: Sequence[str] = (),
+    environment: Mapping[str, str] | None = None,
+    **how: Any,
 ) -> subprocess.Popen[str]:
     """Start a command in a folder, with its temporary files in the folder `temporary` there.
 
-    `code` runs before the command, in its process: it can make the command slow, or a call fail.
+    Args:
+        folder: The current folder of the command.
+        arguments: Those of `emla`.
+        code: Runs before the command, in its process: it can make the command slow, or a call fail.
+        before: A program that starts the command, with its arguments.
+        environment: More variables.
+        how: More options of Popen; both streams are pipes.
     """
     (folder / "temporary").mkdir(exist_ok=True)
     program = f"{code}\nfrom emla_cosim.cli.program import main; main()"
     return subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments)],
+        [*before, sys.executable, "-c", program, *map(str, arguments)],
         cwd=folder,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(folder / "temporary"), **(environment or {})},
+        **{"text": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **how},
     )
+
+
+def call(folder: Path, *arguments: object, **how: Any) -> tuple[int, str, str]:
+    """Do the same, and wait for its end; return the exit code and both streams."""
+    process = start(folder, *arguments, **how)
+    try:
+        output, errors = process.communicate(timeout=300.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        raise
+    return process.returncode, output, errors

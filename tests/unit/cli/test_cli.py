@@ -1,16 +1,13 @@
 """The `emla` command: the files that it leaves, and one error message with exit code 2 for each mistake."""
 
 import json
-import shlex
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import polars
 import pytest
-from typer.testing import CliRunner
 
-from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import PLATFORMS
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.figures import JOINT_FIGURES
@@ -135,12 +132,6 @@ def test_mistake_in_a_command(emla: Emla, command: str, words: list[str]) -> Non
 def test_mistakes_are_reported_before_anything_is_built(options: str, emla: Emla, tmp_path: Path) -> None:
     sentence(emla("run", "lift", "--fmus", "mine", *options.split()), 2)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("command", ["run lift --stop-time soon", "run", "fly", "run lift --fast"])
-def test_option_parser_exits_with_2(command: str) -> None:
-    result = CliRunner().invoke(app, shlex.split(command))
-    assert result.exit_code == 2 and "Traceback" not in result.output
 
 
 def test_unusable_fmus_are_named(emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:

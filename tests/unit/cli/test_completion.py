@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,30 +19,26 @@ from emla_cosim.study.registration import register
 CALLED_FROM = "import shellingham; shellingham.detect_shell = lambda: ('{}', ''); "
 PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.cli.program import main; main()"
 
+Complete = Callable[..., list[str]]
 
-class Shell:
-    """Asks for the completions of the last word of a line, in this process."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self._set, self._capsys = monkeypatch.setenv, capsys
+@pytest.fixture
+def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Complete:
+    """Return a function that asks, in this process, how the last word of a line can be completed."""
 
-    def complete(self, line: str, shell: str = "bash") -> list[str]:
-        """Return the lines that the shell reads."""
+    def ask(line: str, shell: str = "bash") -> list[str]:
         variables = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
         if shell != "bash":
             variables = {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
         for name, value in {VARIABLE: f"complete_{shell}", **variables}.items():
-            self._set(name, value)
+            monkeypatch.setenv(name, value)
         with pytest.raises(SystemExit):
             answer(app)
-        captured = self._capsys.readouterr()
+        captured = capsys.readouterr()
         assert captured.err == ""
         return captured.out.split("\n")[:-1]
 
-
-@pytest.fixture
-def shell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(monkeypatch, capsys)
+    return ask
 
 
 @pytest.mark.parametrize(
@@ -57,21 +54,21 @@ def shell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
         ("emla run lift --output ", [""]),  # the shell completes files
     ],
 )
-def test_names_complete(line: str, expected: list[str], shell: Shell) -> None:
+def test_names_complete(line: str, expected: list[str], complete: Complete) -> None:
     register()
-    assert shell.complete(line) == expected
+    assert complete(line) == expected
 
 
-def test_scenarios_and_options_complete(shell: Shell) -> None:
+def test_scenarios_and_options_complete(complete: Complete) -> None:
     register()
-    assert set(shell.complete("emla run ")) == set(SCENARIOS)
-    flags = set(shell.complete("emla run lift --"))
+    assert set(complete("emla run ")) == set(SCENARIOS)
+    flags = set(complete("emla run lift --"))
     assert {o.flag for o in list_options(RUN).values()} <= flags and "--quiet" in flags
 
 
-def test_zsh_and_fish(shell: Shell) -> None:
-    assert '"lift"' in "".join(shell.complete("emla run lif", "zsh"))
-    assert shell.complete("emla run lif", "fish") == ["lift"]
+def test_zsh_and_fish(complete: Complete) -> None:
+    assert '"lift"' in "".join(complete("emla run lif", "zsh"))
+    assert complete("emla run lif", "fish") == ["lift"]
 
 
 # ---- the program -------------------------------------------------------------------------------------

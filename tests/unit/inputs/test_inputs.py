@@ -314,11 +314,3 @@ def test_columns_without_a_signal_are_noted(fmu_folder: Path) -> None:
     many = {f"other_{i}": F for i in range(20)}
     notes = notes_of(lift(fmu_folder, ec.Input(data={"time": T, LOAD: F, **many})))
     assert "other_6, other_7 and 12 more." in notes
-
-
-def test_prepared_simulation_cannot_get_other_data(fmu_folder: Path, measured: Path) -> None:
-    with (
-        lift(fmu_folder).prepare() as simulation,
-        pytest.raises(CommandError, match="cannot change between runs"),
-    ):
-        simulation.run(input=[ec.Input(measured)])

@@ -43,19 +43,16 @@ def test_piped_table_has_full_names(emla: Emla) -> None:
 
 
 def test_every_variable_has_a_row(emla: Emla) -> None:
-    done = emla("info", "lift")
-    assert done.exit_code == 0
-    for words in ("15 more", "…"):
-        assert words not in done.stdout
+    shown = emla("info", "lift").stdout
+    assert "15 more" not in shown and "…" not in shown
     for row in (
         "lift.reference.waypoint[1..9]",
-        "lift.plant.u_q",
         "from lift.controller.u_q",
         "to lift.observer.y",
         "5 components of 5 FMUs",
         "Runs from 0 to 10 s in steps of 0.0001 s.",
     ):
-        assert row in done.stdout
+        assert row in shown
 
 
 @pytest.mark.parametrize("columns", [40, 80])

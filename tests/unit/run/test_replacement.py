@@ -126,7 +126,6 @@ def test_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_fold
     ("options", "tolerance"),
     [
         ({}, TOLERANCE),
-        ({"algorithm": "jacobi", "extrapolation": "master"}, 10.0 * TOLERANCE),
         ({"algorithm": "strong", "coupling_tolerance": 1e-10}, 100.0 * TOLERANCE),
         ({"error_tolerance": 1e-3, "stop_time": 0.05}, 1e-4),  # rounding moves steps a little
     ],

@@ -202,9 +202,8 @@ def test_edited_record_can_be_rerun(emla: Emla) -> None:
 
     def spoil(record: dict[str, Any]) -> None:
         record |= {"versions": [], "components": {"lift.plant": 3}, "connections": {}, "source_sha256": 1}
-        record["settings"] = {"set": 1, "trajectory": {"sha256": 1}, "order": [[]]} | {
-            str(n): n for n in range(100_000)
-        }
+        record["settings"] = {"set": 1, "trajectory": {"sha256": 1}, "order": [[]]}
+        record["settings"] |= {str(n): n for n in range(100_000)}
 
     changed_record(spoil)
     result = emla("rerun", "out", "--no-plots")

@@ -12,12 +12,11 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.run.options import Options
 from emla_cosim.run.run_setup import check_run
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.joints.joint_files import list_joint_names
 from emla_cosim.study.loading import load
-from tests.support.commands import Emla, sentence
+from tests.support.commands import Emla
 from tests.support.paths import ROOT
 
 SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
@@ -74,11 +73,6 @@ def error_of(call: Callable[[], Any]) -> str:
     with pytest.raises(ec.CommandError) as caught:
         call()
     return str(caught.value)
-
-
-def start_value(record: dict[str, Any], path: str) -> Any:
-    component, name = re.fullmatch(r"(\w+\.\w+)\.(.+)", path).groups()  # pyright: ignore
-    return record["components"][component]["parameters"].get(name)
 
 
 # ---- every key ---------------------------------------------------------------------------------------
@@ -244,15 +238,15 @@ def test_paths_are_relative_to_the_file(emla: Emla, package: Path, fmu_folder: P
         "deep/my.toml",
     )
     record = run_record(emla, "deep/my.toml")
-    assert start_value(record, "lift.disturbance.load.level[1]") == 40e3
-    assert record["components"]["lift.plant"]["fmu"] == "deep/Plant.fmu"
+    components = record["components"]
+    assert components["lift.disturbance"]["parameters"]["load.level[1]"] == 40e3
+    assert components["lift.plant"]["fmu"] == "deep/Plant.fmu"
 
 
 @pytest.mark.parametrize(
     ("keys", "options", "expected"),
     [
         ("", {}, (0.003, 0.005, 5e-5)),
-        ("start_time = 0.001\nstop_time = 0.002\nstep_size = 1e-4", {}, (0.001, 0.002, 1e-4)),
         ("start_time = 0.001\nstop_time = 0.002", {"start_time": 0.0015}, (0.0015, 0.002, 5e-5)),
         ("start_time = 0.0\n", {}, (0.0, 0.005, 5e-5)),
     ],
@@ -274,21 +268,6 @@ def test_gains_are_for_built_in_systems(package: Path, fmu_folder: Path) -> None
         for source, options in ((path, {}), (package, {option: value}), (fmu, {option: value})):
             text = error_of(lambda s=source, o=options: load(s, **o))
             assert f"has its own gains; --{option} is for built-in systems" in text
-
-
-def test_layers_of_options_merge() -> None:
-    """Tables are merged, also those of the algorithm; other values are those of the last layer."""
-    options = Options()
-    for layer in (
-        {"set": {"a.x": 1, "a.y": 2}, "algorithm": "jacobi", "signals": ["x"], "step_multiples": {"a": 2}},
-        {"set": {"a.y": 3}, "signals": ["y"], "step_multiples": {"b": 4}},
-        {},
-    ):
-        options = options.updated(layer)
-    assert (options.set, options.algorithm, options.signals) == ({"a.x": 1, "a.y": 3}, "jacobi", ["y"])
-    assert options.own == {"step_multiples": {"a": 2, "b": 4}}
-    in_effect = {option.name: value for option, value in options.in_effect()}
-    assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})
 
 
 # ---- mistakes ----------------------------------------------------------------------------------------
@@ -336,12 +315,6 @@ def test_mistake_in_a_file(text: str, words: list[str], fmu_folder: Path) -> Non
         assert word in found
 
 
-def test_command_reports_a_mistake_in_a_file(emla: Emla) -> None:
-    write('system = "lift"\nsignals = ["lift.*", "tilt.*"]\n')
-    assert "no signal matches 'tilt.*'" in sentence(emla("run", "my.toml"), 2)
-    assert not list(Path().rglob("results.csv"))
-
-
 def test_files_that_cannot_be_read() -> None:
     Path("folder.toml").mkdir()
     Path("latin.toml").write_bytes('description = "Förderer"'.encode("latin-1"))
@@ -386,9 +359,10 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
     options = ("--stop-time", "0.001", "--no-plots", "--parameters", "one.ssv", "--parameters", "two.ssv")
     values = ("--set", "lift.observer.start.x_hat=0.2425", "--output", "out")
     record = run_record(emla, "lift", *options, *values)
-    assert start_value(record, "lift.disturbance.load.level[1]") == 40e3
-    assert start_value(record, "lift.plant.start.x_L") == 0.242  # of the later file
-    assert start_value(record, "lift.observer.start.x_hat") == "0.2425"  # of --set
+    parameters = {name: component["parameters"] for name, component in record["components"].items()}
+    assert parameters["lift.disturbance"]["load.level[1]"] == 40e3
+    assert parameters["lift.plant"]["start.x_L"] == 0.242  # of the later file
+    assert parameters["lift.observer"]["start.x_hat"] == "0.2425"  # of --set
     first = polars.read_csv("out/results.csv").row(0, named=True)
     assert (first["lift.plant.x_L"], first["lift.observer.x_hat"]) == (0.242, 0.2425)
     assert first["lift.disturbance.F_L"] == 40e3
