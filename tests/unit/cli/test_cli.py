@@ -1,6 +1,7 @@
 """The `emla` command: the files that it leaves, and one error message with exit code 2 for each mistake."""
 
 import json
+import re
 import zipfile
 from pathlib import Path
 
@@ -52,6 +53,11 @@ def test_run_too_short_to_judge(emla: Emla) -> None:
     assert "held   " not in short and "not settled" not in short
     longer = emla("run", "lift", "--stop-time", "0.31", "--no-plots").stdout
     assert "Too short" not in longer and longer.startswith("lift, 0.31 s simulated")
+
+
+def test_sweeps_of_strong_coupling_are_shown(emla: Emla) -> None:
+    shown = emla("run", "lift", "--stop-time", "0.01", "--algorithm", "strong", "--no-plots").stdout
+    assert re.search(r"One loop agreed after [\d.]+ sweeps a step", shown)
 
 
 def test_options_reach_the_run(emla: Emla, tmp_path: Path) -> None:

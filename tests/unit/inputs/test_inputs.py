@@ -270,6 +270,7 @@ def test_many_runs_do_not_overwrite_their_data(
         ({LOAD: "der(Force)"}, {}, "needs cubic interpolation"),
         ({LOAD: "der(der(der(Force)))"}, {"interpolation": "cubic"}, "it must be 0, 1 or 2"),
         ({"lift.plant.F": "Force"}, {}, "lift.plant has no variable 'F'"),
+        ({"lift.plan.F_L": "Force"}, {}, "there is no component 'lift.plan'"),
         ({"lift.plant.screw.lead": "x"}, {}, "is a parameter; data can drive an input"),
         ({"lift.plant.tau_m": "other"}, {}, "lift.plant.tau_m is not connected"),
         ({}, {}, "drives no signal: its columns are called Force, x and other"),

@@ -236,6 +236,7 @@ def header(content: object) -> bytes:
         (header({"format": 1, "notes": {}, "arrays": []}), "has the format 1; this version reads 3"),
         (header({"format": 3, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
         (header({"format": 3, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 3, "notes": {"identity": 1, "time": 0}, "arrays": []}), "is not a checkpoint"),
     ],
 )
 def test_invalid_checkpoint_files_are_reported(

@@ -140,6 +140,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation) -> None:
         ({"stop_time": "soon"}, "the option 'stop_time' is 'soon'; it must be a number"),
         ({"stop_time": float("nan")}, "the stop time nan s"),
         ({"stop_time": 0.0}, "stop time 0 s"),
+        ({"stop_time": 1e308}, "s are more than 1e+"),
         ({"step_size": 0.0}, "step size 0 s must be a positive"),
         ({"step_size": float("nan")}, "step size nan s"),
         ({"step_size": 3e-4, "stop_time": 1e-3}, "is not a whole number of steps"),
@@ -313,7 +314,8 @@ def test_failed_run_raises_with_the_results_so_far(faulty_fmu: Path) -> None:
 
 
 SOURCES = [
-    "", ".", "#", "a#b", "x\0y", "y" * 5000, "-", "study/", " study", "lift\n", "a.toml/b", "é.ssp", 3, None
+    "", ".", "#", "a#b", "x\0y", "y" * 5000, "x\0y.fmu", "y" * 300 + ".fmu", "-", "study/", " study",
+    "lift\n", "a.toml/b", "é.ssp", 3, None
 ]  # fmt: skip
 
 

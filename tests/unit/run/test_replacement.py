@@ -266,6 +266,7 @@ def test_parameters_without_a_mapping_are_left_out(foreign_plant: Path, fmu_fold
         ('target="Motor.Uq_V"', 'target="Motor.U"', "names 'Motor.U', which ForeignPlant does not have"),
         ('source="u_d"', 'source="u_q"', "maps 'u_q' twice"),
         ('target="Motor.Ud_V"', 'target="Motor.Uq_V"', "maps 'u_d' to 'Motor.Uq_V', which is already"),
+        ("<ssc:LinearTransformation offset", "<ssc:Linear offset", "is not valid SSP"),
         ("</ssm:ParameterMapping>", "", "is not well-formed XML"),
         ('factor="-1"', 'factor="minus one"', "is not valid SSP"),
     ],

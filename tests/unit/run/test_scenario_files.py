@@ -178,7 +178,7 @@ def test_description_goes_into_a_package(emla: Emla) -> None:
     write(f'{SHORT}description = "A lift of my own"\n')
     assert emla("export", "my.toml", "my.ssp").exit_code == 0
     scenario = load("my.ssp")
-    assert (scenario.name, scenario.description) == ("my", "A lift of my own")
+    assert repr(scenario) == "<Scenario my: 5 components; A lift of my own>"
     assert (scenario.options.stop_time, scenario.options.step_size) == (0.002, 1e-4)
 
 
