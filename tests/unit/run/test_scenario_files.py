@@ -297,6 +297,7 @@ OF_LIFT = [
     ('[replace]\n"lift.plant" = 1', "'lift.plant' in 'replace'", "must be a path, or"),
     ('[replace]\n"lift.plant" = { fmu = "x.fmu", map = "y" }', "{ fmu = "),
     ('[replace]\n"lift.plant" = "gone.fmu"', "no FMU file 'gone.fmu'"),
+    ('[replace]\n"lift.pump" = "gone.fmu"', "no component 'lift.pump'"),
 ]
 MISTAKES = [*NO_SYSTEM, *((f'system = "lift"\n{row[0]}', *row[1:]) for row in OF_LIFT)]
 
