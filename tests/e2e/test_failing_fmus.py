@@ -320,3 +320,4 @@ def test_isolate_takes_patterns_and_true(package: Path, tmp_path: Path) -> None:
 def test_code_tells_the_instance_and_the_call(instance: int, call: str) -> None:
     present = black_box.Activity(code=code_of(instance, call), time=0.5)
     assert decode_call(present) == (instance, f"{call} at t = 0.5 s" if call == "doStep" else call)
+    assert decode_call(black_box.Activity())[0] is None
