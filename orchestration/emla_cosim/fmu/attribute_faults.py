@@ -94,6 +94,8 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
     if version is None:
         yield True, f"{_name(root)} has no fmiVersion; it needs 2.0 or 3.0"
         return
+    if not version.startswith(("1.", "2.", "3.")):
+        return  # the message on the version is better
     is_1, is_3 = version.startswith("1."), version.startswith("3.")
     yield from _check(root, "numberOfEventIndicators", _UNSIGNED)
     if is_1:

@@ -76,7 +76,9 @@ def test_run_in_single_steps_stays_at_its_end(fmu_folder: Path) -> None:
     with lift(fmu_folder, stop_when=[CONDITION]).prepare() as simulation:
         simulation.advance(0.01)
         reached, torque = simulation.time, simulation[SIGNAL]
-        simulation.advance(0.015)
+        simulation.advance(reached)
+        with pytest.raises(ec.CommandError, match=r"\(--stop-when\)\. It cannot continue; call `finish`"):
+            simulation.advance(0.015)
         assert simulation.time == reached < 0.01 and simulation[SIGNAL] == torque > LIMIT
         assert simulation.finish().end_s == reached
 

@@ -1,6 +1,5 @@
 """A run that an FMU ended before its stop time is complete for nobody who compares it with others."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,15 +36,6 @@ def test_advance_beyond_the_end_is_refused(ending: ec.System) -> None:
                 simulation.advance(0.5)
         assert simulation.finish().end_s == pytest.approx(0.3)
         assert simulation.run(set={"a.fault": 0}).end_s == pytest.approx(1.0)
-
-
-def test_advance_beyond_a_condition_is_refused(faulty_fmu: Path) -> None:
-    with ec.load(
-        str(faulty_fmu), **OPTIONS, set={"Faulty.u": 1.0}, stop_when=["Faulty.y > 0.25"]
-    ).prepare() as simulation:
-        simulation.advance(0.5)
-        with pytest.raises(CommandError, match=re.escape("(--stop-when). It cannot continue")):
-            simulation.advance(0.5)
 
 
 def test_linearize_says_why_the_operating_point_is_not_reached(ending: ec.System) -> None:

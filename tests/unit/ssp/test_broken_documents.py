@@ -8,6 +8,7 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.faults import accept_faults
 from fmublock.archive import write_archive
+from tests.support.hand_written_fmus import Fault
 from tests.support.refusals import problem_of
 from tests.support.ssp_documents import (
     NAMESPACES,
@@ -293,7 +294,7 @@ def test_invalid_parameters(given: str, mapping: str, words: list, tmp_path: Pat
     ("given", "words"),
     [
         ({"b": "two"}, ["a.b", "two", "not a number"]),
-        ({"fault": 99}, ["a.fault = 99", "out of range", "at most 27"]),
+        ({"fault": 99}, ["a.fault = 99", "out of range", f"at most {max(Fault)}"]),
         ({"fault": "none"}, ["a.fault", "none", "not a whole number"]),
     ],
 )
@@ -391,7 +392,7 @@ EXCHANGE = component("a", "a.fmu", implementation="ModelExchange")
         (PLAIN, b"not a zip", ["not an FMU", "zip"]),
         (PLAIN, None, ["not an FMU", "modelDescription.xml"]),
         (PLAIN, "no XML", ["not an FMU"]),
-        (PLAIN, '<fmiModelDescription fmiVersion="1.0"/>', ["modelName"]),
+        (PLAIN, '<fmiModelDescription fmiVersion="1.0"/>', ["numberOfContinuousStates"]),
         (PLAIN, '<fmiModelDescription fmiVersion="7"/>', ["version: 7"]),
         (PLAIN, FMI_3, ["the clock 'tick'", "for co-simulation only"]),
         (PLAIN, FMI_1, ["FMI 1.0", "runs FMI 2.0"]),
