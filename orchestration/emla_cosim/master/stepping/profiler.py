@@ -128,8 +128,9 @@ class Profiler:
         total, spent = wall_s + seconds_beside, [self._spent(i) for i in range(len(self._instances))]
         here = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
         waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in here)
-        own = sum(effort.own_cost_s for effort in spent)
-        known = sum(spent[i].seconds for i in here) + waited + own + sum(self._activities.values())
+        measured = sum(spent[i].seconds for i in here) + waited + sum(self._activities.values())
+        # an estimate from other calls: on a busy machine it can exceed what is left of the run
+        own = min(sum(effort.own_cost_s for effort in spent), max(total - measured, 0.0))
 
         def part(seconds: float) -> dict[str, float]:
             return {"seconds": seconds, "share": seconds / total if total > 0.0 else 0.0}
@@ -150,7 +151,7 @@ class Profiler:
         return {
             "total_s": total,
             "fmus": rows,
-            "master": part(max(total - known, 0.0)),
+            "master": part(max(total - measured - own, 0.0)),
             **({} if len(here) == len(spent) else {"separate_processes": part(waited)}),
             "recorders": {name: part(seconds) for name, seconds in self._activities.items()},
             "profiler": {**part(own), **costs},
