@@ -25,7 +25,7 @@ class FmuLog:
     """The last warnings and errors of each instance, by its name.
 
     One log serves all instances of a process, because fmpy's proxy that formats the messages knows one logger
-    only. The newest log receives the messages.
+    only. The log that listens receives the messages: the newest, or the last one that was told to `listen`.
     """
 
     least = fmi2.fmi2Warning
@@ -38,6 +38,10 @@ class FmuLog:
         self.callbacks = _CALLBACKS
         self.callbacks.logger = _LOGGER  # the proxy replaces the logger and calls this one
         addLoggerProxy(ctypes.byref(self.callbacks))
+        self.listen()
+
+    def listen(self) -> None:
+        """Receive all messages from now on, instead of the log that did so before."""
         FmuLog._listening = self
 
     def last(self, instance: str) -> list[str]:
@@ -51,7 +55,7 @@ class FmuLog:
 
     @classmethod
     def hear(cls, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        """Pass a message to the newest log; called by FMUs."""
+        """Pass a message to the log that listens; called by FMUs."""
         if cls._listening is not None and status >= cls._listening.least:
             name, kind, text = (
                 (x or b"").decode(errors="replace").strip() for x in (instance, category, message)

@@ -94,12 +94,12 @@ class Assembly:
         inputs = {c.name: [x.input for x in exchanged.into(c.name)] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], exchanged, c.name) for c in components}
         self.instances: dict[str, DescribedInstance] = {}
-        log = FmuLog()
+        self._log = FmuLog()
         for number, name in enumerate(c.name for c in components):
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
             instance = (
-                IsolatedInstance(*described, number) if isolated else make_instance(*described, log, number)
+                IsolatedInstance(*described, number) if isolated else make_instance(*described, self._log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
@@ -152,6 +152,7 @@ class Assembly:
             CommandError: A start value does not fit its variable.
             InstanceError: An FMU rejects a start value.
         """
+        self._log.listen()  # another simulation may have been prepared or run since
         for component in system.components:
             if self._values.get(component.name, (None,))[0] is not component:
                 self._values[component.name] = component, self._typed(component)

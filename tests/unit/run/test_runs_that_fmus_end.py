@@ -76,3 +76,11 @@ def test_comparisons_do_not_call_the_joint_held() -> None:
     figures = {"held": True, "reason": None}
     outcome = VariantOutcome(0, DONE, "the plant asked to end.", 0.3, {"lift": figures}, cut_short=True)
     assert read_verdict(figures, outcome) == (False, 0.3, "the plant asked to end")
+
+
+def test_messages_reach_the_run_whose_fmu_wrote_them(faulty_fmu: Path) -> None:
+    """Also if another simulation was prepared or run between."""
+    failing = ec.System.of({"a": faulty_fmu}, set={"a.fault": int(Fault.ERROR), "a.at": 0.3})
+    with ec.load(failing, **OPTIONS).prepare() as first, ec.load(failing, **OPTIONS).prepare() as second:
+        for simulation in (first, second, first):
+            assert "It said: " in str(simulation.attempt().problem)
