@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from .block import Block
 from .errors import LoadError
@@ -53,7 +53,7 @@ def _run(file: Path) -> ModuleType:
     while (root / "__init__.py").is_file():
         root, parts = root.parent, [root.name, *parts]
     name = ".".join(parts)
-    spec = importlib.util.spec_from_file_location(name, file, loader=SourceFileLoader(name, str(file)))
+    spec = importlib.util.spec_from_file_location(name, file, loader=_SourceLoader(name, str(file)))
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     with _import_from(root):
@@ -74,8 +74,21 @@ def _run(file: Path) -> ModuleType:
     return module
 
 
+class _SourceLoader(SourceFileLoader):
+    """Compiles a file each time, and writes nothing beside it.
+
+    Python takes bytecode for that of a file with the same size and time in s: a file that a program changes
+    twice within a second would run as it was before.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the code of the file as it is now."""
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
 class _FolderFinder(MetaPathFinder):
-    """Finds modules in one folder."""
+    """Finds modules in one folder, and in packages there."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -83,8 +96,13 @@ class _FolderFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find a module in the folder; None if it is not there, or inside a package."""
-        return PathFinder.find_spec(fullname, [str(self._folder)], target) if path is None else None
+        """Find a module; None if it is not in the folder."""
+        if path is not None and not all(Path(place).is_relative_to(self._folder) for place in path):
+            return None
+        spec = PathFinder.find_spec(fullname, [str(self._folder)] if path is None else path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _SourceLoader(spec.loader.name, spec.loader.path)
+        return spec
 
 
 @contextmanager

@@ -99,7 +99,9 @@ class Assembly:
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
             instance = (
-                IsolatedInstance(*described, number) if isolated else make_instance(*described, self._log, number)
+                IsolatedInstance(*described, number)
+                if isolated
+                else make_instance(*described, self._log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance

@@ -1,5 +1,6 @@
 """The door for outsiders: from a file of one's own to an FMU, from any folder."""
 
+import os
 import re
 import subprocess
 import sys
@@ -253,3 +254,23 @@ def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
     ]
     with zipfile.ZipFile(build(other, "without.fmu", flavour="python")) as archive:
         assert not [name for name in archive.namelist() if name.startswith("extra")]
+
+
+def test_changed_sources_run_as_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also if they change within a second and keep their size, as bytecode beside them would not tell."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    package = tmp_path / "parts"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (tmp_path / "own.py").write_text(
+        "from fmublock import Block, Parameter\nfrom gain import A\nfrom parts.more import B\n\n\n"
+        "class Own(Block):\n    k = Parameter(A + B)\n"
+    )
+    starts = []
+    for a, b in ((1.0, 2.0), (3.0, 4.0)):
+        for path, text in ((tmp_path / "gain.py", f"A = {a}\n"), (package / "more.py", f"B = {b}\n")):
+            path.write_text(text)
+            os.utime(path, (1e9, 1e9))
+        starts.append(load_block(f"{tmp_path / 'own.py'}:Own").k.start)
+    assert starts == [3.0, 7.0]
+    assert not list(tmp_path.rglob("__pycache__"))
