@@ -307,7 +307,6 @@ STEPPERS: dict[str, Stepper] = {
         is_compiled=False,
         by_default=[
             ("types of FMI 3.0", "gauss-seidel"),
-            ("FATAL in a line", "jacobi"),
         ],
     ),
     "one isolated": Stepper(

@@ -251,6 +251,7 @@ def test_killed_parent_ends_its_children(isolated: bool, package: Path, tmp_path
 # ---- isolated FMUs -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_isolated_fmus_resume_and_write_the_checkpoints_of_others(package: Path, tmp_path: Path) -> None:
     scenario = load(package, output_interval=0.1, algorithm="strong")
     with scenario.prepare() as simulation:

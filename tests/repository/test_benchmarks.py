@@ -51,6 +51,7 @@ def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
     assert load_job(tmp_path / "job.json") == initialized
 
 
+@pytest.mark.slow
 def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
     told: list[str] = []
     ours, missing = measured(job, [OURS, MISSING], 2, 20, told.append)

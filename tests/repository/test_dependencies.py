@@ -75,10 +75,12 @@ def undeclared(files: Iterable[Path]) -> dict[str, Path]:
     }
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared() -> None:
     assert undeclared(sources()) == {}
 
 
+@pytest.mark.slow
 def test_what_is_declared_is_used() -> None:
     files = sources()
     used = {d for package in imported(files) for d in providers().get(package, {package})}

@@ -51,6 +51,7 @@ def strokes(problem: MotionProblem, how: Discretisation) -> tuple[np.ndarray, bo
     return spline.evaluated(np.linspace(spline.start, spline.end, 10_000)), figures.within_bounds
 
 
+@pytest.mark.slow
 def test_the_ground_bends_a_motion_that_would_come_too_close() -> None:
     free = solved(replace(LOW_AND_SINKING, ground_clearance=None), COARSE)
     seen = free.spline(COARSE).evaluated(np.linspace(0.0, free.duration, 4001))

@@ -144,6 +144,7 @@ def test_held_out_experiments_run_once(identify: Identify) -> None:
     assert both.runs == alone.runs + 1 and both.set == alone.set
 
 
+@pytest.mark.slow
 def test_batches_do_not_change_estimates(identify: Identify, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run of 1001 rows and two columns has 16 kB; two batches of eight points are the smallest."""
     from emla_cosim.identification import prediction
@@ -243,6 +244,7 @@ def test_invalid_requests_are_refused(changed: dict[str, Any], message: str, ide
         identify(vary, measured=[one], **asked)
 
 
+@pytest.mark.slow
 def test_failing_runs_are_avoided(identify: Identify) -> None:
     """A negative drag makes the position grow beyond all numbers."""
     found = identify({"Cart.m": "0.01:10", "Cart.b": "-500:5"}, starts=4, **data(noisy(c=0.0)))

@@ -135,7 +135,11 @@ ELSEWHERE = set(_ELSEWHERE.split())
 `no_event_mode` in test_no_event_mode.py."""
 
 
-@pytest.mark.parametrize("keys", [FIXED, CONTROLLED, MULTIPLES], ids=lambda keys: next(iter(keys)))
+@pytest.mark.parametrize(
+    "keys",
+    [FIXED, pytest.param(CONTROLLED, marks=pytest.mark.slow), MULTIPLES],  # compiles the loop anew
+    ids=lambda keys: next(iter(keys)),
+)
 def test_keys_reach_the_run(keys: dict[str, tuple[str, dict[str, Any]]], python_fmu_folder: Path) -> None:
     Path("my.fmu").write_bytes((python_fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
     head = 'system = "lift"\n' + ("" if "stop_time" in keys else "stop_time = 0.002\n")

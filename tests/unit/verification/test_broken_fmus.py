@@ -25,6 +25,7 @@ LONG = ("instance.cycles", "instance.threads", "run.deterministic", "state.freed
 """Checks that take longest."""
 
 SANITIZER = {c.name for c in CHECKS if c.group == "sanitizer"}
+LONGEST = {"instance.threads", *SANITIZER}
 MAY_BE_SKIPPED = {
     "serializes-nothing": {"state.restored"},  # is not claimed then
     "no-binary": {"sources.compile", *SANITIZER},  # a failure, were there sources
@@ -84,9 +85,9 @@ IN_MEMORY = [
 
 BY_DEFAULT = [
     *(b for b in BROKEN if b in IN_MEMORY or b.name in WORDS),
-    *(b for b in FIRST.values() if b not in IN_MEMORY and b.name not in WORDS and b.check not in SANITIZER),
+    *(b for b in FIRST.values() if b not in IN_MEMORY and b.name not in WORDS and b.check not in LONGEST),
 ]
-"""All of those, and one for each check, except where it takes a build with sanitizers."""
+"""All of those, and one for each check, except where it takes a build with sanitizers, or seconds."""
 
 ORIGINS = ("Clocked", CLOCKED), ("Toy3", THIRD), ("Toy", STATIC), ("Wide", WIDE), ("Good", BROKEN)
 
