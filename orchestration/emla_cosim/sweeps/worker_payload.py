@@ -78,13 +78,15 @@ class Preparation:
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
             faults.merge(scenario.accepted)
+            held = list[str]()
             for source in options.input:
-                times = run_times(options, scenario.name)
-                DataSpan.of(source).check_overlap(times.start, times.stop)
+                times, span = run_times(options, scenario.name), DataSpan.of(source)
+                span.check_overlap(times.start, times.stop)
+                held += filter(None, [span.describe_held(times.start, times.stop, times.step)])
             system, fmus = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_sized_interfaces(system, fmus)
-        for remark in (*describe_disabled_event_mode(system), *faults.remarks(scenario.unpacked)):
+        for remark in (*describe_disabled_event_mode(system), *held, *faults.remarks(scenario.unpacked)):
             progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)

@@ -6,6 +6,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.progress import Progress
 
 STEP = {"step_size": 0.1, "stop_time": 1.0}
 
@@ -42,3 +43,16 @@ def test_data_after_the_run_are_refused(faulty_fmu: Path, tmp_path: Path) -> Non
         pytest.raises(CommandError, match=r"data from 125 to 126 s, after the run, from 0 to 1 s"),
     ):
         simulation.run()
+
+
+def test_sweeps_say_it_once(faulty_fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
+    class Notes(Progress):
+        def note(self, text: str) -> None:
+            found.append(text)
+
+    found = list[str]()
+    data = tmp_path / "u.csv"
+    data.write_text("time [s],u\n0.5,1\n2,1\n")
+    scenario = ec.load(str(faulty_fmu), **STEP, input=[ec.Input(data, {"Faulty.u": "u"})])
+    ec.sweep(scenario, {"Faulty.b": [1.0, 2.0]}, metrics=["y = last(Faulty.y)"], progress=Notes())
+    assert sum("the first values hold until 0.5 s" in text for text in found) == 1
