@@ -25,5 +25,11 @@ def format_number(value: float, digits: int = 6) -> str:
         return f"{Decimal(value):.{digits}g}"
 
 
+def shorten_line(text: str, most: int) -> str:
+    """Return a text in one line, with at most so many letters of its beginning."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[:most]}..."
+
+
 _LARGE = 1e15
 """Below it, floats represent every whole number exactly."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base.untrusted_xml import parse_xml
+from ..base.wording import shorten_line
 
 _INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 _FLOATS = ("Float32", "Float64")
@@ -296,5 +297,4 @@ def _name(element: Any) -> str:
 
 
 def _short(text: str) -> str:
-    line = " ".join(text.split())
-    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}..."
+    return shorten_line(text, _LONGEST)

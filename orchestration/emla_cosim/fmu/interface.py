@@ -411,9 +411,8 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         root = parse_xml(archive.read(_DESCRIPTION))
     if description.fmiVersion == "2.0" and root.find("ModelStructure/*/Unknown[@index='0']") is not None:
-        raise ValueError(
-            "an index is 0"
-        )  # fmpy takes the last variable; `find_attribute_fault` names the place
+        # fmpy takes the last variable; `find_attribute_fault` names the place
+        raise ValueError("an index is 0")
     variables = {v.name: v for v in description.modelVariables}
     for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
         variable = variables[real.getparent().get("name")]

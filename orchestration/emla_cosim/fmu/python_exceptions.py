@@ -10,6 +10,8 @@ import traceback
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..base.wording import shorten_line
+
 _LONGEST = 300
 """Most letters of an exception in a message."""
 
@@ -51,8 +53,7 @@ def describe_left_exception(error: BaseException) -> str:
         error: What ctypes raised.
     """
     left = find_left_exception(error) or error
-    text = " ".join(traceback.format_exception_only(left)[-1].split()).rstrip(".")
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return shorten_line(traceback.format_exception_only(left)[-1].rstrip().rstrip("."), _LONGEST)
 
 
 def uses_python(library: Path) -> bool:

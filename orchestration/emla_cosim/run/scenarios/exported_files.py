@@ -15,7 +15,7 @@ NAMES = {SSP: "an SSP", FMU: "an FMU", C: "a C file"}
 _STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance")
 _ASKED_FOR = ("no_event_mode", "fmi", "inputs", "outputs", "components", "precision", "platform")
 """Options whose value was asked for if it is not the default, also in a scenario file: all of exports only,
-and one that would change results without a word."""
+and one that would silently change results."""
 
 _NOT_IN = {
     SSP: (*_STEPPED, "no_event_mode", "fmi", "inputs", "outputs", "components", "precision"),
