@@ -1,13 +1,11 @@
 """Compute minimum, maximum, root mean square and final value of every signal."""
 
-import ctypes
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
+from ..stepper.rows import reduce_rows
 from .recorder import Outline
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
@@ -17,7 +15,7 @@ _WIDTH = 1000
 """Row width at which NumPy reaches its full speed: narrower rows are joined side by side."""
 
 _WORTH = 50_000
-"""Number of values above which the compiled pass is faster, even if it must be loaded first."""
+"""Number of values above which the pass in C is faster, even if it must be loaded first."""
 
 _SQUARED = 1e150
 """Squares of numbers above this, or below its inverse, can overflow or underflow."""
@@ -72,8 +70,8 @@ class SignalFigures:
 
 def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
     """Return minimum, maximum and root mean square of every column."""
-    compiled = _load_compiled_pass() if rows.size > _WORTH and rows.flags.c_contiguous else None
-    low, high, squares = _reduce_in_numpy(rows) if compiled is None else compiled(rows)
+    reduced = reduce_rows(rows) if rows.size > _WORTH else None
+    low, high, squares = _reduce_in_numpy(rows) if reduced is None else reduced
     rms = np.sqrt(squares / len(rows))
     peak = np.maximum(np.abs(low), np.abs(high))
     unsquared = np.isfinite(peak) & (peak > 0) & ((peak > _SQUARED) | (peak < 1 / _SQUARED))
@@ -81,29 +79,6 @@ def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
         largest = peak[unsquared]
         rms[unsquared] = largest * np.sqrt(np.mean((rows[:, unsquared] / largest) ** 2, axis=0))
     return low, high, rms
-
-
-@cache
-def _load_compiled_pass() -> Callable[[Vector], tuple[Vector, Vector, Vector]] | None:
-    """Return `_reduce_in_numpy` as compiled code, which reads the rows once; None without a compiler."""
-    try:
-        from ..master.stepping.kernel import compiled_address
-
-        address = compiled_address("reduce_rows", "row_passes")
-    except (ImportError, OSError):
-        return None
-    place, number = ctypes.c_ssize_t, ctypes.c_int64
-    reduce_rows = ctypes.CFUNCTYPE(number, place, number, number, place, place, place)(address)
-
-    def reduce_compiled(rows: Vector) -> tuple[Vector, Vector, Vector]:
-        count, width = rows.shape
-        low, high, squares = np.full(width, np.inf), np.full(width, -np.inf), np.zeros(width)
-        reduce_rows(rows.ctypes.data, count, width, low.ctypes.data, high.ctypes.data, squares.ctypes.data)
-        missing = np.isnan(squares)
-        low[missing] = high[missing] = np.nan
-        return low, high, squares
-
-    return reduce_compiled
 
 
 def _reduce_in_numpy(rows: Vector) -> tuple[Vector, Vector, Vector]:

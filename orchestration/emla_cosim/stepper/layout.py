@@ -1,0 +1,187 @@
+"""The records of `native/stepper.h`, which explains them, as types of NumPy and ctypes."""
+
+import ctypes
+from enum import IntEnum
+
+import numpy as np
+
+_ADDRESS, _WHOLE, _CODE, _REAL = "intp", "int32", "int64", "float64"
+
+TYPES = (
+    *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    "bool",
+)
+"""Types of values in memory, by their number in C."""
+
+TRUTH_OF_FMI_2 = len(TYPES)
+"""The number of C integers that are 0 or 1, the Booleans of FMI 2.0."""
+
+
+class Call(IntEnum):
+    """Operations of a program."""
+
+    SET = 0
+    STEP = 1
+    GET = 2
+    SOLVE = 3
+    COMBINE = 4
+
+
+class Failure(IntEnum):
+    """Why a run of steps ended."""
+
+    NONE = 0
+    SET = 1
+    DERIVATIVES = 2
+    STEP = 3
+    GET = 4
+    NOT_FINITE = 5
+    SAVE = 6
+    RESTORE = 7
+    NO_AGREEMENT = 8
+    OBSERVE = 9
+    LATE = 10
+    INTERRUPTED = 11
+
+
+OUT_OF_RANGE = -(2**31)
+"""A status: a value does not fit into the type of its input."""
+
+SIGNALS, PREVIOUS, FIRST_STORE = 0, 1, 2
+"""Positions of the vectors that operations read and combine."""
+
+
+def _record(**fields: str) -> np.dtype:
+    return np.dtype(list(fields.items()), align=True)
+
+
+CALL = _record(
+    function=_ADDRESS,
+    component=_ADDRESS,
+    references=_ADDRESS,
+    values=_ADDRESS,
+    items=_ADDRESS,
+    places=_ADDRESS,
+    code=_CODE,
+    reference_count=_WHOLE,
+    value_count=_WHOLE,
+    item_count=_WHOLE,
+    type=_WHOLE,
+    instance=_WHOLE,
+    is_version_3=_WHOLE,
+)
+
+INSTANCE = _record(
+    component=_ADDRESS,
+    do_step=_ADDRESS,
+    set_derivatives=_ADDRESS,
+    get_state=_ADDRESS,
+    set_state=_ADDRESS,
+    get_status=_ADDRESS,
+    references=_ADDRESS,
+    orders=_ADDRESS,
+    setters=_ADDRESS,
+    getters=_ADDRESS,
+    end=_ADDRESS,
+    state=_ADDRESS,
+    code=_CODE,
+    code_derivatives=_WHOLE,
+    code_step=_WHOLE,
+    code_save=_WHOLE,
+    code_restore=_WHOLE,
+    code_status=_WHOLE,
+    setter_count=_WHOLE,
+    getter_count=_WHOLE,
+    first_input=_WHOLE,
+    input_count=_WHOLE,
+    first_output=_WHOLE,
+    output_count=_WHOLE,
+    mode=_WHOLE,
+    is_rare=_WHOLE,
+    is_version_3=_WHOLE,
+    has_no_way_back=_WHOLE,
+)
+
+INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
+
+SIGNAL = _record(floor=_REAL, instance=_WHOLE, is_smooth=_WHOLE)
+
+OPERATION = _record(call=_WHOLE, target=_WHOLE, every=_WHOLE, store=_WHOLE)
+
+COMBINATION = _record(instance=_WHOLE, into=_WHOLE, first_term=_WHOLE, term_count=_WHOLE)
+
+TERM = _record(factor=_REAL, store=_WHOLE, unused=_WHOLE)
+
+GROUP = _record(
+    members=_ADDRESS,
+    coupling=_ADDRESS,
+    jacobian=_ADDRESS,
+    guess=_ADDRESS,
+    sizes=_ADDRESS,
+    direction=_ADDRESS,
+    earlier=_ADDRESS,
+    basis=_ADDRESS,
+    residuals=_ADDRESS,
+    answers=_ADDRESS,
+    kept=_ADDRESS,
+    member_count=_WHOLE,
+    coupling_count=_WHOLE,
+    is_saved=_WHOLE,
+    is_halved=_WHOLE,
+)
+
+_POINTER, _INT, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int64, ctypes.c_double
+
+
+class Stepper(ctypes.Structure):
+    """The tables of a system, its memory, and what ended its last run."""
+
+    _fields_ = (
+        ("instances", _POINTER),
+        ("inputs", _POINTER),
+        ("signals", _POINTER),
+        ("operations", _POINTER),
+        ("combinations", _POINTER),
+        ("terms", _POINTER),
+        ("groups", _POINTER),
+        ("read", _POINTER),
+        ("observers", _POINTER),
+        ("coupling_tolerance", _DOUBLE),
+        ("signal_count", _INT),
+        ("operation_count", _INT),
+        ("group_count", _INT),
+        ("read_count", _INT),
+        ("observer_count", _INT),
+        ("observed_count", _INT),
+        ("sweep_limit", _INT),
+        ("halving_limit", _INT),
+        ("stores", _POINTER),
+        ("at", _POINTER),
+        ("before", _POINTER),
+        ("input_values", _POINTER),
+        ("derivatives", _POINTER),
+        ("taken", _POINTER),
+        ("taken_at", _POINTER),
+        ("largest", _POINTER),
+        ("observed", _POINTER),
+        ("activity", _POINTER),
+        ("stop", _POINTER),
+        ("clock", 3 * _DOUBLE),
+        ("reached", _LONG),
+        ("recorded", _LONG),
+        ("sweeps", _LONG),
+        ("time", _DOUBLE),
+        ("length", _DOUBLE),
+        ("failure", _INT),
+        ("instance", _INT),
+        ("status", _INT),
+        ("group", _INT),
+        ("group_sweeps", _INT),
+    )
+
+
+SIZES = (
+    *(t.itemsize for t in (CALL, INSTANCE, INPUT, SIGNAL, OPERATION, COMBINATION, TERM, GROUP)),
+    ctypes.sizeof(Stepper),
+)
+"""Sizes of the records, in the order of `stepper_sizes` in C."""

@@ -1,0 +1,187 @@
+/* Calls of FMI functions: values of any type, steps, states. */
+
+#if defined __GNUC__
+#define RARE __attribute__((noinline)) /* keeps the code of all other steps short */
+#else
+#define RARE
+#endif
+
+/* Whether a status is worse than a warning, or not in the standard. */
+static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
+
+static void announce(const Stepper *s, int64_t code) {
+    if (s->activity != NULL) s->activity->code = code;
+}
+
+/* WHOLE_TYPES and OTHER_TYPES apply a macro to a type: its name, its C type, and for whole numbers the smallest
+   value and the one after the largest. */
+#define WHOLE_TYPES(X)                                                    \
+    X(INT8, int8_t, -128.0, 128.0)                                        \
+    X(UINT8, uint8_t, 0.0, 256.0)                                         \
+    X(INT16, int16_t, -32768.0, 32768.0)                                  \
+    X(UINT16, uint16_t, 0.0, 65536.0)                                     \
+    X(INT32, int32_t, -2147483648.0, 2147483648.0)                        \
+    X(UINT32, uint32_t, 0.0, 4294967296.0)                                \
+    X(INT64, int64_t, -9223372036854775808.0, 9223372036854775808.0)      \
+    X(UINT64, uint64_t, 0.0, 18446744073709551616.0)
+
+/* Put numbers of the vector into the values of a call, rounded to its type; 0 if one does not fit. */
+static int convert_to(const Call *call, const double *vector) {
+#define PUT(NAME, type, low, limit)                                   \
+    case NAME:                                                        \
+        for (int32_t k = 0; k < call->n_items; k++) {                 \
+            const double value = rint(vector[call->items[k]]);        \
+            if (!(value >= (low) && value < (limit))) return 0;       \
+        }                                                             \
+        for (int32_t k = 0; k < call->n_items; k++)                   \
+            ((type *)call->values)[call->places[k]] = (type)rint(vector[call->items[k]]); \
+        return 1;
+#define PUT_EACH(NAME, type, expression)                              \
+    case NAME:                                                        \
+        for (int32_t k = 0; k < call->n_items; k++) {                 \
+            const double value = vector[call->items[k]];              \
+            ((type *)call->values)[call->places[k]] = (expression);   \
+        }                                                             \
+        return 1;
+    switch (call->type) {
+        WHOLE_TYPES(PUT)
+        PUT_EACH(FLOAT64, double, value)
+        PUT_EACH(FLOAT32, float, (float)value)
+        PUT_EACH(BOOLEAN, fmi3Boolean, rint(value) != 0.0)
+        PUT_EACH(BOOLEAN_2, fmi2Boolean, rint(value) != 0.0)
+        default: return 1;
+    }
+#undef PUT
+#undef PUT_EACH
+}
+
+/* Put the values of a call into the vector. */
+static void convert_from(const Call *call, double *vector) {
+#define TAKE(NAME, type, low, limit)                                                              \
+    case NAME:                                                                                    \
+        for (int32_t k = 0; k < call->n_items; k++)                                               \
+            vector[call->items[k]] = (double)((const type *)call->values)[call->places[k]];       \
+        return;
+#define TAKE_TRUTH(NAME, type)                                                                    \
+    case NAME:                                                                                    \
+        for (int32_t k = 0; k < call->n_items; k++)                                               \
+            vector[call->items[k]] = ((const type *)call->values)[call->places[k]] ? 1.0 : 0.0;   \
+        return;
+    switch (call->type) {
+        WHOLE_TYPES(TAKE)
+        TAKE(FLOAT64, double, , )
+        TAKE(FLOAT32, float, , )
+        TAKE_TRUTH(BOOLEAN, unsigned char)
+        TAKE_TRUTH(BOOLEAN_2, fmi2Boolean)
+        default: return;
+    }
+#undef TAKE
+#undef TAKE_TRUTH
+}
+
+/* Functions for all types have the same arguments, apart from the type of the values. */
+typedef fmi2Status Exchange2(fmi2Component, const fmi2ValueReference *, size_t, void *);
+typedef fmi3Status Exchange3(fmi3Instance, const fmi3ValueReference *, size_t, void *, size_t);
+
+static int32_t exchange(const Stepper *s, const Call *call) {
+    const size_t n = (size_t)call->n_references;
+    announce(s, call->code);
+    if (call->is_version_3)
+        return (int32_t)((Exchange3 *)call->function)(call->component, call->references, n, call->values,
+                                                      (size_t)call->n_values);
+    return (int32_t)((Exchange2 *)call->function)(call->component, call->references, n, call->values);
+}
+
+static int64_t magnitude(int32_t status) { return status < 0 ? -(int64_t)status : status; }
+
+/* Set numbers of a vector with all these calls, and return the worst status. */
+RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
+    int32_t worst = fmi2OK;
+    for (int32_t k = 0; k < n; k++) {
+        if (calls[k].n_items > 0 && !convert_to(&calls[k], vector)) return OUT_OF_RANGE;
+        const int32_t status = exchange(s, &calls[k]);
+        if (magnitude(status) > magnitude(worst)) worst = status;
+    }
+    return worst;
+}
+
+static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
+    return n == 1 && calls->n_items == 0 ? exchange(s, calls) : set_converted(s, calls, n, vector);
+}
+
+/* Get numbers of a vector with all these calls, and return the worst status. */
+RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n, double *vector) {
+    int32_t worst = fmi2OK;
+    for (int32_t k = 0; k < n; k++) {
+        const int32_t status = exchange(s, &calls[k]);
+        if (calls[k].n_items > 0) convert_from(&calls[k], vector);
+        if (magnitude(status) > magnitude(worst)) worst = status;
+    }
+    return worst;
+}
+
+static int32_t get_values(const Stepper *s, const Call *calls, int32_t n, double *vector) {
+    return n == 1 && calls->n_items == 0 ? exchange(s, calls) : get_converted(s, calls, n, vector);
+}
+
+/* Note which call failed. */
+RARE static int32_t fail(Stepper *s, int32_t failure, int32_t instance, int32_t status) {
+    s->instance = instance;
+    s->status = status;
+    return failure;
+}
+
+/* Do the step of an instance of FMI 3.0. A step that is not whole is an error; one after which the instance wants
+   the end counts as discarded. `judge_step` of fmi_3_calls.py. */
+static int32_t step_3(const Instance *instance, double time, double length) {
+    StepEnd *end = instance->end;
+    end->needs_event = end->terminates = end->is_early = fmi3False;
+    const int32_t status = (int32_t)((fmi3DoStepTYPE *)instance->do_step)(
+        instance->component, time, length, instance->has_no_way_back != 0, &end->needs_event, &end->terminates,
+        &end->is_early, &end->reached);
+    if (is_bad(status)) return status;
+    if (end->terminates) return fmi2Discard;
+    return end->needs_event || end->is_early ? fmi2Error : status;
+}
+
+static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
+    const Instance *instance = &s->instances[i];
+    announce(s, instance->code + instance->code_step);
+    if (s->activity != NULL) s->activity->time = time;
+    const int32_t status =
+        instance->is_version_3
+            ? step_3(instance, time, length)
+            : (int32_t)((fmi2DoStepTYPE *)instance->do_step)(instance->component, time, length,
+                                                             instance->has_no_way_back ? fmi2True : fmi2False);
+    if (!is_bad(status)) return DONE;
+    s->time = time;
+    s->length = length;
+    return fail(s, STEP_FAILED, i, status);
+}
+
+/* Whether an instance discarded its step because it wants the run to end: a shorter step is no help then. */
+static int wants_end(const Stepper *s, int32_t i) {
+    const Instance *instance = &s->instances[i];
+    fmi2Boolean answer = fmi2False;
+    if (instance->is_version_3) return instance->end->terminates;
+    if (instance->get_status == NULL) return 0;
+    announce(s, instance->code + instance->code_status);
+    const fmi2Status status =
+        ((fmi2GetBooleanStatusTYPE *)instance->get_status)(instance->component, fmi2Terminated, &answer);
+    return status == fmi2OK && answer != fmi2False;
+}
+
+/* Both versions of FMI have the same arguments and statuses for states. */
+static int32_t save_state(Stepper *s, int32_t i) {
+    const Instance *instance = &s->instances[i];
+    announce(s, instance->code + instance->code_save);
+    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, instance->state);
+    return is_bad(status) ? fail(s, SAVE_FAILED, i, status) : DONE;
+}
+
+static int32_t restore_state(Stepper *s, int32_t i) {
+    const Instance *instance = &s->instances[i];
+    announce(s, instance->code + instance->code_restore);
+    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, *instance->state);
+    return is_bad(status) ? fail(s, RESTORE_FAILED, i, status) : DONE;
+}

@@ -1,0 +1,110 @@
+/* The exchange of values; extrapolation.py has the equations. */
+
+/* Return the signal extrapolated to `time`. */
+static double predict(const Stepper *s, int32_t signal, double time) {
+    const double *now = s->stores[SIGNALS], *earlier = s->stores[PREVIOUS];
+    const int32_t owner = s->signals[signal].instance;
+    const double newest = s->at[owner], span = newest - s->before[owner];
+    double slope = 0.0;
+    if (s->signals[signal].is_smooth && span > 0.0) slope = (now[signal] - earlier[signal]) / span;
+    return now[signal] + (time - newest) * slope;
+}
+
+static void hold_inputs(Stepper *s, const Instance *instance, const double *values) {
+    const Input *restrict inputs = s->inputs + instance->first_input;
+    double *restrict results = s->input_values + instance->first_input;
+    for (int32_t j = 0; j < instance->n_inputs; j++)
+        results[j] = inputs[j].factor * values[inputs[j].signal] + inputs[j].offset;
+}
+
+RARE static void extrapolate_inputs(Stepper *s, const Instance *instance, double time, double length) {
+    const double *now = s->stores[SIGNALS], *previous = s->stores[PREVIOUS];
+    const double middle = instance->mode == MIDDLE ? 0.5 * length : 0.0;
+    const int32_t last = instance->first_input + instance->n_inputs;
+    for (int32_t j = instance->first_input; j < last; j++) {
+        const Input *input = &s->inputs[j];
+        const double signal = now[input->signal];
+        const int32_t owner = s->signals[input->signal].instance;
+        const double newest = s->at[owner];
+        double earlier = previous[input->signal], then = s->before[owner];
+        if (instance->is_rare) {
+            if (s->taken_at[j] < then) {
+                earlier = s->taken[j];
+                then = s->taken_at[j];
+            }
+            s->taken[j] = signal;
+            s->taken_at[j] = newest;
+        }
+        const double span = newest - then;
+        const double slope = input->moves && span > 0.0 ? (signal - earlier) / span : 0.0;
+        s->input_values[j] = input->factor * (signal + (time - newest + middle) * slope) + input->offset;
+        s->derivatives[j] = input->factor * slope;
+    }
+}
+
+/* Set the inputs of an instance for the step from `time` of this length. Those from another vector than the
+   signals are held. */
+static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
+    const Instance *instance = &s->instances[i];
+    if (instance->n_inputs == 0) return DONE;
+    const int is_held = instance->mode == HOLD || store != SIGNALS;
+    if (is_held)
+        hold_inputs(s, instance, s->stores[store]);
+    else
+        extrapolate_inputs(s, instance, time, length);
+    const int32_t status = set_values(s, instance->setters, instance->n_setters, s->input_values);
+    if (is_bad(status)) return fail(s, SET_FAILED, i, status);
+    if (instance->mode != LINE || is_held) return DONE;
+    announce(s, instance->code + instance->code_derivatives);
+    const int32_t answer = (int32_t)((fmi2SetRealInputDerivativesTYPE *)instance->set_derivatives)(
+        instance->component, instance->references, (size_t)instance->n_inputs, instance->orders,
+        &s->derivatives[instance->first_input]);
+    return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
+}
+
+static int32_t get_outputs(Stepper *s, int32_t i) {
+    const Instance *instance = &s->instances[i];
+    if (instance->n_outputs == 0) return DONE;
+    const int32_t status = get_values(s, instance->getters, instance->n_getters, s->stores[SIGNALS]);
+    return is_bad(status) ? fail(s, GET_FAILED, i, status) : DONE;
+}
+
+/* Move the signals of an instance to the history, before those of `time`. */
+static void shift(Stepper *s, int32_t i, double time) {
+    const Instance *instance = &s->instances[i];
+    const double *restrict now = s->stores[SIGNALS] + instance->first_output;
+    double *restrict previous = s->stores[PREVIOUS] + instance->first_output;
+    for (int32_t k = 0; k < instance->n_outputs; k++) previous[k] = now[k];
+    s->before[i] = s->at[i];
+    s->at[i] = time;
+}
+
+static void combine(Stepper *s, const Combination *combination) {
+    const Instance *instance = &s->instances[combination->instance];
+    const Term *terms = &s->terms[combination->first_term];
+    double *into = s->stores[combination->into];
+    const int32_t last = instance->first_output + instance->n_outputs;
+    for (int32_t k = instance->first_output; k < last; k++) {
+        double sum = terms[0].factor * s->stores[terms[0].store][k];
+        for (int32_t t = 1; t < combination->n_terms; t++) sum += terms[t].factor * s->stores[terms[t].store][k];
+        into[k] = sum;
+    }
+}
+
+#define EXPONENT 0x7FF /* all its bits are set if a double is not finite */
+
+/* Whether all signals that instances read are finite. A test of all signals comes first: it has no branches, so
+   that the processor tests several at once. */
+static int are_finite(const Stepper *s) {
+    const double *now = s->stores[SIGNALS];
+    uint64_t largest = 0;
+    for (int32_t k = 0; k < s->n_signals; k++) {
+        uint64_t bits;
+        memcpy(&bits, &now[k], sizeof bits);
+        largest |= ((bits >> 52) & EXPONENT) + 1; /* above the exponent if all its bits are set */
+    }
+    if (largest <= EXPONENT) return 1;
+    for (int32_t r = 0; r < s->n_read; r++)
+        if (!isfinite(now[s->read[r]])) return 0;
+    return 1;
+}

@@ -1,0 +1,97 @@
+/* The stepping loop; see stepper.h. */
+#include "stepper.h"
+
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "calls.h"
+
+#include "exchange.h"
+
+#include "quasi_newton.h"
+
+#include "solve.h"
+
+/* Sizes of the records, for those who fill them in another language. */
+const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
+                                sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper)};
+
+static double point(const Clock *clock, int64_t k) {
+    return (clock->first + (double)k * clock->per_step) / clock->denominator;
+}
+
+static int divides(int32_t every, int64_t k) { return every == 1 || k % every == 0; }
+
+/* Do one operation of step k, from `time` of this length. */
+static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double time, double length) {
+    double start = time, span = length;
+    if (!divides(operation->every, k + 1)) return DONE;
+    if (operation->every > 1) {
+        start = point(&s->clock, k + 1 - operation->every);
+        span = point(&s->clock, k + 1) - start;
+    }
+    switch (operation->call) {
+        case SET_INPUTS: return set_inputs(s, operation->target, operation->store, start, span);
+        case DO_STEP: return do_step(s, operation->target, start, span);
+        case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
+        case SOLVE: return solve(s, operation->target, time, length, s->halvings);
+        default: combine(s, &s->combinations[operation->target]); return DONE;
+    }
+}
+
+static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
+    if (s->n_groups > 0) see(s);
+    for (int32_t o = 0; o < s->n_operations; o++) {
+        const int32_t failure = operate(s, &s->operations[o], k, time, length);
+        if (failure != DONE) return failure;
+    }
+    announce(s, 0);
+    return are_finite(s) ? DONE : NOT_FINITE;
+}
+
+int32_t stepper_step(Stepper *s, int64_t k) {
+    const double time = point(&s->clock, k);
+    return s->failure = work_through(s, k, time, point(&s->clock, k + 1) - time);
+}
+
+/* Fill the next row. */
+static int32_t record(Stepper *s, double time, double *rows) {
+    double *row = rows + s->recorded * (1 + s->n_signals + s->n_observed);
+    for (int32_t o = 0; o < s->n_observers; o++) {
+        const int32_t status = get_values(s, &s->observers[o], 1, s->observed);
+        if (is_bad(status)) return fail(s, OBSERVE_FAILED, s->observers[o].instance, status);
+    }
+    announce(s, 0);
+    row[0] = time;
+    memcpy(row + 1, s->stores[SIGNALS], (size_t)s->n_signals * sizeof(double));
+    if (s->n_observed > 0) memcpy(row + 1 + s->n_signals, s->observed, (size_t)s->n_observed * sizeof(double));
+    s->recorded++;
+    if (s->activity != NULL) s->activity->recorded = s->recorded;
+    return DONE;
+}
+
+int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, double *rows) {
+    const time_t second = time(NULL);
+    double next = point(&s->clock, first);
+    int64_t until_row = every - first % every; /* steps to the next row: a division takes as long as a call */
+    s->recorded = 0;
+    s->sweeps_done = 0;
+    s->status = fmi2OK;
+    for (int64_t k = first; k < first + count; k++) {
+        const double now = next;
+        s->reached = k;
+        next = point(&s->clock, k + 1);
+        s->failure = work_through(s, k, now, next - now);
+        if (s->failure != DONE) return s->failure;
+        s->reached = k + 1;
+        if (--until_row == 0) {
+            until_row = every;
+            s->failure = record(s, next, rows);
+            if (s->failure != DONE) return s->failure;
+        }
+        if (s->stop != NULL && *s->stop) return s->failure = INTERRUPTED;
+        if (time(NULL) != second) return s->failure = LATE;
+    }
+    return DONE;
+}

@@ -1,0 +1,191 @@
+/* A co-simulation stepper: the tables of a system, its memory, and what ended a run.
+ *
+ * An algorithm is a program: a table of operations that is worked through in each step. The tables never change
+ * during a run; the memory holds all that does. There is no global state, so several steppers can run at once.
+ * Positions count from 0. The order of all floating-point operations is fixed, so that the results have the same
+ * bits on any machine.
+ */
+#ifndef STEPPER_H
+#define STEPPER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fmi2FunctionTypes.h"
+#include "fmi3FunctionTypes.h"
+
+#ifndef STEPPER_API
+#define STEPPER_API /* what makes a function visible outside of a library */
+#endif
+
+typedef void (*Function)(void); /* any FMI function; called with its own type */
+
+/* The types of values in the memory of a call. Enumerations are INT32 in FMI 2.0, INT64 in FMI 3.0. */
+enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, BOOLEAN_2 };
+
+/* What an instance is doing, for other processes; `Activity` of black_box.py. */
+typedef struct {
+    int64_t code; /* of instance and call; 0 without one */
+    double time;  /* at which its step begins */
+    int64_t filled, recorded, room, told[2], ended;
+} Activity;
+
+/* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
+typedef struct {
+    Function function;
+    void *component;
+    const fmi2ValueReference *references;
+    void *values; /* what the FMI function gets or sets */
+    const int32_t *items;  /* positions of the numbers in the vector of the stepper, */
+    const int32_t *places; /* and in `values`, which has whole arrays */
+    int64_t code;          /* in `Activity` */
+    int32_t n_references, n_values;
+    int32_t n_items; /* 0 if `values` are the numbers themselves */
+    int32_t type;
+    int32_t instance;
+    int32_t is_version_3; /* of FMI */
+} Call;
+
+/* What fmi3DoStep tells besides its status; `StepEnd` of fmi_3_calls.py. */
+typedef struct {
+    fmi3Boolean needs_event, terminates, is_early;
+    double reached;
+} StepEnd;
+
+enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
+
+typedef struct {
+    void *component;
+    Function do_step, set_derivatives, get_state, set_state;
+    Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
+    const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
+    const fmi2Integer *orders;
+    const Call *setters, *getters; /* of its inputs and signals */
+    StepEnd *end;                  /* for FMI 3.0 */
+    void **state;                  /* the place of its saved state */
+    int64_t code;                  /* in `Activity`, for the calls below */
+    int32_t code_derivatives, code_step, code_save, code_restore, code_status;
+    int32_t n_setters, n_getters;
+    int32_t first_input, n_inputs, first_output, n_outputs;
+    int32_t mode;
+    int32_t is_rare;       /* whether it reads inputs more rarely than each step */
+    int32_t is_version_3;  /* of FMI */
+    int32_t has_no_way_back; /* whether none of its states is restored */
+} Instance;
+
+/* A connected input: factor * signal + offset. */
+typedef struct {
+    double factor, offset;
+    int32_t signal;
+    int32_t moves; /* whether signal and input are continuous */
+} Input;
+
+/* An output that is exchanged. */
+typedef struct {
+    double floor; /* lower bound of its size */
+    int32_t instance;
+    int32_t is_smooth; /* whether it is continuous */
+} Signal;
+
+enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE };
+
+/* `target` is an instance, a group for SOLVE, or a combination for COMBINE. */
+typedef struct {
+    int32_t call, target;
+    int32_t every; /* it is done in every so many steps, for all of these at once */
+    int32_t store; /* for SET_INPUTS: the vector that the inputs are read from; 0 are the signals */
+} Operation;
+
+/* Signals of an instance in the vector `into` become a sum of factor * vector. */
+typedef struct {
+    int32_t instance, into, first_term, n_terms;
+} Combination;
+
+typedef struct {
+    double factor;
+    int32_t store;
+    int32_t unused;
+} Term;
+
+enum { SIGNALS, PREVIOUS, FIRST_STORE }; /* positions of vectors as long as the signals */
+
+/* Instances that repeat their step until the values that they exchange agree. The memory is for n coupling
+ * variables, and room for a matrix is n * n, a history is sweeps * n. */
+typedef struct {
+    const int32_t *members;
+    const int32_t *coupling; /* signals */
+    double *jacobian;        /* which is kept from step to step */
+    double *guess, *sizes, *direction, *earlier, *basis, *residuals, *answers;
+    double *kept; /* signals, previous signals and two times of each member at the start of the step */
+    int32_t n_members, n_coupling;
+    int32_t is_saved;  /* whether the step can be repeated */
+    int32_t is_halved; /* whether it can be done in halves */
+} Group;
+
+/* Communication point k is (first + k * per_step) / denominator, so that only the division rounds. */
+typedef struct {
+    double first, per_step, denominator;
+} Clock;
+
+/* Why a run of steps ended. */
+enum {
+    DONE,
+    SET_FAILED,
+    DERIVATIVES_FAILED,
+    STEP_FAILED,
+    GET_FAILED,
+    NOT_FINITE,
+    SAVE_FAILED,
+    RESTORE_FAILED,
+    NO_AGREEMENT,
+    OBSERVE_FAILED,
+    LATE,
+    INTERRUPTED
+};
+
+#define OUT_OF_RANGE INT32_MIN /* a status: a value does not fit into the type of its input */
+
+typedef struct {
+    /* tables */
+    const Instance *instances;
+    const Input *inputs;
+    const Signal *signals;
+    const Operation *operations;
+    const Combination *combinations;
+    const Term *terms;
+    const Group *groups;
+    const int32_t *read;   /* signals that must be finite */
+    const Call *observers; /* of variables that are recorded besides the signals */
+    double coupling_tolerance;
+    int32_t n_signals, n_operations, n_groups, n_read, n_observers, n_observed;
+    int32_t sweeps, halvings; /* limits */
+
+    /* memory */
+    double *const *stores; /* vectors; the first two are the signals, and those one communication point earlier */
+    double *at, *before;   /* times of these, for each instance */
+    double *input_values, *derivatives;
+    double *taken, *taken_at; /* signal that an input with a rare reader read last, and its time */
+    double *largest;          /* absolute values of the signals so far */
+    double *observed;
+    Activity *activity; /* NULL if nobody reads it */
+    const volatile int32_t *stop; /* ends the run before the next step if it is not 0; NULL without */
+    Clock clock;
+
+    /* what came out */
+    int64_t reached;  /* steps that are done */
+    int64_t recorded; /* rows */
+    int64_t sweeps_done;
+    double time, length; /* of the step that failed; halves are shorter */
+    int32_t failure, instance, status, group, group_sweeps;
+} Stepper;
+
+extern STEPPER_API const size_t stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper */
+
+/* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
+STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
+
+/* Do `count` steps from step `first` on, and fill rows of time, signals and observed variables after every
+ * `every`-th step. Returns why it ended: at the latest with the present second of wall time. */
+STEPPER_API int32_t stepper_run(Stepper *stepper, int64_t first, int64_t count, int64_t every, double *rows);
+
+#endif
