@@ -30,10 +30,12 @@ from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit
 from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel
 from .master.algorithms.jacobi import Jacobi as Jacobi
+from .master.algorithms.program import Call as Call
+from .master.algorithms.program import Combine as Combine
+from .master.algorithms.program import Operation as Operation
+from .master.algorithms.program import Solve as Solve
 from .master.algorithms.registry import ALGORITHMS as ALGORITHMS
 from .master.algorithms.strong import Strong as Strong
-from .master.algorithms.tasks import Call as Call
-from .master.algorithms.tasks import Operation as Operation
 from .master.instances.fmu_instance import FmuInstance as FmuInstance
 from .master.network import Link as Link
 from .master.network import Network as Network

@@ -25,7 +25,7 @@ class Algorithm:
 
     options: Mapping[str, Any]
     interval: int | None = None
-    has: Collection[str] = ()
+    has: frozenset[str] | set[str] = frozenset()
     lacks: Collection[str] = ()
 
 
@@ -276,12 +276,17 @@ ONE_FMU = {*WHOLE, "Model Exchange", "events"}
 
 STEPPERS: dict[str, Stepper] = {
     "compiled": Stepper(partial(run, compiled=True)),
+    "numba": Stepper(
+        partial(run, backend="numba"), lacks={"error control", "events", "Model Exchange", "types of FMI 2.0"}
+    ),
     "two threads": Stepper(partial(run, threads=2)),
     "three threads": Stepper(
         partial(run, threads=3), by_default=[("two loops", "strong, lines"), ("lift", "jacobi")]
     ),
     "profiled": Stepper(
-        partial(run, profile=True), lacks={"failure"}, by_default=[("multirate", "gauss-seidel")]
+        partial(run, profile=True),
+        lacks={"failure", "types of FMI 2.0"},
+        by_default=[("multirate", "gauss-seidel")],
     ),
     "every third row": Stepper(
         partial(run_with_few_rows, interval=3), lacks=WHOLE, by_default=[("multirate", "jacobi")]

@@ -239,7 +239,7 @@ class Entry:
         steps: Steps of a run; a multiple of 6.
         has: What a stepper or algorithm must be able to do.
         lacks: What the system cannot be combined with.
-        is_interpreted: Whether compiled code cannot step it.
+        interpreted: With which algorithms compiled code cannot step it.
         fails: A part of the error message that ends its runs; empty if they succeed.
     """
 
@@ -249,7 +249,7 @@ class Entry:
     steps: int = 24
     has: Collection[str] = ()
     lacks: Collection[str] = ()
-    is_interpreted: bool = False
+    interpreted: Collection[str] = ()
     fails: str = ""
 
 
@@ -379,12 +379,13 @@ def driven_lift(parts: Parts) -> ec.System:
 
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
-ME = {"has": {"Model Exchange"}, "is_interpreted": True, "step": 0.05}
+ANY = {"fixed steps", "error control"}
+ME = {"has": {"Model Exchange"}, "interpreted": ANY, "step": 0.05}
 TICKS: dict[str, Any] = {
     "step": 0.125,
     "has": {"events"},
     "lacks": {"error control"},
-    "is_interpreted": True,
+    "interpreted": ANY,
 }
 
 SYSTEMS: dict[str, Entry] = {
@@ -405,8 +406,10 @@ SYSTEMS: dict[str, Entry] = {
     ),
     "discarded steps": Entry(discarding, has={"discarded steps"}),
     "types of FMI 3.0": Entry(fmi_3_types, step=0.125, has={"types of FMI 3.0"}, lacks={"error control"}),
-    "types of FMI 2.0": Entry(fmi_2_types, step=0.01, has={"libraries"}, is_interpreted=True),
-    "events": Entry(events, step=0.125, has={"events"}, is_interpreted=True),
+    "types of FMI 2.0": Entry(
+        fmi_2_types, step=0.01, has={"libraries", "types of FMI 2.0"}, interpreted={"error control"}
+    ),
+    "events": Entry(events, step=0.125, has={"events"}, interpreted=ANY),
     "clocks": Entry(clocks, **TICKS),
     "triggered clocks": Entry(triggered_clocks, **TICKS),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),

@@ -244,6 +244,7 @@ def test_without_a_compiler_everything_is_stepped_in_python(
     times, found = make_communication_points(1.0, 0.1), []
     for compiled in (True, False):
         if not compiled:
+            monkeypatch.setattr("emla_cosim.stepper.library.find_stepper", lambda: None)
             kernel._advance.cache_clear()
             monkeypatch.delitem(sys.modules, f"{STEPPING}.loop", raising=False)
             monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path))

@@ -14,7 +14,7 @@ from fmublock.compiling import c_number
 from fmublock.variables import StartTime
 
 from ..base.errors import CommandError
-from ..master.algorithms.tasks import Call
+from ..master.algorithms.program import Call
 from .plan import CodePlan, CodeVariable, find_assumed_signals, find_initial_order
 
 MARK = "/* Written by EMLA-Cosim:"

@@ -9,7 +9,7 @@ from fmublock.compiling import c_number
 
 from ..base.errors import CommandError
 from ..fmu.elements import ElementVariable, place_in_array
-from ..master.algorithms import newton, quasi_newton, strong
+from ..master.algorithms import group, newton, quasi_newton
 from ..master.instances.described_instance import DescribedInstance
 from ..master.instances.typed_values import PlannedCall, plan_calls
 from ..master.stepping.timing import MAXIMUM_STEPS
@@ -127,8 +127,8 @@ def system_header(
         "MOST_OUTPUTS": max((len(p.instance.written) for p in parts), default=0),
         "MOST_COUPLING": max((len(g.coupling) for g in groups), default=0),
         "MOST_INITIAL": max((len(g.coupling) for g in loops), default=0),
-        "SWEEPS": strong.SWEEPS,
-        "HALVINGS": strong.HALVINGS,
+        "SWEEPS": group.SWEEPS,
+        "HALVINGS": group.HALVINGS,
         "LOOP_ITERATIONS": newton.ITERATIONS,
         "LOOP_HALVINGS": newton.HALVINGS,
     }

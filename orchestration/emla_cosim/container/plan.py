@@ -15,12 +15,10 @@ from ..fmu.file import FmuFile
 from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
-from ..master.algorithms.explicit import Explicit
 from ..master.algorithms.initialization import find_initial_loops, settle_initial_values
 from ..master.algorithms.operation_table import OperationTableAlgorithm
+from ..master.algorithms.program import Operation
 from ..master.algorithms.scale import Scale
-from ..master.algorithms.strong import Strong
-from ..master.algorithms.tasks import Operation
 from ..master.assembly import Assembly
 from ..master.instances.described_instance import DescribedInstance
 from ..master.instances.event_mode_instance import handles_events
@@ -142,13 +140,17 @@ def plan_container(
         CommandError: The system cannot be one FMU.
         RunError: It cannot be initialized.
     """
-    own_step = next((c._step for c in (Explicit, Strong) if isinstance(algorithm, c)), None)
-    if not isinstance(algorithm, OperationTableAlgorithm) or type(algorithm)._step is not own_step:
+    if not isinstance(algorithm, OperationTableAlgorithm) or algorithm.has_own_step:
         raise CommandError(f"an FMU cannot step with {type(algorithm).__name__}; choose another algorithm.")
     with Assembly(system, fmus) as assembly:
         _refuse_what_does_not_fit(assembly)
         assembly.start(system)
         algorithm.setup(assembly.network)
+        if not algorithm.is_plain:
+            raise CommandError(
+                f"an FMU cannot combine values or solve loops as {type(algorithm).__name__} does; "
+                "choose another algorithm."
+            )
         guesses = _initial_guesses(assembly.network, times)
         if any(len(guess) for guess in guesses):  # which initialized the instances
             assembly.start(system, fresh=True)
@@ -210,19 +212,16 @@ def _plan(
     network, exchange = assembly.network, algorithm.exchange
     libraries = _libraries(list(assembly.files.values()))
     place = {library.file.folder: i for i, library in enumerate(libraries)}
-    groups, tolerance = list[Group](), 0.0
-    if isinstance(algorithm, Strong):
-        tolerance = algorithm.coupling_tolerance
-        groups = [
-            Group(
-                members=g.members,
-                coupling=g.coupling_variables.tolist(),
-                saved=g.start is not None,
-                halves=g.halves,
-                values=g.newton.jacobian.ravel().copy(),
-            )
-            for g in algorithm.groups
-        ]
+    groups = [
+        Group(
+            members=g.members,
+            coupling=g.coupling_variables.tolist(),
+            saved=g.start is not None,
+            halves=g.halves,
+            values=g.newton.jacobian.ravel().copy(),
+        )
+        for g in algorithm.groups
+    ]
     saved = {i for group in groups if group.saved for i in group.members}
     parts = []
     for i, stepped in enumerate(network.instances):
@@ -251,7 +250,7 @@ def _plan(
             Group(members, cut.tolist(), values=guess)
             for (members, cut), guess in zip(find_initial_loops(network), guesses, strict=True)
         ],
-        coupling_tolerance=tolerance,
+        coupling_tolerance=algorithm.coupling_tolerance if groups else 0.0,
         times=times,
         known={name: assembly.names_in_system(name) for name in assembly.files},
         lost={c.name: assembly.list_lost_values(c) for c in assembly.system.components},

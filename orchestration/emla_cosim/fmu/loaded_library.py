@@ -48,8 +48,8 @@ _OF_BOTH_VERSIONS = {
         "getNominalsOfContinuousStates": _CONTINUOUS,
     },
 }
-DERIVATIVE = "getDirectionalDerivative"
-"""A function that a library can lack."""
+DERIVATIVE, BOOLEAN_STATUS = "getDirectionalDerivative", "getBooleanStatus"
+"""Functions that a library can lack."""
 _DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
 
 
@@ -80,6 +80,9 @@ class LoadedLibrary:
             types = {**types, DERIVATIVE: own}
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
+        if BOOLEAN_STATUS not in self.addresses:
+            status = getattr(self._bound.dll, self._c_name(BOOLEAN_STATUS), None)
+            self.addresses[BOOLEAN_STATUS] = ctypes.cast(status, _POINTER).value or 0 if status else 0
         self._inside = 0
 
     @classmethod

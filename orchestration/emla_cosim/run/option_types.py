@@ -33,6 +33,7 @@ class RunOptions(TypedDict, total=False):
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     compiled: bool
+    backend: str
     threads: int | None
     real_time: float | None
     overwrite: bool
@@ -120,6 +121,7 @@ class CompareOptions(TypedDict, total=False):
     isolate: Sequence[str] | bool
     lenient: bool
     compiled: bool
+    backend: str
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
     stop_when: Sequence[str]

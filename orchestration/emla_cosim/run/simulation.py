@@ -26,7 +26,7 @@ from ..master.algorithms.continuous_connections import list_continuous_connectio
 from ..master.assembly import Assembly
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.checkpoint import checkpoint_place
-from ..master.stepping.compilation import compile_kernel
+from ..master.stepping.compilation import PYTHON, make_loop
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import Profiler
@@ -136,7 +136,7 @@ class Simulation:
         self._profiler: Profiler | None = None
         self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
-        if self.options.compiled:
+        if self.options.compiled and self.options.backend != PYTHON:
             self._compile()
         told.advance(1)
 
@@ -345,6 +345,7 @@ class Simulation:
             chosen.output_interval,
             sampled,
             chosen.compiled,
+            chosen.backend,
             chosen.threads,
             lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.stop),
             lambda: row_distance(chosen.input),
@@ -606,7 +607,7 @@ class Simulation:
         with contextlib.suppress(CommandError):  # the run reports errors of its algorithm
             algorithm = self.options.make_algorithm()
             algorithm.setup(self._assembly.network)
-            compile_kernel(algorithm)
+            make_loop(algorithm, self.options.backend)
             algorithm.close()
 
     def _ended(self) -> Result:

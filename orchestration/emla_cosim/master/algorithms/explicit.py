@@ -1,18 +1,18 @@
-"""Algorithms that call every instance once per step."""
+"""Algorithms that call instances one after the other."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.errors import join_names
 from ..network import Network
-from .algorithm import Span
 from .operation_table import OperationTableAlgorithm
-from .tasks import Operation
+from .program import Instruction
 
 
 @dataclass(eq=False)
 class Explicit(OperationTableAlgorithm):
-    """Base class of algorithms that work through a table of calls in each step.
+    """Base class of algorithms with a program of your own.
 
     Examples:
         >>> import emla_cosim as ec
@@ -31,16 +31,16 @@ class Explicit(OperationTableAlgorithm):
     def setup(self, network: Network) -> None:
         """Prepare for a run; raise CommandError if step multiples do not fit."""
         super().setup(network)
-        self.exchange.rare = [bool(m > 1) for m in self.multiples]
         self.use(self.table(network))
+        self.exchange.rare = [bool(m > 1) for m in self.multiples]
 
     @abstractmethod
-    def table(self, network: Network) -> list[Operation]:
-        """Return the calls of one step, in order."""
+    def table(self, network: Network) -> Sequence[Instruction]:
+        """Return the program of one step: calls of instances and other instructions, in order."""
 
     def warning(self) -> str | None:
         """Return a warning if components in a loop without delay get values one step late."""
-        loops = self.network.loops_without_delay()
+        loops = [] if self.loops else self.network.loops_without_delay()
         if not loops:
             return None
         return (
@@ -49,6 +49,3 @@ class Explicit(OperationTableAlgorithm):
             "more mass than its drive), the run diverges at any step size. Use the algorithm strong, which "
             "iterates the loop."
         )
-
-    def _step(self, time: float, step: float, span: Span) -> None:
-        self.operate(time, step, span)

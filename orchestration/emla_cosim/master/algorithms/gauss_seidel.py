@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ..network import Link, Network
 from .explicit import Explicit
 from .in_order import InOrder
-from .tasks import Call, Operation
+from .program import Call, Operation
 
 
 @dataclass(eq=False)

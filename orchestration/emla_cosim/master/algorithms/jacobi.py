@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..network import Link, Network
 from .explicit import Explicit
-from .tasks import Call, Operation
+from .program import Call, Operation
 
 
 @dataclass(eq=False)

@@ -1,27 +1,36 @@
-"""Algorithms that work through a table of operations, with instances that step more rarely."""
+"""Algorithms that work through a program, with instances that step more rarely."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ...base.errors import CommandError
+from ...base.arrays import Vector
+from ...base.errors import CommandError, join_names
 from ...base.option import STEPPED, option
 from ..network import Network
-from .algorithm import Algorithm, Span
+from .algorithm import Algorithm, Span, require
+from .group import CoupledGroup, loop_derivatives
 from .overlapped_steps import OverlappedSteps
-from .tasks import Call, Operation, Perform, StepTask, perform, plan_tasks
+from .program import PREVIOUS, SIGNALS, Call, Combine, Instruction, Operation, Solve
+from .quasi_newton import QuasiNewton
+from .scale import Scale
+from .snapshot import Snapshot
+from .tasks import Perform, StepTask, perform, perform_again, plan_tasks
 
 MOST = 2**31
 """The largest step multiple."""
 
+_STORES = (SIGNALS, PREVIOUS)
+
 
 @dataclass(eq=False)
 class OperationTableAlgorithm(Algorithm):
-    """Work through a table of operations: each instance is called once per step, or more rarely.
+    """Work through a program in each step; subclasses write it. Checkpoints have all that it stores.
 
     An instance with the step multiple m waits until the others reach every m-th communication point. Then
-    it does m steps at once, in its place of the table, with the inputs of that moment. It samples at these
+    it does m steps at once, in its place of the program, with the inputs of that moment. It samples at these
     points: the same connections are late as with short steps, and only by a short step.
     """
 
@@ -34,7 +43,20 @@ class OperationTableAlgorithm(Algorithm):
         commands=STEPPED,
     )
 
+    coupling_tolerance: ClassVar[float] = 1e-8
+    """Difference at which values in a `Solve` count as agreed, relative to the size of each signal."""
+
+    program: list[Instruction] = field(init=False, repr=False)
     operations: list[Operation] = field(init=False, repr=False)
+    """The calls of the program outside of groups."""
+    groups: list[CoupledGroup] = field(init=False, repr=False)
+    """The groups of `Solve`, in order."""
+    done: set[int] = field(init=False, repr=False)
+    """Numbers of the groups that have finished the present step."""
+    sweeps_elsewhere: int = field(init=False, repr=False)
+    """Sweeps over loops that compiled code did, or a run before its checkpoint."""
+    stores: dict[str, Vector] = field(init=False, repr=False)
+    """Vectors of the program by name, without the signals and the previous ones."""
 
     def setup(self, network: Network) -> None:
         """Prepare for a run; CommandError if a step multiple is invalid."""
@@ -54,12 +76,91 @@ class OperationTableAlgorithm(Algorithm):
                 right = "at least 1" if least else f"at most {MOST}"
                 raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
+        self.scale, self.done, self.sweeps_elsewhere = Scale(network), set(), 0
 
-    def use(self, operations: Sequence[Operation]) -> None:
-        """Use this table of operations, in order; call it in `setup`."""
-        self.operations = list(operations)
-        self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in operations]
-        self._apart = self._overlapped(self.operations)
+    def use(self, program: Sequence[Instruction]) -> None:
+        """Use this program; call it in `setup`.
+
+        Raises:
+            CommandError: The program is not valid, or an FMU of a group cannot restore its state.
+        """
+        self.program = list(program)
+        self.operations = [x for x in program if isinstance(x, Operation)]
+        for each in self.operations:
+            self._sample(each)
+        self.stores = self._make_stores([x for x in program if isinstance(x, Combine)])
+        self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
+        self._apart = self._overlapped(self.operations) if self.is_plain else None
+
+    def _make_stores(self, combinations: Sequence[Combine]) -> dict[str, Vector]:
+        """Return the vectors that the program writes, by name."""
+        written = dict.fromkeys(x.into for x in combinations)
+        if PREVIOUS in written:
+            raise CommandError(
+                f"a program cannot write '{PREVIOUS}': the master does; choose another vector."
+            )
+        if any(not x.terms for x in combinations):
+            raise CommandError("a Combine without terms has no sum; add a term.")
+        read = [name for x in combinations for name in x.terms] + [x.store for x in self.operations]
+        for name in read:
+            if name not in _STORES and name not in written:
+                raise CommandError(
+                    f"the program reads the vector '{name}', which no Combine writes; there are "
+                    f"{join_names([*_STORES, *written])}."
+                )
+        return {name: np.zeros(len(self.network.signals)) for name in written if name != SIGNALS}
+
+    def _sample(self, operation: Operation) -> None:
+        """Take the step multiple of an operation as that of its instance."""
+        i, every = operation.instance, operation.every
+        if not every:
+            return
+        name = self.network.instances[i].name
+        others = {x.every for x in self.operations if x.instance == i}
+        if not 1 <= every <= MOST or len(others) > 1:
+            raise CommandError(
+                f"the operations of {name} are done every {', '.join(map(str, sorted(others)))} steps; "
+                f"all need the same number, from 1 to {MOST}."
+            )
+        if name in self.step_multiples and self.step_multiples[name] != every:
+            raise CommandError(
+                f"the algorithm does {every} steps of {name} at once; remove its step multiple."
+            )
+        self.multiples[i] = every
+
+    @property
+    def has_own_step(self) -> bool:
+        """Whether a subclass does steps in Python instead of writing a program."""
+        return type(self)._step is not OperationTableAlgorithm._step
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the program solves groups first, and then calls instances with the present signals."""
+        count = len(self.groups)
+        return len(self.operations) + count == len(self.program) and not (
+            any(isinstance(x, Solve) for x in self.program[count:])
+            or any(x.store != SIGNALS for x in self.operations)
+        )
+
+    def _group(self, members: list[int]) -> CoupledGroup:
+        instances = [self.network.instances[i] for i in members]
+        if not members or any(self.multiples[i] > 1 for i in members):
+            raise CommandError("a group needs members without step multiples.")
+        cut = self.network.find_coupling_variables(members)
+        if len(cut):
+            require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
+        start = Snapshot(self, members) if all(s.rolls_back for s in instances) else None
+        return CoupledGroup(
+            exchange=self.exchange,
+            scale=self.scale,
+            tolerance=self.coupling_tolerance,
+            members=members,
+            coupling_variables=cut,
+            newton=QuasiNewton(len(cut)),
+            start=start,
+            halves=all(s.varies_step for s in instances),
+            overlapped=self._overlapped([Operation(c, i) for i in members for c in Call], perform_again),
+        )
 
     def _overlapped(
         self, operations: Sequence[Operation], perform: Perform = perform
@@ -68,17 +169,93 @@ class OperationTableAlgorithm(Algorithm):
         apart = sum(self.network.instances[o.instance].steps_apart for o in operations if o.call == Call.STEP)
         return OverlappedSteps(self.exchange, operations, self.multiples, perform) if apart > 1 else None
 
-    def tasks(self) -> list[StepTask]:
-        """Return the tasks of a step, which several threads can share."""
-        return plan_tasks(self.exchange, self.operations)
+    def initialize(self, start_time: float, stop_time: float | None) -> None:
+        """Initialize all FMU instances, and get the derivatives of loops where FMUs have them."""
+        super().initialize(start_time, stop_time)
+        for store in self.stores.values():
+            store[:] = self.network.signals
+        for group in self.groups:
+            if len(group.coupling_variables):
+                group.newton.forget(loop_derivatives(self.exchange, group))
 
-    def operate(self, time: float, step: float, span: Span) -> None:
-        """Work through the table in the step from `time` of length `step`, both in s."""
+    def tasks(self) -> list[StepTask]:
+        """Return the tasks of a step of a plain program: each group as a whole, then the operations."""
+        return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
+
+    @property
+    def sweeps(self) -> int:
+        """Sweeps over loops so far."""
+        return self.sweeps_elsewhere + sum(group.sweeps for group in self.groups)
+
+    @property
+    def loops(self) -> list[list[int]]:
+        """Loops that are solved, each as positions of its FMU instances."""
+        return [group.members for group in self.groups if len(group.coupling_variables)]
+
+    def report(self) -> dict[str, Any]:
+        """Return how the steps are made, with the loops and how often they were stepped."""
+        if not self.groups:
+            return super().report()
+        names = [[self.network.instances[i].name for i in loop] for loop in self.loops]
+        return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
+
+    @property
+    def kept(self) -> dict[str, Vector]:
+        """Arrays by name that a repeated step restores, with the sizes of the signals."""
+        sizes = {"strong/largest": self.scale.largest} if self.groups else {}
+        return super().kept | sizes | {f"store/{name}": store for name, store in self.stores.items()}
+
+    def memory(self) -> dict[str, Vector]:
+        """Return what the algorithm keeps besides the signals, with the derivatives of the loops."""
+        learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self.groups)}
+        sweeps = {"sweeps": np.array([float(self.sweeps)])} if self.groups else {}
+        return super().memory() | learned | sweeps
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Continue from what `memory` returned for the same network."""
+        super().remember(memory)
+        for i, group in enumerate(self.groups):
+            group.newton.jacobian[:] = memory[f"jacobian/{i}"]
+            group.sweeps = 0
+        self.sweeps_elsewhere = int(memory["sweeps"][0]) if self.groups else 0
+
+    def close(self) -> None:
+        """Free the saved states."""
+        for group in getattr(self, "groups", ()):
+            if group.start is not None:
+                group.start.close()
+
+    def _step(self, time: float, step: float, span: Span) -> None:
+        if self.groups and not self.done:
+            self.scale.see()
+        done, self.done = self.done, set()
+        reached, number = self.steps + 1, 0
+        for each in self.program if self._apart is None else self.program[: len(self.groups)]:
+            if isinstance(each, Operation):
+                self._operate(each, time, step, span, reached)
+            elif isinstance(each, Combine):
+                self._combine(each)
+            else:
+                if number not in done:
+                    self.groups[number].advance(time, step, reached)
+                number += 1
         if self._apart is not None:
-            self._apart.operate(time, step, span, self.steps + 1)
+            self._apart.operate(time, step, span, reached)
+
+    def _operate(self, operation: Operation, time: float, step: float, span: Span, reached: int) -> None:
+        multiple = int(self.multiples[operation.instance])
+        if reached % multiple:
             return
-        reached = self.steps + 1
-        for call, i, multiple in self._calls:
-            if reached % multiple == 0:
-                begin, length = (time, step) if multiple == 1 else span(multiple)
-                perform(self.exchange, call, i, begin, length, time + step)
+        begin, length = (time, step) if multiple == 1 else span(multiple)
+        if operation.store != SIGNALS:
+            self.network.pass_inputs(
+                operation.instance, self.stores.get(operation.store, self.exchange.history.previous)
+            )
+        else:
+            perform(self.exchange, int(operation.call), operation.instance, begin, length, time + step)
+
+    def _combine(self, combination: Combine) -> None:
+        vectors = {SIGNALS: self.network.signals, PREVIOUS: self.exchange.history.previous, **self.stores}
+        part = self.network.parts[combination.instance]
+        terms = [factor * vectors[name][part] for name, factor in combination.terms.items()]
+        vectors[combination.into][part] = sum(terms[1:], terms[0])

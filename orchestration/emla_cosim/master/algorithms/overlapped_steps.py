@@ -7,7 +7,8 @@ from heapq import heapify, heappop, heappush
 from ...base.arrays import Indices
 from .algorithm import Span
 from .extrapolation import Exchange
-from .tasks import Call, Operation, Perform, perform, plan_tasks
+from .program import Call, Operation
+from .tasks import Perform, perform, plan_tasks
 
 
 class OverlappedSteps:

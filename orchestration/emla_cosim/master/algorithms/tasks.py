@@ -2,33 +2,11 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 from .extrapolation import Exchange
-
-
-class Call(IntEnum):
-    """Call of an FMU instance: set its inputs, do its step, or get its outputs."""
-
-    SET = 0
-    STEP = 1
-    GET = 2
-
+from .program import Call, Operation
 
 _SET, _STEP = int(Call.SET), int(Call.STEP)  # integers compare faster
-
-
-@dataclass(frozen=True)
-class Operation:
-    """One call of one FMU instance.
-
-    Attributes:
-        call: what is called.
-        slave: position of the instance in the network.
-    """
-
-    call: Call
-    instance: int
 
 
 def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, end: float) -> None:

@@ -105,20 +105,6 @@ class GroupCall(NamedTuple):
     group: "TypeGroup"
 
 
-class Version3(NamedTuple):
-    """What functions of FMI 3.0 need beside the arguments of those of FMI 2.0.
-
-    Attributes:
-        step_end: takes what a step says.
-        setters: calls that set `inputs`; None if one call for Float64 does.
-        getters: calls that get `outputs`, likewise.
-    """
-
-    step_end: StepEnd
-    setters: Sequence[GroupCall] | None
-    getters: Sequence[GroupCall] | None
-
-
 class CallNames(NamedTuple):
     """Names of the calls of an instance, as in `call_codes.CALLS`."""
 
@@ -138,8 +124,15 @@ class EntryPoints:
     `component` is the instance (`fmi2Component`); the functions are in its library. There is one value
     reference per element of `inputs` and `outputs`.
 
-    With `version_3` they are functions of FMI 3.0, and an array has one value reference;
-    `stepping.forwarding` makes functions with the arguments of FMI 2.0 of them. `kept` owns memory.
+    With `step_end` they are functions of FMI 3.0, and an array has one value reference;
+    `stepping.forwarding` makes functions with the arguments of FMI 2.0 of them.
+
+    Attributes:
+        step_end: takes what a step of FMI 3.0 says.
+        setters: calls that set `inputs`; None if one call for doubles does.
+        getters: calls that get `outputs`, likewise.
+        get_status: `fmi2GetBooleanStatus`; 0 without it.
+        kept: owner of memory.
     """
 
     component: int
@@ -153,7 +146,10 @@ class EntryPoints:
     output_references: NDArray[np.uint32]
     derivative_orders: NDArray[np.int32]
     names: CallNames = _NAMES
-    version_3: Version3 | None = None
+    step_end: StepEnd | None = None
+    setters: Sequence[GroupCall] | None = None
+    getters: Sequence[GroupCall] | None = None
+    get_status: int = 0
     kept: Any = None
 
 

@@ -19,7 +19,7 @@ from ...fmu.elements import BINARY, ElementVariable, place_in_array
 from ...fmu.file import FmuFile
 from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
-from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
+from ...fmu.loaded_library import BOOLEAN_STATUS, DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...fmu.python_exceptions import (
     describe_left_exception,
@@ -40,7 +40,6 @@ from .fmu_instance import (
     InstanceError,
     ObservedGroup,
     PythonExceptionError,
-    Version3,
 )
 from .start_values import StartValues
 from .typed_values import OUT_OF_RANGE, TypedValues, ValueRangeError, start_memory
@@ -406,43 +405,32 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
-        """Return the addresses of the FMU's functions; None for other types than Real in FMI 2.0."""
-        if self._library.is_version_3:
-            return self._entry_points_3()
-        if self._typed is not None:
-            return None
-        address = self._library.addresses
-        return EntryPoints(
-            component=ctypes.cast(self._component, _POINTER).value or 0,
-            set_real=address["setReal"],
-            get_real=address["getReal"],
-            do_step=address["doStep"],
-            set_real_input_derivatives=address["setRealInputDerivatives"],
-            get_state=address["getFMUstate"],
-            set_state=address["setFMUstate"],
-            input_references=self._input_references,
-            output_references=self._output_references,
-            derivative_orders=self._derivative_orders,
-        )
-
-    def _entry_points_3(self) -> EntryPoints:
-        address, setters, getters = self._library.addresses, None, None
+        """Return the addresses of the FMU's functions."""
+        address, names = self._library.addresses, CallNames()
+        component = ctypes.cast(self._component, _POINTER).value or 0
+        setters, getters = None, None
         if self._typed is not None:
             setters, getters = ([GroupCall(address[g.call], g) for g in t.groups] for t in self._typed)
-        names = ("setFloat64", "getFloat64") if self._typed is None else ("setting inputs", "getting outputs")
+        is_3 = self._library.is_version_3
+        if is_3:
+            set_, get = ("setFloat64", "getFloat64") if self._typed is None else _TYPED_CALLS.values()
+            names = CallNames(set_, get, "getFMUState", "setFMUState")
         return EntryPoints(
-            component=ctypes.cast(self._component, _POINTER).value or 0,
-            set_real=address["setFloat64"],
-            get_real=address["getFloat64"],
+            component=component,
+            set_real=address["setFloat64" if is_3 else "setReal"],
+            get_real=address["getFloat64" if is_3 else "getReal"],
             do_step=address["doStep"],
-            set_real_input_derivatives=0,
-            get_state=address["getFMUState"],
-            set_state=address["setFMUState"],
+            set_real_input_derivatives=0 if is_3 else address["setRealInputDerivatives"],
+            get_state=address[names.save],
+            set_state=address[names.restore],
             input_references=self._input_references,
             output_references=self._output_references,
             derivative_orders=self._derivative_orders,
-            names=CallNames(*names, "getFMUState", "setFMUState"),
-            version_3=Version3(self._step_end, setters, getters),
+            names=names,
+            step_end=self._step_end if is_3 else None,
+            setters=setters,
+            getters=getters,
+            get_status=0 if is_3 else address[BOOLEAN_STATUS],
         )
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:

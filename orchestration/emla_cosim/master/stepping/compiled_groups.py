@@ -7,7 +7,7 @@ the group returns to the begin of the step, and Python does this one step.
 import numpy as np
 
 from ..algorithms import quasi_newton
-from ..algorithms.strong import SWEEPS
+from ..algorithms.group import SWEEPS
 from .by_address import doubles, group_at, input_at, instance_at, part, positions, present_at
 from .compiled_calls import (
     get_outputs,

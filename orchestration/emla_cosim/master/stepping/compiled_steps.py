@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..algorithms.tasks import Call
+from ..algorithms.program import Call
 from .by_address import doubles, instance_at, observed_at, operation_at, part, positions, present_at, seconds
 from .compiled_calls import get_observed, get_outputs, set_inputs, shift, step
 from .record_layout import Failure

@@ -9,23 +9,29 @@ from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
-from .compilation import COMPILED, compile_kernel
+from .compilation import BACKENDS, PYTHON, C, compilable_entry_points, make_loop
 from .sharing import Sharing
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
 
 if TYPE_CHECKING:
     from .kernel import Kernel
+    from .switching_loop import SwitchingLoop
 
 
 class FixedSteps(Stepping):
     """Steps from one communication point to the next, in Python or in compiled code.
 
-    Compiled code needs numba, and FMUs in this process; those of FMI 2.0 must exchange only Reals.
+    Compiled code needs FMUs in this process.
     """
 
     def __init__(
-        self, algorithm: Algorithm, times: CommunicationPoints, compiled: bool = True, threads: int | None = 1
+        self,
+        algorithm: Algorithm,
+        times: CommunicationPoints,
+        compiled: bool = True,
+        threads: int | None = 1,
+        backend: str = "",
     ) -> None:
         """Prepare for a run.
 
@@ -35,16 +41,25 @@ class FixedSteps(Stepping):
             compiled: Whether to compile the steps if possible.
             threads: Number of threads in compiled code; None uses up to one per core if measurements show
                 that this is faster.
+            backend: One of `BACKENDS`. Default: the first one that can do the steps.
 
         Raises:
-            CommandError: The number of threads is not supported.
+            CommandError: The number of threads is not supported, or the backend cannot do the steps.
         """
         super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
-        self._kernel = compile_kernel(algorithm) if compiled else None
+        if backend not in ("", *BACKENDS):
+            raise CommandError(f"there is no backend '{backend}'; choose from {', '.join(BACKENDS)}.")
+        if backend == C and threads not in (None, 1):
+            raise CommandError(f"the backend '{C}' steps in one thread, not in {threads}.")
+        threads = 1 if backend == C else threads
+        self._kernel = make_loop(algorithm, backend) if compiled else None
+        if self._kernel is None and backend not in ("", PYTHON):
+            raise CommandError(f"the backend '{backend}' cannot do these steps; leave it out.")
         self._sharing: Sharing | None = None
-        if self._kernel is not None and threads != 1 and isinstance(algorithm, OperationTableAlgorithm):
+        shares = threads != 1 and compilable_entry_points(algorithm) is not None
+        if shares and self._kernel is not None and isinstance(algorithm, OperationTableAlgorithm):
             self._sharing = Sharing(self._kernel, algorithm, threads)
 
     @property
@@ -90,7 +105,7 @@ class FixedSteps(Stepping):
     def report(self) -> dict[str, Any]:
         """Add whether compiled code did the steps, and the use of threads, to the report."""
         found = super().report()
-        if isinstance(self.algorithm, COMPILED):
+        if isinstance(self.algorithm, OperationTableAlgorithm) and not self.algorithm.has_own_step:
             found["compiled"] = self.is_compiled
             found |= self._sharing.report() if self._sharing is not None else {"threads": 1}
         if self._kernel is not None and (reason := self._kernel.why_not_kept()):
@@ -120,7 +135,7 @@ class FixedSteps(Stepping):
             if time.monotonic() > ends:
                 return
 
-    def _advance_compiled(self, kernel: "Kernel", rows: RowSink, last: int) -> None:
+    def _advance_compiled(self, kernel: "Kernel | SwitchingLoop", rows: RowSink, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
         observer = self.algorithm.network.observer
         if observer.strings:  # compiled code cannot read texts
@@ -139,7 +154,9 @@ class FixedSteps(Stepping):
         if kernel.needs_python:
             self._advance_here(rows, self.algorithm.steps + 1)
 
-    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: RowSink, last: int) -> bool:
+    def _advance_measured(
+        self, kernel: "Kernel | SwitchingLoop", sharing: Sharing, rows: RowSink, last: int
+    ) -> bool:
         """Do one measurement's steps. Return whether more steps remain, and room for their rows."""
         first = self.algorithm.steps
         if sharing.observing:

@@ -17,8 +17,7 @@ from .record_layout import FORWARDED, KINDS, TYPED
 
 def forward_typed(points: EntryPoints) -> EntryPoints:
     """Return entry points that exchange doubles only; see `forward`."""
-    version_3 = points.version_3
-    return points if version_3 is None or version_3.setters is None else forward(points)
+    return points if points.step_end is None or points.setters is None else forward(points)
 
 
 def forward(points: EntryPoints) -> EntryPoints:
@@ -28,9 +27,9 @@ def forward(points: EntryPoints) -> EntryPoints:
         ImportError: They must be compiled, and numba is missing.
         OSError: LLVM cannot be loaded.
     """
-    if points.version_3 is None:
+    if points.step_end is None:
         return points
-    end, setters, getters = points.version_3
+    end, setters, getters = points.step_end, points.setters, points.getters
     kept = list[Any]()
     record = np.zeros(1, FORWARDED)
     record["component"], record["do_step"] = points.component, points.do_step
@@ -50,7 +49,9 @@ def forward(points: EntryPoints) -> EntryPoints:
         do_step=_compiled("step"),
         get_state=_compiled("get_state"),
         set_state=_compiled("set_state"),
-        version_3=None,
+        step_end=None,
+        setters=None,
+        getters=None,
         kept=(points, record, kept),
     )
 

@@ -167,7 +167,7 @@ class Kernel:
         reached = int(loop["reached"])
         algorithm.steps += reached - first
         if isinstance(algorithm, Strong):
-            algorithm.sweeps += int(self._lane_records["sweeps"].sum())
+            algorithm.sweeps_elsewhere += int(self._lane_records["sweeps"].sum())
             if failure == Failure.NOT_IN_ONE:
                 algorithm.done = self._groups_done(reached)
         self.needs_python = failure == Failure.NOT_IN_ONE

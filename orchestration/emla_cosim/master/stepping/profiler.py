@@ -168,7 +168,7 @@ class Profiler:
 
     def _timed_points(self, i: int, own: EntryPoints | None) -> EntryPoints | None:
         """Return entry points that measure; None if there are none, or nothing can measure them."""
-        if own is None:
+        if own is None or (own.setters is not None and own.step_end is None):
             return None
         try:
             own, timed = forward(own), _timed_addresses()
@@ -190,6 +190,7 @@ class Profiler:
         return replace(
             own,
             component=record.ctypes.data,
+            get_status=0,
             set_real=timed[TimedCall.INPUTS],
             set_real_input_derivatives=timed[TimedCall.DERIVATIVES],
             do_step=timed[TimedCall.STEP],

@@ -8,10 +8,9 @@ import numpy as np
 
 from ...base.arrays import Indices
 from ...sandbox import black_box
-from ..algorithms.group import CoupledGroup
+from ..algorithms.group import SWEEPS, CoupledGroup
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.scale import Scale
-from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
 from ..instances.fmu_instance import CallNames, EntryPoints
@@ -99,9 +98,9 @@ def instance_records(
     records["rare"], records["state"] = exchange.rare, addresses(states, every)
     records["no_way_back"] = [i not in saved for i in every]
     for record, p in zip(records, points, strict=True):
-        if p.version_3 is not None:  # a step has no time for memory elsewhere
+        if p.step_end is not None:  # a step has no time for memory elsewhere
             record["is_version_3"] = True
-            record["step_end"] = p.version_3.step_end.use(record["step_end_memory"])
+            record["step_end"] = p.step_end.use(record["step_end_memory"])
     return records
 
 

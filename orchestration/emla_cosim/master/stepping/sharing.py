@@ -18,6 +18,7 @@ from .thread_schedule import ThreadSchedule, schedule_tasks
 
 if TYPE_CHECKING:
     from .kernel import Kernel
+    from .switching_loop import SwitchingLoop
 
 WORTH = 1e-5
 """Smallest saving per step, in s, for which threads are considered."""
@@ -58,7 +59,9 @@ class Sharing:
         threads: Number of threads; None uses up to one per core if that is faster.
     """
 
-    def __init__(self, kernel: "Kernel", algorithm: OperationTableAlgorithm, threads: int | None) -> None:
+    def __init__(
+        self, kernel: "Kernel | SwitchingLoop", algorithm: OperationTableAlgorithm, threads: int | None
+    ) -> None:
         self._kernel, self._algorithm = kernel, algorithm
         self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
         self._report: dict[str, Any] = {}

@@ -23,6 +23,7 @@ class StepRequest:
         interval: time between rows in s, if the user set it.
         sampled: whether a component computes at communication points only, as a digital controller does.
         compiled: value of the option `compiled`.
+        backend: value of the option `backend`.
         threads: value of the option `threads`.
         events: returns the times in s at which inputs jump or bend.
         row_distance: returns the distance of rows in the data of inputs, in s.
@@ -32,6 +33,7 @@ class StepRequest:
     interval: float | None
     sampled: bool
     compiled: bool
+    backend: str
     threads: int | None
     events: Callable[[], Sequence[float]]
     row_distance: Callable[[], float]
@@ -78,7 +80,7 @@ class FixedStepSize(StepSizeControl):
 
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
         """Return steps of one length, compiled if possible."""
-        return FixedSteps(algorithm, request.times, request.compiled, request.threads)
+        return FixedSteps(algorithm, request.times, request.compiled, request.threads, request.backend)
 
 
 @dataclass(eq=False)

@@ -169,7 +169,7 @@ class TrialKernel(Kernel):
             raise self._python_error(error, state.time, float(control["end"])) from error
         failure = Failure(code)
         if isinstance(algorithm, Strong):
-            algorithm.sweeps += int(self._lane_records["sweeps"].sum())
+            algorithm.sweeps_elsewhere += int(self._lane_records["sweeps"].sum())
         sizes.step, sizes.last_error = float(control["step"]), float(control["last_error"])
         sizes.accepted, sizes.rejected = int(control["accepted"]), int(control["rejected"])
         algorithm.steps += 2 * (sizes.accepted - accepted)

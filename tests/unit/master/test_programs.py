@@ -1,0 +1,198 @@
+"""Programs of users: combined values, groups, sampled components, in C and in Python."""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.stepper.layout import Failure
+from fmublock import Block, Input, Output, Parameter, State
+
+H, STEPS = 0.01, 40
+BACKENDS = pytest.mark.parametrize("backend", ["c", "python"])
+
+
+class Ramp(Block):
+    """Passes its input on, and adds the time."""
+
+    u = Input()
+    k = Parameter(1.0)
+    x = State(0.0)
+    y = Output()
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        return {"x": 1.0 + 0.0 * v.u}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": v.k * v.u + v.x}
+
+
+@dataclass(eq=False)
+class Written(ec.Explicit):
+    """An algorithm whose program is an argument."""
+
+    write: Callable[[Any], Sequence[Any]] = field(default=lambda network: [])
+
+    def table(self, network: Any) -> Sequence[Any]:
+        return self.write(network)
+
+    def late(self) -> list[Any]:
+        return self.network.links
+
+
+def calls(instances: Sequence[int], store: str = "signals", every: int = 0) -> list[Any]:
+    """The calls of a Jacobi step, with inputs from a vector."""
+    return [
+        *(ec.Operation(ec.Call.SET, i, every, store) for i in instances),
+        *(ec.Operation(call, i, every) for call in (ec.Call.STEP, ec.Call.GET) for i in instances),
+    ]
+
+
+def relaxed(weight: float) -> Written:
+    def write(network: Any) -> list[Any]:
+        every = range(len(network.instances))
+        terms = {"used": 1.0 - weight, "signals": weight}
+        return [*calls(every, "used"), *(ec.Combine(i, "used", terms) for i in every)]
+
+    return Written(write=write)
+
+
+@pytest.fixture(scope="module")
+def ring(fmu_folder: Path) -> Iterator[ec.Simulation]:
+    """a.y = -1.5 b.y + t, b.y = a.y + t: Jacobi diverges, with half of the newest values it does not."""
+    system = ec.System.of({"a": Ramp, "b": Ramp}, ["a.y -> b.u", "b.y -> a.u"], {"a.k": -1.5})
+    with ec.load(system, fmus=fmu_folder, step_size=H, stop_time=STEPS * H).prepare() as simulation:
+        yield simulation
+
+
+def recursion(ring: ec.Simulation, weight: float) -> Mapping[str, np.ndarray]:
+    """The values by the formula of relaxation, from the initial ones on."""
+    first = ring.run(stop_time=H)
+    a, b = ([float(first[name][0])] for name in ("a.y", "b.y"))
+    used_a, used_b = a[0], b[0]
+    for k in range(1, STEPS + 1):
+        a.append(-1.5 * used_b + k * H)
+        b.append(used_a + k * H)
+        used_a, used_b = (1 - weight) * used_a + weight * a[k], (1 - weight) * used_b + weight * b[k]
+    return {"a.y": np.array(a), "b.y": np.array(b)}
+
+
+@BACKENDS
+@pytest.mark.parametrize("weight", [1.0, 0.5])
+def test_relaxation_follows_its_formula(ring: ec.Simulation, weight: float, backend: str) -> None:
+    result = ring.run(algorithm=relaxed(weight), backend=backend)
+    for name, expected in recursion(ring, weight).items():
+        np.testing.assert_allclose(result[name], expected, atol=1e-13 * np.abs(expected).max())
+    assert (np.abs(result["a.y"]).max() > 2.0) == (weight == 1.0)
+
+
+def test_programs_run_in_compiled_code_without_being_asked_to(ring: ec.Simulation) -> None:
+    assert ring.run(algorithm=relaxed(0.5)).stepping["compiled"] is True
+
+
+@pytest.mark.parametrize(("before", "after"), [("c", "python"), ("python", "c")])
+def test_checkpoints_have_the_vectors_of_a_program(
+    ring: ec.Simulation, tmp_path: Path, before: str, after: str
+) -> None:
+    whole, place = ring.run(algorithm=relaxed(0.3)), tmp_path / "half.checkpoint"
+    ring.run(algorithm=relaxed(0.3), backend=before, stop_time=0.2, checkpoint=place)
+    rest = ring.run(algorithm=relaxed(0.3), backend=after, resume=place)
+    for name in ("a.y", "b.y"):
+        assert rest[name].tobytes() == whole[name][-len(rest[name]) :].tobytes()
+
+
+@BACKENDS
+def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, backend: str) -> None:
+    solved = ring.run(algorithm=Written(write=lambda network: [ec.Solve([0, 1])]), backend=backend)
+    strong = ring.run(algorithm="strong")
+    for name in ("a.y", "b.y"):
+        np.testing.assert_allclose(solved[name], strong[name], rtol=1e-6)
+    assert solved.stepping["loops"] == [["a", "b"]]
+    assert solved.stepping["sweeps_over_loops"] > STEPS
+
+
+@BACKENDS
+def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, backend: str) -> None:
+    sampled = Written(write=lambda network: [*calls([0]), *calls([1], every=4)])
+    usual = Written(write=lambda network: [*calls([0]), *calls([1])], step_multiples={"b": 4})
+    found, expected = (ring.run(algorithm=x, backend=backend) for x in (sampled, usual))
+    assert found["b.y"].tobytes() == expected["b.y"].tobytes()
+    assert len(set(found["b.y"].tolist())) == STEPS // 4 + 1
+
+
+@BACKENDS
+def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, backend: str) -> None:
+    """In any other order, (0.1 + 1e16) - 1e16 would not be zero but 0.1 times the signal."""
+
+    def write(network: Any) -> list[Any]:
+        keep = ec.Combine(0, "kept", {"signals": 1.0})
+        sums = ec.Combine(0, "signals", {"kept": 0.1, "signals": 1e17, "previous": 0.0, "again": -1e17})
+        return [*calls([0, 1]), keep, ec.Combine(0, "again", {"signals": 1.0}), sums]
+
+    assert not ring.run(algorithm=Written(write=write), backend=backend)["a.y"][1:].any()
+
+
+@pytest.mark.parametrize(
+    ("program", "problem"),
+    [
+        (
+            [*calls([0], store="usd"), *calls([1])],
+            "reads the vector 'usd', which no Combine writes; there are",
+        ),
+        ([ec.Combine(0, "mine", {"sinals": 1.0})], "reads the vector 'sinals'"),
+        ([ec.Combine(0, "previous", {"signals": 1.0})], "cannot write 'previous'"),
+        ([ec.Combine(0, "mine", {})], "a Combine without terms has no sum"),
+        ([*calls([0], every=2), ec.Operation(ec.Call.SET, 0, 3)], "of a are done every 2, 3 steps; all need"),
+        ([*calls([0], every=-1)], "of a are done every -1 steps"),
+        ([*calls([0], every=2), ec.Solve([0, 1])], "a group needs members without step multiples"),
+        ([ec.Solve([])], "a group needs members"),
+    ],
+)
+def test_invalid_programs_are_refused(ring: ec.Simulation, program: list[Any], problem: str) -> None:
+    with pytest.raises(ec.CommandError, match=problem):
+        ring.run(algorithm=Written(write=lambda network: program))
+
+
+def test_what_a_backend_cannot_do_is_refused(ring: ec.Simulation) -> None:
+    with pytest.raises(ec.CommandError, match="the backend 'numba' cannot do these steps"):
+        ring.run(algorithm=relaxed(0.5), backend="numba")
+    with pytest.raises(ec.CommandError, match="the backend 'c' steps in one thread, not in 2"):
+        ring.run(backend="c", threads=2)
+    with pytest.raises(ec.CommandError, match="backend"):
+        ring.run(backend="fortran")
+
+
+def test_a_program_that_combines_is_not_exported(ring: ec.Simulation, tmp_path: Path) -> None:
+    system = ec.System.of({"a": Ramp, "b": Ramp}, ["a.y -> b.u", "b.y -> a.u"], {"a.k": 0.5})
+    with pytest.raises(ec.CommandError, match="cannot combine values"):
+        ec.load(system, algorithm=relaxed(0.5), step_size=H, stop_time=1.0).export(tmp_path / "x.fmu")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_a_signal_ends_the_steps_at_once(ring: ec.Simulation) -> None:
+    """Not after a second of wall time, when the steps end in any case."""
+    from emla_cosim.master.stepping.native_loop import NativeLoop
+
+    ends, run = list[Failure](), NativeLoop.run
+
+    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, every: int, rows: Any) -> Any:
+        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        try:
+            return run(loop, first, 10**7, clock, 2**40, rows)
+        finally:
+            timer.cancel()
+            ends.append(Failure(loop._stepper.failure))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(NativeLoop, "run", run_long)
+        result = ring.attempt(algorithm=relaxed(0.5), stop_time=1e6, recorders=[])
+    assert result.interrupted
+    assert ends[-1] == Failure.INTERRUPTED
