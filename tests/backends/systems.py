@@ -24,6 +24,7 @@ from tests.support.hand_written_fmus import (
     build_faulty_fmu,
     build_integrated_fmu,
     build_trigger_fmu,
+    edit_description,
 )
 
 # ---- blocks --------------------------------------------------------------------------------------
@@ -202,6 +203,16 @@ class Parts:
 
     def all_types(self) -> Path:
         return self.build("AllTypes", build_all_types_fmu)
+
+    def integer_input(self) -> Path:
+        """Return the FMU with all types of FMI 2.0, one of whose parameters is an input."""
+        was, becomes = "parameter", "input"
+        edits = (f'name="first" valueReference="0" causality="{x}" variability=' for x in (was, becomes))
+        old, new = (f'{text}"{v}"' for text, v in zip(edits, ("fixed", "discrete"), strict=True))
+        return self.build(
+            "IntegerInput",
+            lambda path: edit_description(self.all_types(), path, f'{old} initial="exact"', new),
+        )
 
     def types_of_fmi_3(self) -> Path:
         return self.build("Third", build_all_types_3_fmu)
@@ -495,6 +506,12 @@ def fails(fault: Fault, is_loop: bool) -> Entry:
     )
 
 
+def large_integers(parts: Parts) -> ec.System:
+    """A component of FMI 3.0 that counts drives an Integer of FMI 2.0."""
+    third, second = parts.types_of_fmi_3(), parts.integer_input()
+    return ec.System.of({"a": third, "b": second}, ["a.Int64_out -> b.first"], {"a.stride": 900_000_000})
+
+
 def fails_in_fmi_3(message: str, values: Mapping[str, Any], *wires: str, is_loop: bool = False) -> Entry:
     links = ["a.y -> b.u", *wires, *(["b.y[1,1] -> a.u[1,1]"] if is_loop else [])]
     return Entry(
@@ -549,6 +566,13 @@ FAILING: dict[str, Entry] = {
         {"a.stride": -1},
         "a.Int64_out -> b.UInt8_in",
         is_loop=True,
+    ),
+    "too large for Integer": Entry(
+        large_integers,
+        step=0.125,
+        has={"failure", "types of FMI 2.0", "types of FMI 3.0"},
+        interpreted={"error control"},
+        fails="its input first is Integer and cannot be 2700000000",
     ),
     "infinite": fails_in_fmi_3("a.x ", {"a.u[1,1]": 1.7e308}, "a.x -> b.Float32_in"),
 }

@@ -8,8 +8,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ..network import Link, Network
 from .algorithm import Algorithm
+from .operation_table import OperationTableAlgorithm
 from .quasi_newton import RELAXATION
-from .strong import Strong
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     of which it learned nothing are left out.
     """
     found = {}
-    for number, group in enumerate(algorithm.groups if isinstance(algorithm, Strong) else ()):
+    for number, group in enumerate(algorithm.groups if isinstance(algorithm, OperationTableAlgorithm) else ()):
         count = len(group.coupling_variables)
         missing = group.newton.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
         if not count or np.array_equal(missing, -RELAXATION * np.eye(count)):
@@ -151,7 +151,7 @@ def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: 
 
 def _agreed(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
     """Return the number of the loop and the position among its coupling variables, by signal."""
-    groups = algorithm.groups if isinstance(algorithm, Strong) else []
+    groups = algorithm.groups if isinstance(algorithm, OperationTableAlgorithm) else []
     return {
         int(signal): (number, place)
         for number, group in enumerate(groups)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...fmu.clocks import CLOCK
-from ...fmu.elements import ElementVariable, number_range, value_type
+from ...fmu.elements import ElementVariable, value_type
 from ...fmu.instance import by_type
 
 OUT_OF_RANGE = -(2**31)
@@ -38,14 +38,14 @@ class TypeGroup:
     boolean: bool
     function: Callable[..., int]
     arguments: tuple[Any, ...]
-    integers: Sequence[ElementVariable] = ()
-    """The variables, if they are integers of FMI 3.0, of which some types are small."""
+    integers: Sequence[ModelVariable] = ()
+    """The variables, if they are integers."""
 
     @property
     def limits(self) -> tuple[float, float]:
         """Return the smallest value that fits into the type, and the one after the largest."""
-        low, high = number_range(self.integers[0])
-        return float(low), float(high) + 1.0
+        limits = np.iinfo(self.values.dtype)
+        return float(limits.min), float(limits.max) + 1.0
 
     def check(self, values: Vector) -> None:
         """Raise ValueRangeError if a rounded value does not fit into its type."""
@@ -54,7 +54,10 @@ class TypeGroup:
             wrong = ~((values >= low) & (values < limit))
             if wrong.any():
                 i = int(np.argmax(wrong))
-                name, kind = self.integers[i].name, self.integers[i].data_type
+                name, kind = (
+                    self.integers[i].name,
+                    getattr(self.integers[i], "data_type", self.integers[i].type),
+                )
                 raise ValueRangeError(f"{name} is {kind} and cannot be {values[i]:.17g}")
 
 
@@ -161,9 +164,9 @@ class TypedValues:
         return worst
 
 
-def _integers(variables: Sequence[ModelVariable]) -> list[ElementVariable]:
-    """Return variables of FMI 3.0 if they are integers, otherwise none."""
-    return [v for v in variables if isinstance(v, ElementVariable) and value_type(v).kind in "iu"]
+def _integers(variables: Sequence[ModelVariable]) -> list[ModelVariable]:
+    """Return variables of one type if they are integers, otherwise none."""
+    return [v for v in variables if v.type != "Boolean" and value_type(v).kind in "iu"]
 
 
 def start_memory(variable: ElementVariable) -> NDArray[Any]:
