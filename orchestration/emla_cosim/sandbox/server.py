@@ -12,7 +12,7 @@ from .interruption import ignore_interrupts
 from .processes import describe_exit, make_environment, watch_parent
 
 _END_S = 2.0
-"""How long a process takes at most to end after it closed its streams, in s."""
+"""How long a killed process takes at most to end after it closed its streams, in s."""
 
 
 class ServerEndedError(Exception):
@@ -94,17 +94,18 @@ class Server:
 
 
 def serve(
-    answer: Callable[[Any, Callable[[Any], None]], Any], clean_up: Callable[[], None] = lambda: None
+    answer: Callable[[Any, Callable[[Any], None]], Any], clean_up: Callable[[], None] | None = None
 ) -> NoReturn:
     """Answer the requests of the parent process until it ends.
 
     Args:
         answer: Gets a request, and a function that sends objects before the answer; returns the answer.
-        clean_up: Called from a thread once the parent is gone.
+        clean_up: Called once the parent is gone, possibly from a thread.
     """
 
     def end() -> NoReturn:
-        clean_up()
+        if clean_up is not None:
+            clean_up()
         os._exit(0)
 
     ignore_interrupts()  # the parent ends this process
@@ -121,6 +122,8 @@ def serve(
             channel.send(answered)
         except OSError:
             break
+    if clean_up is None:  # the parent may wait for this process to end
+        os._exit(0)
     until = time.monotonic() + _END_S
     while os.getppid() == parent and time.monotonic() < until:
         time.sleep(0.01)  # a killed process closes its streams before it has ended
