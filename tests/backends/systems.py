@@ -6,15 +6,17 @@ it `has`: a stepper, an algorithm or another system says in its `lacks` what it 
 
 import dataclasses
 import itertools
+import os
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import emla_cosim as ec
-import fmublock
-from emla_cosim.fmu.models import MODELS
+from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, where
+from fmublock.cache import VARIABLE
 from tests.support.faulty_systems import faulty, line_with_a_fault, loop_with_a_fault, wired
 from tests.support.hand_written_fmus import (
     Fault,
@@ -159,12 +161,20 @@ class Springs(Block):
 
 # ---- FMUs ----------------------------------------------------------------------------------------
 
+BLOCKS = Path(os.environ[VARIABLE]) / "fmus of the matrix"
+"""Where the FMUs of blocks are, by version of FMI, for all processes and the next run."""
+
+
+@cache
+def _build_block(block: type[Block], fmi: int) -> Path:
+    return build(block, "native", [], BLOCKS / str(fmi), fmi=fmi)
+
 
 class Parts:
     """Builds the FMUs of systems, each once.
 
     Args:
-        folder: Where they are built.
+        folder: Where those are built that are written by hand.
         fmus: Folder with the FMUs of the project.
         kind: FMI 2 or 3 for the FMUs that exist for both versions, `mixed`, or `blocks` for no files.
     """
@@ -190,7 +200,9 @@ class Parts:
         if self.kind == "blocks":
             return block
         fmi = fmi or self.version()
-        return self.build(f"{fmi}/{block.__name__}", lambda path: fmublock.build(block, path, fmi=fmi))
+        if fmi == 2 and block in MODELS.values():
+            return fmu_path(block.__name__, "native", self.fmus)
+        return _build_block(block, fmi)
 
     def faulty(self) -> Path:
         return self.build("Faulty", lambda path: build_faulty_fmu(path.parent))
@@ -431,6 +443,7 @@ SYSTEMS: dict[str, Entry] = {
         integrated_arrays,
         {"kind": {"a": "me", "b": "me"}},
         **{**ME, "has": {"Model Exchange", "grouped"}},
+        steps=12,
         lacks={"error control"},
     ),
     "lift": Entry(lambda parts: "lift", **LIFT, has={"scenario"}),
