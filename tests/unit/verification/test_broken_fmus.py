@@ -25,7 +25,7 @@ LONG = ("instance.cycles", "instance.threads", "run.deterministic", "state.freed
 """Checks that take longest."""
 
 SANITIZER = {c.name for c in CHECKS if c.group == "sanitizer"}
-LONGEST = {"instance.threads", *SANITIZER}
+LONGEST = {"instance.threads", "process.resources", *SANITIZER}
 MAY_BE_SKIPPED = {
     "serializes-nothing": {"state.restored"},  # is not claimed then
     "no-binary": {"sources.compile", *SANITIZER},  # a failure, were there sources
