@@ -23,7 +23,7 @@ from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
 from tests.support.tiers import NIGHTLY, SLOW, select
-from tests.support.toy_fmu import build_toy
+from tests.support.toy_fmu import copy_toy
 
 if TYPE_CHECKING:  # these take a while to load
     from distributed import Client
@@ -158,7 +158,7 @@ def sessions(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iter
     """The native FMUs of all models and of the toy, each open for instances, by name."""
     folder = tmp_path_factory.mktemp("sessions")
     paths = {model: fmu_path(model, "native", fmu_folder) for model in MODELS}
-    paths["Toy"] = build_toy("native", folder / "Toy.fmu")
+    paths["Toy"] = copy_toy(folder / "Toy.fmu")
     with ExitStack() as stack:
         yield {m: stack.enter_context(opened(path, folder / m)) for m, path in paths.items()}
 

@@ -9,14 +9,14 @@ import pytest
 from tests.support.fmi3_host import Host
 from tests.support.sessions import Session, opened
 from tests.support.toy import Toy
-from tests.support.toy_fmu import build_toy
+from tests.support.toy_fmu import build_toy, copy_toy
 from tests.support.units import KINDS, Make, Units
 
 
 @pytest.fixture(scope="session")
 def native_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The toy as a native FMU."""
-    return build_toy("native", tmp_path_factory.mktemp("native") / "Toy.fmu")
+    return copy_toy(tmp_path_factory.mktemp("native") / "Toy.fmu")
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +28,7 @@ def python_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def fmi3_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The toy as a native FMU for FMI 3.0."""
-    return build_toy("native", tmp_path_factory.mktemp("fmi3") / "Toy.fmu", fmi=3)
+    return copy_toy(tmp_path_factory.mktemp("fmi3") / "Toy.fmu", fmi=3)
 
 
 @pytest.fixture(scope="session", params=["native", "python", "fmi3"])

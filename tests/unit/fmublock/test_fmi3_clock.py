@@ -15,6 +15,7 @@ from tests.support.fmi3_host import Host, call_at_random, root_of
 from tests.support.sessions import ERROR
 from tests.support.tiers import mostly_slow
 from tests.support.toy import Toy
+from tests.support.toy_fmu import copy_toy
 
 REFERENCE = Toy.layout().reference
 FORCE, MASS, X, V, POWER, SPEED_0 = (
@@ -30,8 +31,7 @@ INTERVAL = 0.01
 def paths(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("clock")
     return [
-        build(Toy, folder / f"{name}.fmu", fmi=3, clock=clock)
-        for name, clock in (("clocked", INTERVAL), ("plain", None))
+        copy_toy(folder / f"{name}.fmu", 3, clock) for name, clock in (("clocked", INTERVAL), ("plain", None))
     ]
 
 

@@ -21,7 +21,7 @@ from emla_cosim.verification.verdict import Verdict
 from fmublock import Block, DefaultExperiment, Input, Output, Parameter, build
 from tests.support.broken.examining import examine
 from tests.support.commands import Emla, sentence
-from tests.support.toy_fmu import build_toy
+from tests.support.toy_fmu import copy_toy
 
 
 class Mode(IntEnum):
@@ -61,7 +61,7 @@ def typed_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_toy("native", tmp_path_factory.mktemp("toy") / "Toy.fmu")
+    return copy_toy(tmp_path_factory.mktemp("toy") / "Toy.fmu")
 
 
 def record(fmu: Path, folder: Path, **options: Any) -> None:
