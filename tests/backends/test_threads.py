@@ -35,6 +35,7 @@ from emla_cosim.master.stepping import kernel, sharing
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.thread_schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
+from emla_cosim.run.options import read_threads
 from tests.support.faulty_systems import line_with_a_fault, open_system
 from tests.support.hand_written_fmus import Fault
 from tests.support.lanes import in_lanes
@@ -209,6 +210,13 @@ def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
 def test_impossible_numbers_of_threads_are_refused(threads: int) -> None:
     with pytest.raises(ec.CommandError, match=f"^the number of threads must be from 1 to .*, not {threads}"):
         FixedSteps(begun(chains(1, []), Jacobi(), TIMES), TIMES, threads=threads)
+
+
+def test_number_of_threads_is_read_from_text() -> None:
+    assert [read_threads(text) for text in ("auto", "2")] == [None, 2]
+    for text in ("many", "1.5", "AUTO"):
+        with pytest.raises(ec.CommandError, match=f"--threads {text} is neither a whole number nor auto"):
+            read_threads(text)
 
 
 # ---- found out by measuring --------------------------------------------------------------------

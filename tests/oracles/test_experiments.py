@@ -34,6 +34,13 @@ def asked(name: str, fmus: Path, stop_time: float, step_size: float) -> ec.Resul
 
 
 @names
+def test_current_sensor_has_twelve_bits_over_its_range(name: str) -> None:
+    """Its noise is a thousandth of the range, which extends to both sides."""
+    plant = ec.load(name).system.component("prototype.plant").parameters
+    assert plant["sensor.current.resolution"] == pytest.approx(2e3 * plant["sensor.current.sigma"] / 2**12)
+
+
+@names
 def test_reference_stops_at_way_points_and_repeats_after_40_s(name: str, fmu_folder: Path) -> None:
     result = asked(name, fmu_folder, 80.0, 0.01)
     x, v = (result[f"prototype.reference.{n}"] for n in ("x_d", "v_d"))

@@ -273,6 +273,7 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
          "a.end has no dimensions"),
         ((third("a", binding(values("gain", "1", '<ssc:Dimension sizeConnector="n"/>'))),),
          "must have a size"),
+        ((third("a", binding(values("gain", "1", "<ssc:Dimension/>"))),), "must have a size"),
         ((third("a", binding(values("blob", "00", "", "Binary"))),), "a.blob of the type Binary"),
         ((third("a", binding(values("text", "x", "", "String").replace(
             '<ssv:String value="x"/>', '<ssv:String value="x"><ssv:Value value="y"/></ssv:String>'))),),
