@@ -91,6 +91,9 @@ class OperationTableAlgorithm(Algorithm):
         self.stores = self._make_stores([x for x in program if isinstance(x, Combine)])
         self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
         self._apart = self._overlapped(self.operations) if self.is_plain else None
+        # calls at the end of a plain program need not be told apart, which takes as long as a call
+        self._unlike = self.program[: len(self.groups)] if self.is_plain else self.program
+        self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in self.operations]
 
     def _make_stores(self, combinations: Sequence[Combine]) -> dict[str, Vector]:
         """Return the vectors that the program writes, by name."""
@@ -229,33 +232,37 @@ class OperationTableAlgorithm(Algorithm):
         if self.groups and not self.done:
             self.scale.see()
         done, self.done = self.done, set()
-        reached, number = self.steps + 1, 0
-        for each in self.program if self._apart is None else self.program[: len(self.groups)]:
+        reached, groups, calls = self.steps + 1, enumerate(self.groups), iter(self._calls)
+        for each in self._unlike:
             if isinstance(each, Operation):
-                self._operate(each, time, step, span, reached)
+                call, i, multiple = next(calls)
+                if reached % multiple:
+                    continue
+                if each.store == SIGNALS:
+                    begin, length = (time, step) if multiple == 1 else span(multiple)
+                    perform(self.exchange, call, i, begin, length, time + step)
+                else:
+                    self.network.pass_inputs(i, self._vector(each.store))
             elif isinstance(each, Combine):
                 self._combine(each)
             else:
+                number, group = next(groups)
                 if number not in done:
-                    self.groups[number].advance(time, step, reached)
-                number += 1
+                    group.advance(time, step, reached)
         if self._apart is not None:
             self._apart.operate(time, step, span, reached)
-
-    def _operate(self, operation: Operation, time: float, step: float, span: Span, reached: int) -> None:
-        multiple = int(self.multiples[operation.instance])
-        if reached % multiple:
             return
-        begin, length = (time, step) if multiple == 1 else span(multiple)
-        if operation.store != SIGNALS:
-            self.network.pass_inputs(
-                operation.instance, self.stores.get(operation.store, self.exchange.history.previous)
-            )
-        else:
-            perform(self.exchange, int(operation.call), operation.instance, begin, length, time + step)
+        for call, i, multiple in calls:
+            if reached % multiple == 0:
+                begin, length = (time, step) if multiple == 1 else span(multiple)
+                perform(self.exchange, call, i, begin, length, time + step)
+
+    def _vector(self, name: str) -> Vector:
+        if name == SIGNALS:
+            return self.network.signals
+        return self.exchange.history.previous if name == PREVIOUS else self.stores[name]
 
     def _combine(self, combination: Combine) -> None:
-        vectors = {SIGNALS: self.network.signals, PREVIOUS: self.exchange.history.previous, **self.stores}
         part = self.network.parts[combination.instance]
-        terms = [factor * vectors[name][part] for name, factor in combination.terms.items()]
-        vectors[combination.into][part] = sum(terms[1:], terms[0])
+        terms = [factor * self._vector(name)[part] for name, factor in combination.terms.items()]
+        self._vector(combination.into)[part] = sum(terms[1:], terms[0])

@@ -146,7 +146,7 @@ class TypedValues:
                 values = np.rint(values)
                 group.check(values)
             group.values[group.places] = values != 0.0 if group.boolean else values
-            worst = max(worst, group.function(component, *group.arguments), key=abs)
+            worst = max(worst, group.function(component, *group.arguments), key=_badness)
         return worst
 
     def check(self, vector: Vector) -> None:
@@ -158,10 +158,15 @@ class TypedValues:
         """Get all variables and return the worst status."""
         worst = 0
         for group in self.groups:
-            worst = max(worst, group.function(component, *group.arguments), key=abs)
+            worst = max(worst, group.function(component, *group.arguments), key=_badness)
             values = group.values[group.places]
             vector[group.elements] = values != 0 if group.boolean else values
         return worst
+
+
+def _badness(status: int) -> int:
+    """Return how bad a status is: one that is not in the standard is worse than a warning, also -1."""
+    return status if status >= 0 else 1 - status
 
 
 def _integers(variables: Sequence[ModelVariable]) -> list[ModelVariable]:

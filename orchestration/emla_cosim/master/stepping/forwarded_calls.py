@@ -92,6 +92,12 @@ def _call(forwarded, typed):
     return exchange_3(typed.function, (forwarded.component, *arguments))
 
 
+@part
+def _badness(status):
+    """See `typed_values`."""
+    return status if status >= 0 else 1 - status
+
+
 @cfunc(_EXCHANGE, **OPTIONS)
 def set_typed_values(address, references, count, values):
     """Set values of several types as `TypedValues.set` does. Return the worst status."""
@@ -107,7 +113,7 @@ def set_typed_values(address, references, count, values):
                     return OUT_OF_RANGE
             _store(typed.memory, kind, places[e], value)
         status = _call(forwarded, typed)
-        if abs(status) > abs(worst):
+        if _badness(status) > _badness(worst):
             worst = status
     return worst
 
@@ -120,7 +126,7 @@ def get_typed_values(address, references, count, values):
         typed = typed_at(forwarded.getters, g)
         elements, places = positions(typed.elements), positions(typed.places)
         status = _call(forwarded, typed)
-        if abs(status) > abs(worst):
+        if _badness(status) > _badness(worst):
             worst = status
         for e in range(typed.count):
             vector[elements[e]] = _load(typed.memory, typed.kind, places[e])

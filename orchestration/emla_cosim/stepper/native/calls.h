@@ -92,7 +92,8 @@ static int32_t exchange(const Stepper *s, const Call *call) {
     return (int32_t)((Exchange2 *)call->function)(call->component, call->references, n, call->values);
 }
 
-static int64_t magnitude(int32_t status) { return status < 0 ? -(int64_t)status : status; }
+/* How bad a status is: one that is not in the standard is worse than a warning, also -1. */
+static int64_t badness(int32_t status) { return status < 0 ? fmi2Warning - (int64_t)status : status; }
 
 /* Set numbers of a vector with all these calls, and return the worst status. */
 RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
@@ -100,7 +101,7 @@ RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n
     for (int32_t k = 0; k < n; k++) {
         if (calls[k].n_items > 0 && !convert_to(&calls[k], vector)) return OUT_OF_RANGE;
         const int32_t status = exchange(s, &calls[k]);
-        if (magnitude(status) > magnitude(worst)) worst = status;
+        if (badness(status) > badness(worst)) worst = status;
     }
     return worst;
 }
@@ -115,7 +116,7 @@ RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n
     for (int32_t k = 0; k < n; k++) {
         const int32_t status = exchange(s, &calls[k]);
         if (calls[k].n_items > 0) convert_from(&calls[k], vector);
-        if (magnitude(status) > magnitude(worst)) worst = status;
+        if (badness(status) > badness(worst)) worst = status;
     }
     return worst;
 }

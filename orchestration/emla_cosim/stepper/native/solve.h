@@ -134,6 +134,7 @@ static int32_t solve(Stepper *s, int32_t g, double time, double length, int32_t 
     if (is_discarded && wants_end(s, s->instance)) return failure;
     const int32_t restored = restore_group(s, group);
     if (restored != DONE) return restored;
+    s->status = fmi2OK;
     const double middle = time + 0.5 * length, end = time + length;
     failure = solve(s, g, time, middle - time, halvings - 1);
     return failure != DONE ? failure : solve(s, g, middle, end - middle, halvings - 1);

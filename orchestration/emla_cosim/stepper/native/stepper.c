@@ -75,9 +75,11 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
     const time_t second = time(NULL);
     double next = point(&s->clock, first);
     int64_t until_row = every - first % every; /* steps to the next row: a division takes as long as a call */
+    s->reached = first;
     s->recorded = 0;
     s->sweeps_done = 0;
     s->status = fmi2OK;
+    s->failure = DONE;
     for (int64_t k = first; k < first + count; k++) {
         const double now = next;
         s->reached = k;
