@@ -60,15 +60,15 @@ CALL = _record(
     component=_ADDRESS,
     references=_ADDRESS,
     values=_ADDRESS,
-    items=_ADDRESS,
-    places=_ADDRESS,
     code=_CODE,
     reference_count=_WHOLE,
     value_count=_WHOLE,
+    is_version_3=_WHOLE,
     item_count=_WHOLE,
+    items=_ADDRESS,
+    places=_ADDRESS,
     type=_WHOLE,
     instance=_WHOLE,
-    is_version_3=_WHOLE,
 )
 
 INSTANCE = _record(

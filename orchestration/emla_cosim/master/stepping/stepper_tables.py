@@ -125,65 +125,62 @@ class StepperTables:
         return records
 
     def _instances(self) -> Any:
-        network, exchange = self._algorithm.network, self._algorithm.exchange
+        network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
         saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
-        records = np.zeros(len(self._points), INSTANCE)
-        for i, (record, p) in enumerate(zip(records, self._points, strict=True)):
-            inputs, outputs = network.input_parts[i], network.parts[i]
-            record["component"], record["do_step"] = p.component, p.do_step
-            record["set_derivatives"] = p.set_real_input_derivatives
-            record["get_state"], record["set_state"] = p.get_state, p.set_state
-            record["get_status"] = p.get_status
-            record["references"] = p.input_references.ctypes.data
-            record["orders"] = p.derivative_orders.ctypes.data
-            record["end"] = 0 if p.step_end is None else p.step_end.address
-            record["is_version_3"] = p.step_end is not None
-            record["state"] = self.states[i : i + 1].ctypes.data
-            for access, vector, part, references, calls in (
-                ("set", network.inputs, inputs, p.input_references, p.setters),
-                ("get", network.signals, outputs, p.output_references, p.getters),
-            ):
-                count = part.stop - part.start
-                rows = self._calls(i, p, access, vector, part.start, count, references, calls)
-                record[f"{access}ters"], record[f"{access}ter_count"] = self._keep(rows), len(rows)
-            record["code"] = code_of(i, "")
-            record["code_derivatives"] = CALLS.index("setRealInputDerivatives")
-            record["code_step"], record["code_status"] = (
-                CALLS.index("doStep"),
-                CALLS.index("getBooleanStatus"),
-            )
-            record["code_save"], record["code_restore"] = (
-                CALLS.index(p.names.save),
-                CALLS.index(p.names.restore),
-            )
-            record["first_input"], record["input_count"] = inputs.start, inputs.stop - inputs.start
-            record["first_output"], record["output_count"] = outputs.start, outputs.stop - outputs.start
-            record["mode"], record["is_rare"] = exchange.modes[i], exchange.rare[i]
-            record["has_no_way_back"] = i not in saved
+        records, every = np.zeros(len(points), INSTANCE), range(len(points))
+        for name in ("component", "do_step", "get_state", "set_state", "get_status"):
+            records[name] = [getattr(p, name) for p in points]
+        records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
+        records["references"] = [p.input_references.ctypes.data for p in points]
+        records["orders"] = [p.derivative_orders.ctypes.data for p in points]
+        records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
+        records["is_version_3"] = [p.step_end is not None for p in points]
+        records["state"] = self.states.ctypes.data + self.states.itemsize * np.arange(len(points))
+        records["code"], numbers = [code_of(i, "") for i in every], {name: n for n, name in enumerate(CALLS)}
+        records["code_derivatives"] = numbers["setRealInputDerivatives"]
+        records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
+        records["code_save"] = [numbers[p.names.save] for p in points]
+        records["code_restore"] = [numbers[p.names.restore] for p in points]
+        for kind, parts in (("input", network.input_parts), ("output", network.parts)):
+            records[f"first_{kind}"] = [part.start for part in parts]
+            records[f"{kind}_count"] = [part.stop - part.start for part in parts]
+        records["mode"], records["is_rare"] = exchange.modes, exchange.rare
+        records["has_no_way_back"] = [i not in saved for i in every]
+        self._fill_calls(records)
         return records
 
-    def _calls(
-        self,
-        i: int,
-        points: EntryPoints,
-        access: str,
-        vector: Any,
-        first: int,
-        count: int,
-        references: Any,
-        calls: Sequence[GroupCall] | None,
-    ) -> Any:
+    def _fill_calls(self, records: Any) -> None:
+        """Make the calls that set inputs and get outputs: all in one array, as they are read one by one."""
+        network, found = self._algorithm.network, list[Any]()
+        first = np.zeros((len(records), 2), dtype=np.intp)
+        for i, points in enumerate(self._points):
+            first[i, 0] = len(found)
+            found += self._calls(i, points, network.inputs, network.input_parts[i].start, "set")
+            first[i, 1] = len(found)
+            found += self._calls(i, points, network.signals, network.parts[i].start, "get")
+        calls = np.array(found, dtype=CALL)
+        address = self._keep(calls)
+        records["setters"], records["getters"] = address + calls.itemsize * first.T
+        records["setter_count"] = first[:, 1] - first[:, 0]
+        records["getter_count"] = np.append(first[1:, 0], len(calls)) - first[:, 1]
+
+    def _calls(self, i: int, points: EntryPoints, vector: Any, first: int, access: str) -> Sequence[Any]:
         """Return the CALL records that set the inputs, or get the outputs, of an instance."""
-        if calls is not None:
-            return self._typed_calls(i, points, calls, first)
-        records = np.zeros(1 if count else 0, CALL)
-        records["function"] = points.set_real if access == "set" else points.get_real
-        records["component"], records["instance"] = points.component, i
-        records["references"], records["reference_count"] = references.ctypes.data, len(references)
-        records["values"], records["value_count"] = vector.ctypes.data + 8 * first, count
-        records["code"] = code_of(i, getattr(points.names, access))
-        records["is_version_3"] = points.step_end is not None
-        return records
+        sets = access == "set"
+        typed = points.setters if sets else points.getters
+        if typed is not None:
+            return self._typed_calls(i, points, typed, first)
+        instance = self._algorithm.network.instances[i]
+        count = len(instance.inputs if sets else instance.outputs)
+        references = points.input_references if sets else points.output_references
+        record = np.zeros((), CALL)
+        record["function"] = points.set_real if sets else points.get_real
+        record["component"], record["instance"] = points.component, i
+        record["references"], record["reference_count"] = references.ctypes.data, len(references)
+        record["values"], record["value_count"] = vector.ctypes.data + vector.itemsize * first, count
+        record["code"] = code_of(i, getattr(points.names, access))
+        record["is_version_3"] = points.step_end is not None
+        return [record] if count else []
 
     def _typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
         records = np.zeros(len(calls), CALL)

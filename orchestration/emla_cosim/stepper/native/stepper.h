@@ -36,14 +36,14 @@ typedef struct {
     void *component;
     const fmi2ValueReference *references;
     void *values; /* what the FMI function gets or sets */
+    int64_t code; /* in `Activity` */
+    int32_t n_references, n_values;
+    int32_t is_version_3;  /* of FMI */
+    int32_t n_items;       /* 0 if `values` are the numbers themselves; otherwise it is also converted: */
     const int32_t *items;  /* positions of the numbers in the vector of the stepper, */
     const int32_t *places; /* and in `values`, which has whole arrays */
-    int64_t code;          /* in `Activity` */
-    int32_t n_references, n_values;
-    int32_t n_items; /* 0 if `values` are the numbers themselves */
     int32_t type;
     int32_t instance;
-    int32_t is_version_3; /* of FMI */
 } Call;
 
 /* What fmi3DoStep tells besides its status; `StepEnd` of fmi_3_calls.py. */
