@@ -1,15 +1,17 @@
 /* Calls of FMI functions: values of any type, steps, states. */
 
-#if defined __GNUC__
-#define RARE __attribute__((noinline)) /* keeps the code of all other steps short */
+#if defined __GNUC__ /* calls take less time than what surrounds them, so that a call of our own matters */
+#define OFTEN __attribute__((always_inline)) inline
+#define RARE __attribute__((noinline))
 #else
+#define OFTEN
 #define RARE
 #endif
 
 /* Whether a status is worse than a warning, or not in the standard. */
 static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
 
-static void announce(const Stepper *s, int64_t code) {
+OFTEN static void announce(const Stepper *s, int64_t code) {
     if (s->activity != NULL) s->activity->code = code;
 }
 
@@ -83,7 +85,7 @@ static void convert_from(const Call *call, double *vector) {
 typedef fmi2Status Exchange2(fmi2Component, const fmi2ValueReference *, size_t, void *);
 typedef fmi3Status Exchange3(fmi3Instance, const fmi3ValueReference *, size_t, void *, size_t);
 
-static int32_t exchange(const Stepper *s, const Call *call) {
+OFTEN static int32_t exchange(const Stepper *s, const Call *call) {
     const size_t n = (size_t)call->n_references;
     announce(s, call->code);
     if (call->is_version_3)
@@ -106,7 +108,7 @@ RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n
     return worst;
 }
 
-static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
+OFTEN static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
     return n == 1 && calls->n_items == 0 ? exchange(s, calls) : set_converted(s, calls, n, vector);
 }
 
@@ -121,7 +123,7 @@ RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n
     return worst;
 }
 
-static int32_t get_values(const Stepper *s, const Call *calls, int32_t n, double *vector) {
+OFTEN static int32_t get_values(const Stepper *s, const Call *calls, int32_t n, double *vector) {
     return n == 1 && calls->n_items == 0 ? exchange(s, calls) : get_converted(s, calls, n, vector);
 }
 
@@ -134,7 +136,7 @@ RARE static int32_t fail(Stepper *s, int32_t failure, int32_t instance, int32_t 
 
 /* Do the step of an instance of FMI 3.0. A step that is not whole is an error; one after which the instance wants
    the end counts as discarded. `judge_step` of fmi_3_calls.py. */
-static int32_t step_3(const Instance *instance, double time, double length) {
+RARE static int32_t step_3(const Instance *instance, double time, double length) {
     StepEnd *end = instance->end;
     end->needs_event = end->terminates = end->is_early = fmi3False;
     const int32_t status = (int32_t)((fmi3DoStepTYPE *)instance->do_step)(
@@ -145,7 +147,7 @@ static int32_t step_3(const Instance *instance, double time, double length) {
     return end->needs_event || end->is_early ? fmi2Error : status;
 }
 
-static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
+OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     if (s->activity != NULL) s->activity->time = time;

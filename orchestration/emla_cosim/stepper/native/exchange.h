@@ -10,7 +10,7 @@ static double predict(const Stepper *s, int32_t signal, double time) {
     return now[signal] + (time - newest) * slope;
 }
 
-static void hold_inputs(Stepper *s, const Instance *instance, const double *values) {
+OFTEN static void hold_inputs(Stepper *s, const Instance *instance, const double *values) {
     const Input *restrict inputs = s->inputs + instance->first_input;
     double *restrict results = s->input_values + instance->first_input;
     for (int32_t j = 0; j < instance->n_inputs; j++)
@@ -44,7 +44,7 @@ RARE static void extrapolate_inputs(Stepper *s, const Instance *instance, double
 
 /* Set the inputs of an instance for the step from `time` of this length. Those from another vector than the
    signals are held. */
-static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
+OFTEN static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
     const Instance *instance = &s->instances[i];
     if (instance->n_inputs == 0) return DONE;
     const int is_held = instance->mode == HOLD || store != SIGNALS;
@@ -62,7 +62,7 @@ static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, dou
     return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
 }
 
-static int32_t get_outputs(Stepper *s, int32_t i) {
+OFTEN static int32_t get_outputs(Stepper *s, int32_t i) {
     const Instance *instance = &s->instances[i];
     if (instance->n_outputs == 0) return DONE;
     const int32_t status = get_values(s, instance->getters, instance->n_getters, s->stores[SIGNALS]);
@@ -70,7 +70,7 @@ static int32_t get_outputs(Stepper *s, int32_t i) {
 }
 
 /* Move the signals of an instance to the history, before those of `time`. */
-static void shift(Stepper *s, int32_t i, double time) {
+OFTEN static void shift(Stepper *s, int32_t i, double time) {
     const Instance *instance = &s->instances[i];
     const double *restrict now = s->stores[SIGNALS] + instance->first_output;
     double *restrict previous = s->stores[PREVIOUS] + instance->first_output;
@@ -79,7 +79,7 @@ static void shift(Stepper *s, int32_t i, double time) {
     s->at[i] = time;
 }
 
-static void combine(Stepper *s, const Combination *combination) {
+RARE static void combine(Stepper *s, const Combination *combination) {
     const Instance *instance = &s->instances[combination->instance];
     const Term *terms = &s->terms[combination->first_term];
     double *into = s->stores[combination->into];

@@ -54,23 +54,25 @@ typedef struct {
 
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
-typedef struct {
+typedef struct { /* first what each step reads */
     void *component;
-    Function do_step, set_derivatives, get_state, set_state;
-    Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
-    const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
-    const fmi2Integer *orders;
+    Function do_step;
     const Call *setters, *getters; /* of its inputs and signals */
-    StepEnd *end;                  /* for FMI 3.0 */
-    void **state;                  /* the place of its saved state */
     int64_t code;                  /* in `Activity`, for the calls below */
-    int32_t code_derivatives, code_step, code_save, code_restore, code_status;
+    int32_t code_step;
     int32_t n_setters, n_getters;
     int32_t first_input, n_inputs, first_output, n_outputs;
     int32_t mode;
-    int32_t is_rare;       /* whether it reads inputs more rarely than each step */
-    int32_t is_version_3;  /* of FMI */
+    int32_t is_version_3;    /* of FMI */
     int32_t has_no_way_back; /* whether none of its states is restored */
+    int32_t is_rare;         /* whether it reads inputs more rarely than each step */
+    int32_t code_derivatives, code_save, code_restore, code_status;
+    Function set_derivatives, get_state, set_state;
+    Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
+    const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
+    const fmi2Integer *orders;
+    StepEnd *end; /* for FMI 3.0 */
+    void **state; /* the place of its saved state */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
