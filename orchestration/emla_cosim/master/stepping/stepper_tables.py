@@ -155,9 +155,9 @@ class StepperTables:
         first = np.zeros((len(records), 2), dtype=np.intp)
         for i, points in enumerate(self._points):
             first[i, 0] = len(found)
-            found += self._calls(i, points, network.inputs, network.input_parts[i].start, "set")
+            found.extend(self._calls(i, points, network.inputs, network.input_parts[i].start, "set"))
             first[i, 1] = len(found)
-            found += self._calls(i, points, network.signals, network.parts[i].start, "get")
+            found.extend(self._calls(i, points, network.signals, network.parts[i].start, "get"))
         calls = np.array(found, dtype=CALL)
         address = self._keep(calls)
         records["setters"], records["getters"] = address + calls.itemsize * first.T
