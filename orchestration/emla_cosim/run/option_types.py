@@ -121,7 +121,6 @@ class CompareOptions(TypedDict, total=False):
     isolate: Sequence[str] | bool
     lenient: bool
     compiled: bool
-    backend: str
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
     stop_when: Sequence[str]
