@@ -277,7 +277,12 @@ ONE_FMU = {*WHOLE, "Model Exchange", "events"}
 STEPPERS: dict[str, Stepper] = {
     "compiled": Stepper(partial(run, compiled=True)),
     "numba": Stepper(
-        partial(run, backend="numba"), lacks={"error control", "events", "Model Exchange", "types of FMI 2.0"}
+        partial(run, backend="numba"),
+        lacks={"error control", "events", "Model Exchange", "types of FMI 2.0"},
+        by_default=[
+            *(("lift, sampled", "gauss-seidel, lines"), ("two loops", "strong, middles")),
+            *(("discarded steps", "strong"), ("types of FMI 3.0", "jacobi"), ("DISCARD in a loop", "strong")),
+        ],
     ),
     "two threads": Stepper(partial(run, threads=2)),
     "three threads": Stepper(

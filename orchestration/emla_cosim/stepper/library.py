@@ -2,8 +2,7 @@
 
 import ctypes
 import hashlib
-import tempfile
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -12,7 +11,8 @@ from typing import Any
 
 from fmublock.platforms import TARGETS, host_platform
 
-from ..base.files import CacheError, cache_folder, write_atomically
+from ..base.errors import RunError
+from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
 from .layout import SIZES
 
 _MAIN = "library.c"
@@ -89,9 +89,21 @@ def load_stepper() -> StepperLibrary:
             stream.write(built)
         return _bind(path)
     except (CacheError, OSError) as error:
-        path = Path(tempfile.mkdtemp(prefix="emla-stepper-"), name)
+        return replace(_build_elsewhere(name, sources, platform), why_not_kept=str(error))
+
+
+_temporary = ExitStack()
+"""Owner of the folder of a library that could not be kept."""
+
+
+def _build_elsewhere(name: str, sources: dict[str, bytes], platform: str) -> StepperLibrary:
+    """Build the library in a temporary folder, as the cache cannot be used."""
+    try:
+        path = _temporary.enter_context(temporary_folder("stepper")) / name
         path.write_bytes(_build(sources, platform))
-        return replace(_bind(path), why_not_kept=str(error))
+    except (OSError, RunError) as error:
+        raise StepperBuildError(f"it cannot be written: {error}") from error
+    return _bind(path)
 
 
 def _hash(sources: dict[str, bytes], platform: str) -> str:

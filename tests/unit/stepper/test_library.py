@@ -1,0 +1,72 @@
+"""How the stepper in C is built, kept in the cache and loaded."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emla_cosim.stepper import library
+from emla_cosim.stepper.library import StepperBuildError, StepperLibrary
+
+Load = Callable[[], StepperLibrary]
+
+
+@pytest.fixture
+def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
+    """Load the stepper with an empty cache, as a new process would."""
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "cache"))
+    return library.load_stepper.__wrapped__
+
+
+def works(found: StepperLibrary) -> bool:
+    """Return whether its pass over rows has the smallest value of each column."""
+    rows, (low, high, squares) = (
+        np.array([[2.0, -1.0], [1.0, 5.0]]),
+        np.array([[np.inf] * 2, [-np.inf] * 2, [0.0] * 2]),
+    )
+    found.reduce_rows(rows.ctypes.data, 2, 2, low.ctypes.data, high.ctypes.data, squares.ctypes.data)
+    return low.tolist() == [1.0, -1.0]
+
+
+def test_it_is_built_once_and_a_damaged_file_again(
+    load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builds, build = list[int](), library._build
+    monkeypatch.setattr(library, "_build", lambda *arguments: (builds.append(1), build(*arguments))[1])
+    assert works(load()) and works(load())
+    assert len(builds) == 1
+    (path,) = (tmp_path / "cache" / "code").iterdir()
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "another"))  # the first file stays loaded
+    damaged = tmp_path / "another" / "code" / path.name
+    damaged.parent.mkdir(parents=True)
+    damaged.write_bytes(b"no library")
+    found = load()
+    assert works(found) and len(builds) == 2
+    assert found.why_not_kept == ""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a link to a file of the system")
+def test_a_cache_that_cannot_be_used_is_reported(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EMLA_COSIM_CACHE", "/dev/null/cache")
+    found = load()
+    assert works(found)
+    assert "/dev/null/cache" in found.why_not_kept
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "problem"),
+    [
+        ("SIZES", (1,), "the records in C have sizes"),
+        ("TARGETS", {}, "there is no compiler for the platform"),
+        ("native_sources", lambda: {"library.c": b"int x = ;"}, "the C compiler failed"),
+        ("native_sources", lambda: {"library.c": b"int x;"}, "cannot be loaded"),
+    ],
+)
+def test_what_cannot_be_built_or_loaded(
+    attribute: str, value: object, problem: str, load: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(library, attribute, value)
+    with pytest.raises(StepperBuildError, match=problem):
+        load()
