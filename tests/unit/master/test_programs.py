@@ -153,6 +153,12 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, back
         ([*calls([0], every=-1)], "of a are done every -1 steps"),
         ([*calls([0], every=2), ec.Solve([0, 1])], "a group needs members without step multiples"),
         ([ec.Solve([])], "a group needs members"),
+        ([ec.Solve([0, 0])], "has an instance twice"),
+        ([ec.Solve([0, 2])], "is not for instances from 0 to 1"),
+        ([ec.Operation(ec.Call.STEP, -1)], "is not for instances from 0 to 1"),
+        ([ec.Combine(2, "mine", {"signals": 1.0})], "is not for instances from 0 to 1"),
+        ([ec.Operation(7, 0)], "7 is not a Call"),  # type: ignore[arg-type]
+        ([(ec.Call.STEP, 0)], "is not an Operation, a Solve or a Combine"),
     ],
 )
 def test_invalid_programs_are_refused(ring: ec.Simulation, program: list[Any], problem: str) -> None:

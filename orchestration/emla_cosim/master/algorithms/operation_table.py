@@ -85,6 +85,8 @@ class OperationTableAlgorithm(Algorithm):
             CommandError: The program is not valid, or an FMU of a group cannot restore its state.
         """
         self.program = list(program)
+        for each in self.program:
+            self._check(each)
         self.operations = [x for x in program if isinstance(x, Operation)]
         for each in self.operations:
             self._sample(each)
@@ -94,6 +96,22 @@ class OperationTableAlgorithm(Algorithm):
         # calls at the end of a plain program need not be told apart, which takes as long as a call
         self._unlike = self.program[: len(self.groups)] if self.is_plain else self.program
         self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in self.operations]
+
+    def _check(self, instruction: Instruction) -> None:
+        """Raise CommandError for what is no instruction, and for instances that do not exist."""
+        if not isinstance(instruction, Instruction):
+            raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
+        solves = isinstance(instruction, Solve)
+        positions, count = (
+            instruction.members if solves else [instruction.instance],
+            len(self.network.instances),
+        )
+        if any(position not in range(count) for position in positions):
+            raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
+        if solves and len(set(positions)) < len(positions):
+            raise CommandError(f"{instruction!r} has an instance twice.")
+        if isinstance(instruction, Operation) and instruction.call not in list(Call):
+            raise CommandError(f"{instruction.call!r} is not a Call.")
 
     def _make_stores(self, combinations: Sequence[Combine]) -> dict[str, Vector]:
         """Return the vectors that the program writes, by name."""
