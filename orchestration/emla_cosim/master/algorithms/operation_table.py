@@ -101,11 +101,8 @@ class OperationTableAlgorithm(Algorithm):
         """Raise CommandError for what is no instruction, and for instances that do not exist."""
         if not isinstance(instruction, Instruction):
             raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
-        solves = isinstance(instruction, Solve)
-        positions, count = (
-            instruction.members if solves else [instruction.instance],
-            len(self.network.instances),
-        )
+        count, solves = len(self.network.instances), isinstance(instruction, Solve)
+        positions = instruction.members if solves else [instruction.instance]
         if any(position not in range(count) for position in positions):
             raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
         if solves and len(set(positions)) < len(positions):
