@@ -123,7 +123,8 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
     assert {f"emla_cosim/documents/{path.as_posix()}" for path in references} <= names
     assert not [name for name in names if name.endswith(".fmu") or "/tests/" in name]
     with tarfile.open(made / f"emla_cosim-{VERSION}.tar.gz") as sources:
-        sources.extractall(tmp_path, filter="data")
+        # Python 3.11.3 and earlier have no filters
+        sources.extractall(tmp_path, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     env = os.environ | {"SOURCE_DATE_EPOCH": "1769860800"}  # of the commit
     subprocess.run(command, cwd=tmp_path / f"emla_cosim-{VERSION}", env=env, check=True, capture_output=True)

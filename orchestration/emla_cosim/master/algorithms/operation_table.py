@@ -101,11 +101,11 @@ class OperationTableAlgorithm(Algorithm):
         """Raise CommandError for what is no instruction, and for instances that do not exist."""
         if not isinstance(instruction, Instruction):
             raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
-        count, solves = len(self.network.instances), isinstance(instruction, Solve)
-        positions = instruction.members if solves else [instruction.instance]
+        count = len(self.network.instances)
+        positions = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
         if any(position not in range(count) for position in positions):
             raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
-        if solves and len(set(positions)) < len(positions):
+        if len(set(positions)) < len(positions):
             raise CommandError(f"{instruction!r} has an instance twice.")
         if isinstance(instruction, Operation) and instruction.call not in list(Call):
             raise CommandError(f"{instruction.call!r} is not a Call.")

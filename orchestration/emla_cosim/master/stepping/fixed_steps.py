@@ -9,7 +9,7 @@ from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
-from .compilation import BACKENDS, PYTHON, C, compilable_entry_points, make_loop
+from .compilation import BACKENDS, PYTHON, C, make_loop
 from .sharing import Sharing
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
@@ -58,8 +58,8 @@ class FixedSteps(Stepping):
         if self._kernel is None and backend not in ("", PYTHON):
             raise CommandError(f"the backend '{backend}' cannot do these steps; leave it out.")
         self._sharing: Sharing | None = None
-        shares = threads != 1 and compilable_entry_points(algorithm) is not None
-        if shares and self._kernel is not None and isinstance(algorithm, OperationTableAlgorithm):
+        if threads != 1 and self._kernel is not None and self._kernel.can_share:
+            assert isinstance(algorithm, OperationTableAlgorithm)
             self._sharing = Sharing(self._kernel, algorithm, threads)
 
     @property

@@ -56,6 +56,9 @@ _CALL_NAMES = {
 class Kernel:
     """The compiled loop for one algorithm, after its `setup`. It uses one thread until `share_out`."""
 
+    can_share = True
+    """Whether several threads can share the steps."""
+
     def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
         """Fill the records, and load the loop from the cache or compile it.
 

@@ -172,6 +172,7 @@ class Profiler:
             return None
         try:
             own, timed = forward(own), _timed_addresses()
+            self._further.append(own)  # whose memory the record points to
         except (ImportError, OSError):  # the loop cannot be compiled either, or is done in Python then
             return None
         of = {

@@ -20,10 +20,13 @@ class SwitchingLoop:
         native: The stepper in C.
         compile_kernel: Returns numba's loop; None if there is none. Called when several threads are to share
             the steps for the first time.
+        can_share: Whether several threads can share the steps.
     """
 
-    def __init__(self, native: NativeLoop, compile_kernel: "Callable[[], Kernel | None]") -> None:
-        self._native, self._compile_kernel = native, compile_kernel
+    def __init__(
+        self, native: NativeLoop, compile_kernel: "Callable[[], Kernel | None]", can_share: bool
+    ) -> None:
+        self._native, self._compile_kernel, self.can_share = native, compile_kernel, can_share
         self._kernel: Kernel | None = None
         self.together = False
         """Whether `run` uses all lanes, after `share_out` among several."""
