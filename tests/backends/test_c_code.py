@@ -47,7 +47,8 @@ JOINTS: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("joint", "options"), mostly_slow(JOINTS, JOINTS[:1]), ids=str)
+@pytest.mark.slow
+@pytest.mark.parametrize(("joint", "options"), JOINTS, ids=str)
 def test_code_of_components_does_what_they_do_in_a_run(
     joint: str, options: dict[str, Any], fmu_folder: Path, tmp_path: Path
 ) -> None:

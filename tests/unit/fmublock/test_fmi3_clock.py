@@ -13,7 +13,6 @@ from fmublock import BuildError, build
 from tests.support.c_programs import needs_cc
 from tests.support.fmi3_host import Host, call_at_random, root_of
 from tests.support.sessions import ERROR
-from tests.support.tiers import mostly_slow
 from tests.support.toy import Toy
 from tests.support.toy_fmu import copy_toy
 
@@ -220,7 +219,8 @@ def test_random_calls_do_no_harm(hosts: list[Host], tmp_path: Path) -> None:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
 
 
-@pytest.mark.parametrize("algorithm", mostly_slow(["jacobi", "strong"], ["strong"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["jacobi", "strong"])
 def test_clocks_of_ten_steps_are_step_multiples(algorithm: str, fmu_folder: Path, tmp_path: Path) -> None:
     names = {"lift.controller": "RsbaController", "lift.observer": "EmlaObserver"}
     clocked = {c: build(MODELS[n], tmp_path / f"{n}.fmu", fmi=3, clock=1e-3) for c, n in names.items()}

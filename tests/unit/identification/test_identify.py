@@ -349,6 +349,7 @@ def test_interrupted_search_can_be_continued(
     assert json.loads((place / "identify.json").read_text())["status"] == "completed"
 
 
+@pytest.mark.slow
 def test_command_writes_a_scenario_that_runs(
     emla: Emla, fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

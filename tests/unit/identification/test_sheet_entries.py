@@ -45,6 +45,7 @@ def test_entry_changes_the_same_start_values_as_loading(fmu_folder: Path) -> Non
             assert (LEAD in found) == (i == 0)
 
 
+@pytest.mark.slow
 def test_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path) -> None:
     F_C = "prototype.plant.friction.F_C"
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1, "set": {F_C: 300.0}}

@@ -42,6 +42,7 @@ def coarse() -> ec.TrajectoryResult:
 # ---- what comes out ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_command_reports_and_writes_the_motion(emla: Emla, tmp_path: Path) -> None:
     shown = emla("trajectory", *COARSE, "--output", "motion.json")
     assert shown.exit_code == 0, shown.output

@@ -218,6 +218,7 @@ def with_margins(
     return ec.tune(plan, evaluations=1, scheduler=scheduler, validation=0, **options, **given)
 
 
+@pytest.mark.slow
 def test_margins_are_conditions_with_the_figures_of_linearize(
     scheduler: Client, fmu_folder: Path, tmp_path: Path
 ) -> None:
