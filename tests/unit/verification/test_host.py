@@ -229,17 +229,21 @@ def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> N
     assert list_problems(examine(build_good_fmu(tmp_path, "ONLY_ONCE"), *names)) == {}
 
 
-def _read_fresh_memory(junk: Junk) -> list[bytes]:
-    """Return some bytes of fresh blocks: two that the C library reuses as they are, and a new one."""
+def _read_fresh_memory(junk: Junk) -> list[int]:
+    """Return how many fresh blocks have junk, of 16 of two sizes that the C library reuses, and of a new one."""
     library: Any = ctypes.CDLL(None)
     library.malloc.restype = ctypes.c_void_p
+    sizes, expected = [304] * 16 + [1008] * 16 + [40 * 2**20], bytes([junk.byte] * 200)
     with fill_memory(junk):
-        blocks = [library.malloc(ctypes.c_size_t(size)) for size in (304, 1008, 40 * 2**20)]
-    return [ctypes.string_at(block + 32, 200) for block in blocks]
+        blocks = [library.malloc(ctypes.c_size_t(size)) for size in sizes]
+    filled = [ctypes.string_at(block + 32, 200) == expected for block in blocks]
+    return [sum(filled[:16]), sum(filled[16:32]), sum(filled[32:])]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Only this C library fills memory.")
 @pytest.mark.parametrize("junk", [FIRST, SECOND])
 def test_fresh_memory_has_junk(junk: Junk) -> None:
     """An FMU that reads memory before it is written gives something else in a second run."""
-    assert in_fresh_process(_read_fresh_memory, junk) == [bytes([junk.byte] * 200)] * 3
+    small, medium, large = in_fresh_process(_read_fresh_memory, junk)
+    assert small >= 12 and medium >= 12  # Python frees a few blocks of its own meanwhile
+    assert large == 1
