@@ -230,7 +230,7 @@ def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> N
 
 
 def _read_fresh_memory(junk: Junk) -> list[int]:
-    """Return how many fresh blocks have junk, of 16 of two sizes that the C library reuses, and of a new one."""
+    """Return how many fresh blocks have junk: of 16 of two sizes that are reused, and of a new one."""
     library: Any = ctypes.CDLL(None)
     library.malloc.restype = ctypes.c_void_p
     sizes, expected = [304] * 16 + [1008] * 16 + [40 * 2**20], bytes([junk.byte] * 200)
