@@ -17,6 +17,7 @@ from ..base.ownership import check_replaceable, refuse_others
 from ..base.progress import Progress
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
+from ..stepper.library import native_sources
 from ..system.model import System
 from .c_tables import functions_header, part_source, system_header
 from .description import describe_container
@@ -155,6 +156,7 @@ def _content(
     shim = files("emla_cosim.container").joinpath("shim")
     own = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
     content = {f"sources/{f.name}": f.read_bytes() for f in own if is_for(f.name, fmi)}
+    content["sources/quasi_newton.h"] = native_sources()["quasi_newton.h"]  # the same as in the stepper
     blocks = sources("shim", fmi)
     content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
     content["sources/functions.h"] = functions_header(plan).encode()

@@ -26,7 +26,7 @@ from ..master.algorithms.continuous_connections import list_continuous_connectio
 from ..master.assembly import Assembly
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.checkpoint import checkpoint_place
-from ..master.stepping.compilation import PYTHON, make_loop
+from ..master.stepping.compilation import PYTHON
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import Profiler
@@ -40,6 +40,7 @@ from ..recorders.recorder import Outline, Recorder
 from ..recorders.stored import StoredRun, open_stored_run
 from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
+from ..stepper.library import find_stepper
 from ..system.model import System, Value
 from ..system.start_values import resolve_start_values
 from .agreement import (
@@ -137,7 +138,7 @@ class Simulation:
         self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
         if self.options.compiled and self.options.backend != PYTHON:
-            self._compile()
+            find_stepper()  # which builds it if necessary, so that no run waits for it
         told.advance(1)
 
     def __enter__(self) -> "Simulation":
@@ -601,14 +602,6 @@ class Simulation:
         interfaces = {name: file.interface for name, file in self._assembly.files.items()}
         followers = following_values(self._as_made, chosen) if values else {}
         return self.system.with_parameters(resolve_start_values(self.system, interfaces, values) | followers)
-
-    def _compile(self) -> None:
-        """Compile the loop, or load it from the cache, so that no run waits for it."""
-        with contextlib.suppress(CommandError):  # the run reports errors of its algorithm
-            algorithm = self.options.make_algorithm()
-            algorithm.setup(self._assembly.network)
-            make_loop(algorithm, self.options.backend)
-            algorithm.close()
 
     def _ended(self) -> Result:
         """End the current run and return its result. Store the error of a failed run in `_error`."""

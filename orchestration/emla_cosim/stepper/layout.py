@@ -106,7 +106,7 @@ INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
 
 SIGNAL = _record(floor=_REAL, instance=_WHOLE, is_smooth=_WHOLE)
 
-OPERATION = _record(call=_WHOLE, target=_WHOLE, every=_WHOLE, store=_WHOLE)
+OPERATION = _record(every=_CODE, call=_WHOLE, target=_WHOLE, store=_WHOLE, unused=_WHOLE)
 
 COMBINATION = _record(instance=_WHOLE, into=_WHOLE, first_term=_WHOLE, term_count=_WHOLE)
 

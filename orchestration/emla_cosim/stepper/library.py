@@ -78,6 +78,7 @@ def load_stepper() -> StepperLibrary:
     if platform not in TARGETS:
         raise StepperBuildError(f"there is no compiler for the platform '{platform}'.")
     name = f"stepper-{_hash(sources, platform)}{TARGETS[platform][1]}"
+    path = Path(name)
     try:
         path = cache_folder() / "code" / name
         if path.is_file():
@@ -88,8 +89,11 @@ def load_stepper() -> StepperLibrary:
         with write_atomically(path) as stream:
             stream.write(built)
         return _bind(path)
-    except (CacheError, OSError) as error:
-        return replace(_build_elsewhere(name, sources, platform), why_not_kept=str(error))
+    except CacheError as error:
+        why = str(error)
+    except OSError as error:
+        why = f"'{path.parent}' cannot be written: {error.strerror or error}"
+    return replace(_build_elsewhere(name, sources, platform), why_not_kept=why)
 
 
 _temporary = ExitStack()

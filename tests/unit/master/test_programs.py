@@ -128,6 +128,12 @@ def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, backend: str
 
 
 @BACKENDS
+def test_the_largest_step_multiple_never_steps(ring: ec.Simulation, backend: str) -> None:
+    result = ring.run(algorithm="jacobi", step_multiples={"b": 2**31}, backend=backend)
+    assert len(set(result["b.y"].tolist())) == 1
+
+
+@BACKENDS
 def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, backend: str) -> None:
     """In any other order, (0.1 + 1e16) - 1e16 would not be zero but 0.1 times the signal."""
 
@@ -148,6 +154,8 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, back
         ),
         ([ec.Combine(0, "mine", {"sinals": 1.0})], "reads the vector 'sinals'"),
         ([ec.Combine(0, "previous", {"signals": 1.0})], "cannot write 'previous'"),
+        ([ec.Combine(0, "mine", {"signals": float("nan")})], "the factor of 'signals' is nan"),
+        ([ec.Combine(0, "mine", {"signals": "1"})], "the factor of 'signals' is '1'"),  # type: ignore[dict-item]
         ([ec.Combine(0, "mine", {})], "a Combine without terms has no sum"),
         ([*calls([0], every=2), ec.Operation(ec.Call.SET, 0, 3)], "of a are done every 2, 3 steps; all need"),
         ([*calls([0], every=-1)], "of a are done every -1 steps"),

@@ -1,7 +1,9 @@
 """Algorithms that work through a program, with instances that step more rarely."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -94,7 +96,7 @@ class OperationTableAlgorithm(Algorithm):
         self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
         self._apart = self._overlapped(self.operations) if self.is_plain else None
         # calls at the end of a plain program need not be told apart, which takes as long as a call
-        self._unlike = self.program[: len(self.groups)] if self.is_plain else self.program
+        self._dispatched = self.program[: len(self.groups)] if self.is_plain else self.program
         self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in self.operations]
 
     def _check(self, instruction: Instruction) -> None:
@@ -117,8 +119,12 @@ class OperationTableAlgorithm(Algorithm):
             raise CommandError(
                 f"a program cannot write '{PREVIOUS}': the master does; choose another vector."
             )
-        if any(not x.terms for x in combinations):
-            raise CommandError("a Combine without terms has no sum; add a term.")
+        for each in combinations:
+            if not each.terms:
+                raise CommandError("a Combine without terms has no sum; add a term.")
+            for name, factor in each.terms.items():
+                if not isinstance(factor, Real) or not math.isfinite(factor):
+                    raise CommandError(f"the factor of '{name}' is {factor!r}; it must be a finite number.")
         read = [name for x in combinations for name in x.terms] + [x.store for x in self.operations]
         for name in read:
             if name not in _STORES and name not in written:
@@ -248,7 +254,7 @@ class OperationTableAlgorithm(Algorithm):
             self.scale.see()
         done, self.done = self.done, set()
         reached, groups, calls = self.steps + 1, enumerate(self.groups), iter(self._calls)
-        for each in self._unlike:
+        for each in self._dispatched:
             if isinstance(each, Operation):
                 call, i, multiple = next(calls)
                 if reached % multiple:

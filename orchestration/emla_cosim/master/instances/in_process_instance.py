@@ -29,6 +29,7 @@ from ...fmu.python_exceptions import (
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
 from ...sandbox import black_box
+from ...stepper.layout import OUT_OF_RANGE
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
 from .fmu_instance import (
@@ -42,7 +43,7 @@ from .fmu_instance import (
     PythonExceptionError,
 )
 from .start_values import StartValues
-from .typed_values import OUT_OF_RANGE, TypedValues, ValueRangeError, start_memory
+from .typed_values import TypedValues, ValueRangeError, start_memory
 
 _POINTER = ctypes.c_void_p
 _ONE, _REAL, _INTEGER, _TEXT = (

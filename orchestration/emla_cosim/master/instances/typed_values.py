@@ -14,9 +14,6 @@ from ...fmu.clocks import CLOCK
 from ...fmu.elements import ElementVariable, value_type
 from ...fmu.instance import by_type
 
-OUT_OF_RANGE = -(2**31)
-"""What a call of compiled code returns instead of a status if a value does not fit into its type."""
-
 
 class ValueRangeError(ValueError):
     """A value does not fit into the type of its variable; the message says which."""

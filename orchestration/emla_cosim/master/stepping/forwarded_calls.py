@@ -6,7 +6,7 @@ Their component is the address of a FORWARDED record. The module is imported onl
 import numpy as np
 from numba import cfunc, types
 
-from ..instances.typed_values import OUT_OF_RANGE
+from ...stepper.layout import OUT_OF_RANGE
 from .by_address import (
     OPTIONS,
     copy_state,

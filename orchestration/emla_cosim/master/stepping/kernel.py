@@ -16,17 +16,13 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.instance import FINE
-from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
-from ...sandbox import black_box
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
 from ..algorithms.tasks import StepTask
-from ..instances.call_codes import decode_call
-from ..instances.described_instance import DescribedInstance
-from ..instances.fmu_instance import EntryPoints, PythonExceptionError
+from ..instances.fmu_instance import EntryPoints
 from . import machine_code
 from .compiled_functions import compiled_address
+from .loop_errors import check_room, left_exception_error
 from .record_layout import LOOP, NOWHERE, Failure
 from .records import (
     add_undo,
@@ -39,9 +35,6 @@ from .records import (
     task_records,
 )
 from .timing import Clock
-
-_MOST_NAMES = 4
-"""Most names of components in a message."""
 
 _CALL_NAMES = {
     Failure.SET_REAL: "setReal",
@@ -156,7 +149,7 @@ class Kernel:
             PythonExceptionError: An FMU left an exception of Python. The rows of this call are lost, because
                 nothing shows after which of its steps that happened.
         """
-        self._check_room(rows, (first + count) // every - first // every)
+        check_room(self._algorithm.network, rows, (first + count) // every - first // every)
         loop, algorithm = self._loop, self._algorithm
         loop["clock"] = tuple(clock)
         steps = first, count, every, rows.ctypes.data
@@ -217,14 +210,6 @@ class Kernel:
         """Return why compiled code could not be cached; empty if it was cached, or nothing was compiled."""
         return machine_code.why_not_kept()
 
-    def _check_room(self, rows: Vector, needed: int) -> None:
-        """Raise ValueError if the loop would write past the end of the rows, or into gaps."""
-        network = self._algorithm.network
-        width = 1 + len(network.signals) + len(network.observer.values)
-        fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
-        if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
-            raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
-
     def close(self) -> None:
         """Free saved states and end threads; never raises."""
         for instance, state in zip(self._algorithm.network.instances, self._states, strict=True):
@@ -283,29 +268,11 @@ class Kernel:
         return instance.error(call, status)
 
     def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
-        """Return the error for an exception of Python that an FMU left between two times in s.
-
-        The exception hides what the loop returned. If a call failed, its lane still has the status.
-        """
-        left, lane = describe_left_exception(error), self._lane_records[int(self._loop["lane"])]
-        activity = black_box.current_activity(int(self._loop["lane"]))
-        instances = self._algorithm.network.instances
-        if (status := int(lane["status"])) not in FINE:
-            instance, (_, call) = instances[int(lane["instance"])], decode_call(activity)
-            failed = str(instance.error(call, status))
-            return RunError(
-                f"{failed} A Python exception was left: {left}. {REMEDY}", component=instance.name
-            )
-        black_box.current_activity().recorded = 0
-        named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
-        names = [x.name for x in named or instances]
-        return PythonExceptionError(
-            " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
-            f"a call between t = {begin:.9g} s and t = {end:.9g} s",
-            left,
-            [],
-            "To find the call, run with `--no-kernel`.",
-        )
+        """Return the error for an exception of Python that an FMU left between two times in s."""
+        thread = int(self._loop["lane"])
+        lane, network = self._lane_records[thread], self._algorithm.network
+        failed = int(lane["instance"]), int(lane["status"])
+        return left_exception_error(network, error, begin, end, *failed, thread)
 
 
 _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64

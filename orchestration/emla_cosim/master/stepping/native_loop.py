@@ -4,25 +4,16 @@ import ctypes
 import threading
 from collections.abc import Sequence
 
-import numpy as np
-
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.instance import FINE
-from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
-from ...sandbox import black_box
 from ...stepper.layout import Failure
 from ...stepper.library import StepperLibrary
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.quasi_newton import NoAgreementError
-from ..instances.call_codes import decode_call
-from ..instances.described_instance import DescribedInstance
-from ..instances.fmu_instance import EntryPoints, PythonExceptionError
+from ..instances.fmu_instance import EntryPoints
+from .loop_errors import check_room, left_exception_error
 from .stepper_tables import StepperTables
 from .timing import Clock
-
-_MOST_NAMES = 4
-"""Most names of components in a message."""
 
 _CALL_NAMES = {
     Failure.SET: "setReal",
@@ -77,7 +68,7 @@ class NativeLoop:
             PythonExceptionError: An FMU left an exception of Python. The rows of this call are lost, because
                 nothing shows after which of its steps that happened.
         """
-        self._check_room(rows, (first + count) // every - first // every)
+        check_room(self._algorithm.network, rows, (first + count) // every - first // every)
         stepper, algorithm, library = self._stepper, self._algorithm, self._library
         stepper.clock[:] = clock
         self._stop.value = 0
@@ -88,7 +79,14 @@ class NativeLoop:
             failure = library.run(ctypes.addressof(stepper), first, count, every, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
-            raise self._python_error(error, clock.point(first), clock.point(end)) from error
+            raise left_exception_error(
+                algorithm.network,
+                error,
+                clock.point(first),
+                clock.point(end),
+                stepper.instance,
+                stepper.status,
+            ) from error
         finally:
             if is_main:
                 library.release_interrupts()
@@ -102,14 +100,6 @@ class NativeLoop:
             if state:
                 instance.forget(ctypes.c_void_p(int(state)))
         self._tables.states[:] = 0
-
-    def _check_room(self, rows: Vector, needed: int) -> None:
-        """Raise ValueError if the stepper would write past the end of the rows, or into gaps."""
-        network = self._algorithm.network
-        width = 1 + len(network.signals) + len(network.observer.values)
-        fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
-        if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
-            raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
 
     def _error(self, failure: Failure, clock: Clock) -> RunError | None:
         stepper, network = self._stepper, self._algorithm.network
@@ -126,27 +116,3 @@ class NativeLoop:
         step = f"doStep at t = {stepper.time:.9g} s"
         call = step if failure == Failure.STEP else _CALL_NAMES[failure]
         return network.instances[stepper.instance].error(call, stepper.status)
-
-    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
-        """Return the error for an exception of Python that an FMU left between two times in s.
-
-        The exception hides what the stepper returned. If a call failed, the stepper still has its status.
-        """
-        left, activity, stepper = describe_left_exception(error), black_box.current_activity(), self._stepper
-        instances = self._algorithm.network.instances
-        if stepper.status not in FINE:
-            instance, (_, call) = instances[stepper.instance], decode_call(activity)
-            failed = str(instance.error(call, stepper.status))
-            return RunError(
-                f"{failed} A Python exception was left: {left}. {REMEDY}", component=instance.name
-            )
-        activity.recorded = 0
-        named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
-        names = [x.name for x in named or instances]
-        return PythonExceptionError(
-            " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
-            f"a call between t = {begin:.9g} s and t = {end:.9g} s",
-            left,
-            [],
-            "To find the call, run with `--no-kernel`.",
-        )

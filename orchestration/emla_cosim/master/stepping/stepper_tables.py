@@ -85,21 +85,17 @@ class StepperTables:
 
     def _fill_program(self) -> None:
         """Fill in the operations, and the combinations with their terms."""
-        algorithm, combinations, terms = (
-            self._algorithm,
-            list[tuple[int, ...]](),
-            list[tuple[float, int, int]](),
-        )
-        rows, groups = list[tuple[int, ...]](), 0
+        algorithm, groups, rows = self._algorithm, 0, list[tuple[int, ...]]()
+        combinations, terms = list[tuple[int, ...]](), list[tuple[float, int, int]]()
         for each in algorithm.program:
             if isinstance(each, program.Operation):
                 every, store = int(algorithm.multiples[each.instance]), self._positions[each.store]
-                rows.append((int(each.call), each.instance, every, store))
+                rows.append((every, int(each.call), each.instance, store, 0))
             elif isinstance(each, program.Solve):
-                rows.append((Call.SOLVE, groups, 1, 0))
+                rows.append((1, Call.SOLVE, groups, 0, 0))
                 groups += 1
             else:
-                rows.append((Call.COMBINE, len(combinations), 1, 0))
+                rows.append((1, Call.COMBINE, len(combinations), 0, 0))
                 into, count = self._positions[each.into], len(each.terms)
                 combinations.append((each.instance, into, len(terms), count))
                 terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]

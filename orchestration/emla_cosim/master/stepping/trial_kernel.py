@@ -17,6 +17,7 @@ from ..algorithms.strong import Strong
 from ..instances.fmu_instance import EntryPoints
 from .controlled_signals import ControlledSignals, TrialState
 from .kernel import Kernel, c_address, compiled_address
+from .loop_errors import check_room
 from .record_layout import BLOCK, CONTROL, Failure
 
 WATCHED = 500
@@ -140,7 +141,7 @@ class TrialKernel(Kernel):
             PythonExceptionError: As for `Kernel.run`.
         """
         if rows is not None:
-            self._check_room(rows, 1)
+            check_room(self._algorithm.network, rows, 1)
         if watches and not len(self._watched):
             self._watched = np.zeros((WATCHED, self._watched.shape[1]))
         control, algorithm, sizes = self._control, self._algorithm, state.control

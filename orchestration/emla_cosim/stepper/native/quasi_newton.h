@@ -1,8 +1,4 @@
-/* Multi-vector quasi-Newton iteration; quasi_newton.py has the equations and references. */
-
-#define RELAXATION 0.1 /* while nothing is known of the Jacobian */
-#define NOISE 1e-10    /* changes of the residual below this fraction of it are rounding errors */
-#define FILTER 1e-3    /* a difference is used if this fraction of it is orthogonal to newer ones */
+/* Multi-vector quasi-Newton iteration: `improve` of quasi_newton.py of the master, which has the references. */
 
 /* Learn J from all sweeps of this step, and compute the next guess. */
 static void improve(int n, int sweeps, const double *residuals, const double *answers, const double *sizes,

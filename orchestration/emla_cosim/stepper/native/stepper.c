@@ -9,6 +9,10 @@
 
 #include "exchange.h"
 
+#define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */
+#define NOISE 1e-10    /* changes of the residual below this fraction of it are rounding errors */
+#define FILTER 1e-3    /* a difference is used if this fraction of it is orthogonal to newer ones */
+
 #include "quasi_newton.h"
 
 #include "solve.h"
@@ -21,7 +25,7 @@ static double point(const Clock *clock, int64_t k) {
     return (clock->first + (double)k * clock->per_step) / clock->denominator;
 }
 
-static int divides(int32_t every, int64_t k) { return every == 1 || k % every == 0; }
+static int divides(int64_t every, int64_t k) { return every == 1 || k % every == 0; }
 
 /* Do one operation of step k, from `time` of this length. */
 static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double time, double length) {

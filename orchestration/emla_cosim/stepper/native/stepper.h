@@ -93,9 +93,10 @@ enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE };
 
 /* `target` is an instance, a group for SOLVE, or a combination for COMBINE. */
 typedef struct {
+    int64_t every; /* it is done in every so many steps, for all of these at once */
     int32_t call, target;
-    int32_t every; /* it is done in every so many steps, for all of these at once */
     int32_t store; /* for SET_INPUTS: the vector that the inputs are read from; 0 are the signals */
+    int32_t unused;
 } Operation;
 
 /* Signals of an instance in the vector `into` become a sum of factor * vector. */

@@ -1,0 +1,63 @@
+"""What the loops outside of Python share: the check of rows, and the error of an exception of Python."""
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from ...fmu.instance import FINE
+from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
+from ...sandbox import black_box
+from ..instances.call_codes import decode_call
+from ..instances.described_instance import DescribedInstance
+from ..instances.fmu_instance import PythonExceptionError
+from ..network import Network
+
+_MOST_NAMES = 4
+"""Most names of components in a message."""
+
+
+def check_room(network: Network, rows: Vector, needed: int) -> None:
+    """Raise ValueError if a loop would write past the end of the rows, or into gaps.
+
+    Args:
+        network: The network whose signals and observed variables are recorded.
+        rows: The room, shape (rows, values).
+        needed: Number of rows to fill.
+    """
+    width = 1 + len(network.signals) + len(network.observer.values)
+    fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
+    if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
+        raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
+
+
+def left_exception_error(
+    network: Network, error: SystemError, begin: float, end: float, failed: int, status: int, thread: int = 0
+) -> RunError:
+    """Return the error for an exception of Python that an FMU left between two times.
+
+    The exception hides what the loop returned. If a call failed, the loop still has its status.
+
+    Args:
+        network: The network.
+        error: What the call of the loop raised.
+        begin: First time in s.
+        end: Last time in s.
+        failed: Position of the instance whose call failed last.
+        status: What that call returned.
+        thread: The thread that made it.
+    """
+    left, instances = describe_left_exception(error), network.instances
+    if status not in FINE:
+        instance, (_, call) = instances[failed], decode_call(black_box.current_activity(thread))
+        message = str(instance.error(call, status))
+        return RunError(f"{message} A Python exception was left: {left}. {REMEDY}", component=instance.name)
+    black_box.current_activity().recorded = 0
+    named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
+    names = [x.name for x in named or instances]
+    return PythonExceptionError(
+        " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
+        f"a call between t = {begin:.9g} s and t = {end:.9g} s",
+        left,
+        [],
+        "To find the call, run with `--no-kernel`.",
+    )
