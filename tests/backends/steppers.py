@@ -313,16 +313,14 @@ STEPPERS: dict[str, Stepper] = {
     ),
     "isolated": Stepper(
         partial(run_isolated, first_alone=False),
-        lacks={"grouped"},
-        is_compiled=False,
+        lacks={"grouped", "error control"},
         by_default=[
             ("types of FMI 3.0", "gauss-seidel"),
         ],
     ),
     "one isolated": Stepper(
         partial(run_isolated, first_alone=True),
-        lacks={"grouped"},
-        is_compiled=False,
+        lacks={"grouped", "error control"},
         by_default=[("factors, early start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
     ),
     "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks=OLD, needs=VERSIONS),

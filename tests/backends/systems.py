@@ -402,13 +402,12 @@ def driven_lift(parts: Parts) -> ec.System:
 
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
-ANY = {"fixed steps", "error control"}
-ME = {"has": {"Model Exchange"}, "interpreted": ANY, "step": 0.05}
+CONTROLLED = {"interpreted": {"error control"}}
+ME = {"has": {"Model Exchange"}, "step": 0.05, **CONTROLLED}
 TICKS: dict[str, Any] = {
     "step": 0.125,
     "has": {"events"},
     "lacks": {"error control"},
-    "interpreted": ANY,
 }
 
 SYSTEMS: dict[str, Entry] = {
@@ -432,7 +431,7 @@ SYSTEMS: dict[str, Entry] = {
     "types of FMI 2.0": Entry(
         fmi_2_types, step=0.01, has={"libraries", "types of FMI 2.0"}, interpreted={"error control"}
     ),
-    "events": Entry(events, step=0.125, has={"events"}, interpreted=ANY),
+    "events": Entry(events, step=0.125, has={"events"}, **CONTROLLED),
     "clocks": Entry(clocks, **TICKS),
     "triggered clocks": Entry(triggered_clocks, **TICKS),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),

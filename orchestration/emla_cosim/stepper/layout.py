@@ -25,6 +25,7 @@ class Call(IntEnum):
     GET = 2
     SOLVE = 3
     COMBINE = 4
+    END = 5
 
 
 class Failure(IntEnum):
@@ -96,6 +97,7 @@ INSTANCE = _record(
     get_state=_ADDRESS,
     set_state=_ADDRESS,
     get_status=_ADDRESS,
+    end_step=_ADDRESS,
     references=_ADDRESS,
     orders=_ADDRESS,
     end=_ADDRESS,
@@ -115,6 +117,7 @@ TERM = _record(factor=_REAL, store=_WHOLE, unused=_WHOLE)
 GROUP = _record(
     members=_ADDRESS,
     coupling=_ADDRESS,
+    operations=_ADDRESS,
     jacobian=_ADDRESS,
     guess=_ADDRESS,
     sizes=_ADDRESS,
@@ -126,6 +129,7 @@ GROUP = _record(
     kept=_ADDRESS,
     member_count=_WHOLE,
     coupling_count=_WHOLE,
+    operation_count=_WHOLE,
     is_saved=_WHOLE,
     is_halved=_WHOLE,
 )

@@ -9,6 +9,7 @@ from ...base.errors import RunError
 from ..instances.fmu_instance import DiscardedStepError
 from .extrapolation import Exchange
 from .overlapped_steps import OverlappedSteps
+from .program import Call, Operation
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .scale import Scale
 from .snapshot import Snapshot
@@ -47,6 +48,11 @@ class CoupledGroup:
     overlapped: OverlappedSteps | None = None
     sweeps: int = 0
     """Sweeps so far."""
+
+    @property
+    def operations(self) -> list[Operation]:
+        """The calls of a sweep, in order."""
+        return [Operation(call, i) for i in self.members for call in Call]
 
     def advance(self, time: float, step: float, reached: int, halvings: int = HALVINGS) -> None:
         """Bring the group to the end of a step, in halves if one step fails.

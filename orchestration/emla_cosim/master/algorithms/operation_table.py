@@ -14,6 +14,7 @@ from ...base.option import STEPPED, option
 from ..network import Network
 from .algorithm import Algorithm, Span, require
 from .group import CoupledGroup, loop_derivatives
+from .overlap import find_split_steps
 from .overlapped_steps import OverlappedSteps
 from .program import PREVIOUS, SIGNALS, Call, Combine, Instruction, Operation, Solve
 from .quasi_newton import QuasiNewton
@@ -151,6 +152,12 @@ class OperationTableAlgorithm(Algorithm):
                 f"the algorithm does {every} steps of {name} at once; remove its step multiple."
             )
         self.multiples[i] = every
+
+    @property
+    def split_steps(self) -> set[int]:
+        """Instances whose steps begin and end in two calls, so that others step meanwhile."""
+        found = find_split_steps(self.exchange, self.operations) if self.is_plain else set[int]()
+        return found.union(*(find_split_steps(self.exchange, group.operations) for group in self.groups))
 
     @property
     def has_own_step(self) -> bool:

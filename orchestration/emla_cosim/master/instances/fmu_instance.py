@@ -14,6 +14,7 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
+    from ..stepping.python_calls import PythonCalls
     from .typed_values import TypeGroup
 
 
@@ -132,6 +133,8 @@ class EntryPoints:
         setters: calls that set `inputs`; None if one call for doubles does.
         getters: calls that get `outputs`, likewise.
         get_status: `fmi2GetBooleanStatus`; 0 without it.
+        end_step: waits for the end of a step that `do_step` only begins; 0 without it.
+        calls: what makes the calls in Python; None if the functions are those of an FMU.
         kept: owner of memory.
     """
 
@@ -150,6 +153,8 @@ class EntryPoints:
     setters: Sequence[GroupCall] | None = None
     getters: Sequence[GroupCall] | None = None
     get_status: int = 0
+    end_step: int = 0
+    calls: "PythonCalls | None" = None
     kept: Any = None
 
 

@@ -10,6 +10,7 @@ from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.strong import Strong
 from ..instances.fmu_instance import EntryPoints
 from .forwarding import forward_typed
+from .python_calls import list_entry_points
 
 if TYPE_CHECKING:
     from .kernel import Kernel
@@ -63,16 +64,14 @@ def _entry_points(algorithm: Algorithm) -> list[EntryPoints] | None:
     """
     if not isinstance(algorithm, OperationTableAlgorithm) or algorithm.has_own_step:
         return None
-    if algorithm.network.opaque_links:
-        return None
-    points = [instance.entry_points() for instance in algorithm.network.instances]
-    known = [p for p in points if p is not None]
-    return known if len(known) == len(points) else None
+    return list_entry_points(algorithm)
 
 
 def _is_compilable(algorithm: Algorithm, known: Sequence[EntryPoints]) -> bool:
     """Return whether numba's loops can do what an algorithm does, with these FMUs."""
     if not isinstance(algorithm, COMPILED) or not algorithm.is_plain:
+        return False
+    if algorithm.network.opaque_links or any(p.calls is not None for p in known):
         return False
     return not any(p.setters is not None and p.step_end is None for p in known)
 

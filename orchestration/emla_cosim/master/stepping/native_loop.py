@@ -1,6 +1,7 @@
 """Run the stepper in C: many steps of a program per call."""
 
 import ctypes
+import math
 import threading
 from collections.abc import Sequence
 
@@ -9,6 +10,7 @@ from ...base.errors import RunError
 from ...stepper.layout import Failure
 from ...stepper.library import StepperLibrary
 from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.program import Call
 from ..algorithms.quasi_newton import NoAgreementError
 from ..instances.fmu_instance import EntryPoints
 from .loop_errors import check_room, left_exception_error
@@ -23,6 +25,17 @@ _CALL_NAMES = {
     Failure.RESTORE: "setFMUstate",
     Failure.OBSERVE: "getting recorded variables",
 }
+
+_MADE = {
+    Failure.SET: Call.SET,
+    Failure.DERIVATIVES: Call.SET,
+    Failure.STEP: Call.STEP,
+    Failure.GET: Call.GET,
+    Failure.SAVE: None,
+    Failure.RESTORE: None,
+    Failure.OBSERVE: None,
+}
+"""The call of a program that failed; None for others."""
 
 _ENDS = (Failure.NONE, Failure.LATE, Failure.INTERRUPTED)
 """What is no failure."""
@@ -42,6 +55,10 @@ class NativeLoop:
     ) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
+        self._calls = [p.calls for p in points]
+        in_groups = [o for group in algorithm.groups for o in group.operations]
+        order = [*in_groups, *algorithm.operations]
+        self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
 
@@ -96,15 +113,41 @@ class NativeLoop:
 
     def close(self) -> None:
         """Free saved states; never raises."""
-        for instance, state in zip(self._algorithm.network.instances, self._tables.states, strict=True):
-            if state:
+        instances = self._algorithm.network.instances
+        for instance, calls, state in zip(instances, self._calls, self._tables.states, strict=True):
+            if calls is not None:
+                calls.close(instance)
+            elif state:
                 instance.forget(ctypes.c_void_p(int(state)))
         self._tables.states[:] = 0
 
     def _error(self, failure: Failure, clock: Clock) -> RunError | None:
-        stepper, network = self._stepper, self._algorithm.network
+        """Return the error of a run, or raise an exception that is none."""
         if failure in _ENDS:
             return None
+        error = self._find_python_error(failure) or self._describe(failure, clock)
+        if error is not None and not isinstance(error, RunError):
+            raise error
+        return error
+
+    def _find_python_error(self, failure: Failure) -> BaseException | None:
+        """Return what a call in Python has raised; the first by the order of the program, if several did."""
+        failed, instances = self._stepper.instance, self._algorithm.network.instances
+        error, place = None, math.inf
+        if failure == Failure.STEP and failed == len(instances):
+            assert self._tables.passing is not None
+            return self._tables.passing.error
+        if failure in _MADE:
+            calls, place = self._calls[failed], self._places.get((_MADE[failure], failed), math.inf)
+            error = None if calls is None else calls.error
+        for i, (instance, calls) in enumerate(zip(instances, self._calls, strict=True)):
+            late = None if calls is None else calls.finish(instance)
+            if late is not None and (began := self._places[Call.STEP, i]) < place:
+                error, place = late, began
+        return error
+
+    def _describe(self, failure: Failure, clock: Clock) -> RunError | None:
+        stepper, network = self._stepper, self._algorithm.network
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(clock.point(stepper.reached + 1))
         if failure == Failure.NO_AGREEMENT:

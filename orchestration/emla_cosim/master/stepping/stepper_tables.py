@@ -27,9 +27,11 @@ from ...stepper.layout import (
 from ..algorithms import program
 from ..algorithms.group import HALVINGS, SWEEPS
 from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
 from ..instances.typed_values import TypeGroup
+from .python_calls import PythonCalls
 
 
 class StepperTables:
@@ -43,11 +45,13 @@ class StepperTables:
         stepper: The record that the functions in C get.
         states: Addresses of the saved states, per instance.
         residuals: Per group, room for the residuals of all sweeps.
+        passing: What passes Strings and Binary values on before each step; None without any.
     """
 
     def __init__(self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints]) -> None:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
+        self.passing = PythonCalls() if algorithm.network.opaque_links else None
         self.states = np.zeros(len(points), dtype=np.uintp)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
@@ -87,10 +91,11 @@ class StepperTables:
         """Fill in the operations, and the combinations with their terms."""
         algorithm, groups, rows = self._algorithm, 0, list[tuple[int, ...]]()
         combinations, terms = list[tuple[int, ...]](), list[tuple[float, int, int]]()
-        for each in algorithm.program:
+        if self.passing is not None:
+            rows.append((1, Call.STEP, len(self._points), 0, 0))
+        for each in algorithm.program[: len(algorithm.groups)] if algorithm.is_plain else algorithm.program:
             if isinstance(each, program.Operation):
-                every, store = int(algorithm.multiples[each.instance]), self._positions[each.store]
-                rows.append((every, int(each.call), each.instance, store, 0))
+                rows.append(self._row(each))
             elif isinstance(each, program.Solve):
                 rows.append((1, Call.SOLVE, groups, 0, 0))
                 groups += 1
@@ -99,10 +104,20 @@ class StepperTables:
                 into, count = self._positions[each.into], len(each.terms)
                 combinations.append((each.instance, into, len(terms), count))
                 terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]
+        rows += self._rows(algorithm.operations) if algorithm.is_plain else []
         stepper = self.stepper
         stepper.operations, stepper.operation_count = self._keep(np.array(rows, dtype=OPERATION)), len(rows)
         stepper.combinations = self._keep(np.array(combinations, dtype=COMBINATION))
         stepper.terms = self._keep(np.array(terms, dtype=TERM))
+
+    def _row(self, operation: program.Operation, is_end: bool = False) -> tuple[int, ...]:
+        every, store = int(self._algorithm.multiples[operation.instance]), self._positions[operation.store]
+        return every, Call.END if is_end else int(operation.call), operation.instance, store, 0
+
+    def _rows(self, operations: Sequence[program.Operation]) -> list[tuple[int, ...]]:
+        """Return the rows of operations, in an order in which steps in other processes overlap."""
+        split = {i for i, p in enumerate(self._points) if p.end_step}
+        return [self._row(*each) for each in overlap_steps(self._algorithm.exchange, operations, split)]
 
     def _inputs(self) -> Any:
         network, exchange = self._algorithm.network, self._algorithm.exchange
@@ -124,7 +139,7 @@ class StepperTables:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
         saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
         records, every = np.zeros(len(points), INSTANCE), range(len(points))
-        for name in ("component", "do_step", "get_state", "set_state", "get_status"):
+        for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step"):
             records[name] = [getattr(p, name) for p in points]
         records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
         records["references"] = [p.input_references.ctypes.data for p in points]
@@ -143,7 +158,11 @@ class StepperTables:
         records["mode"], records["is_rare"] = exchange.modes, exchange.rare
         records["has_no_way_back"] = [i not in saved for i in every]
         self._fill_calls(records)
-        return records
+        if self.passing is None:
+            return records
+        passing = np.zeros(1, INSTANCE)  # one that only steps
+        passing["do_step"] = self.passing.step(network.pass_opaque_values)
+        return np.concatenate([records, passing])
 
     def _fill_calls(self, records: Any) -> None:
         """Make the calls that set inputs and get outputs: all in one array, as they are read one by one."""
@@ -200,8 +219,14 @@ class StepperTables:
     def _observers(self) -> Any:
         """Return the CALL records that get the observed variables."""
         network, found = self._algorithm.network, list[Any]()
+        place = {name: i for i, stepped in enumerate(network.instances) for name in stepped.components}
         for instance, part in network.observer.readers:
-            i = network.instances.index(instance)
+            i = place[instance.name]
+            if (calls := self._points[i].calls) is not None:
+                record = np.zeros((), CALL)
+                record["function"], record["instance"] = calls.getter(instance.get_observed), i
+                found.append(record)
+                continue
             for group in instance.observed_groups():
                 record = np.zeros((), CALL)
                 self._fill_observed(record, group, part.start)
@@ -231,6 +256,8 @@ class StepperTables:
             n = len(group.coupling_variables)
             record["members"] = self._keep(np.array(group.members, dtype=np.int32))
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
+            rows = np.array(self._rows(group.operations), dtype=OPERATION)
+            record["operations"], record["operation_count"] = self._keep(rows), len(rows)
             record["jacobian"] = self._keep(group.newton.jacobian)
             record["residuals"] = self._keep(residuals)
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}

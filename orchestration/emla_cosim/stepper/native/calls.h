@@ -162,6 +162,17 @@ OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) 
     return fail(s, STEP_FAILED, i, status);
 }
 
+/* Wait for the end of a step that `do_step` has only begun, in another process. */
+RARE static int32_t end_step(Stepper *s, int32_t i, double time, double length) {
+    const Instance *instance = &s->instances[i];
+    announce(s, instance->code + instance->code_step);
+    const int32_t status = (int32_t)instance->end_step(instance->component);
+    if (!is_bad(status)) return DONE;
+    s->time = time;
+    s->length = length;
+    return fail(s, STEP_FAILED, i, status);
+}
+
 /* Whether an instance discarded its step because it wants the run to end: a shorter step is no help then. */
 static int wants_end(const Stepper *s, int32_t i) {
     const Instance *instance = &s->instances[i];

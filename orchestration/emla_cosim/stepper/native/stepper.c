@@ -38,6 +38,7 @@ static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double
     switch (operation->call) {
         case SET_INPUTS: return set_inputs(s, operation->target, operation->store, start, span);
         case DO_STEP: return do_step(s, operation->target, start, span);
+        case END_STEP: return end_step(s, operation->target, start, span);
         case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
         case SOLVE: return solve(s, operation->target, time, length, s->halvings);
         default: combine(s, &s->combinations[operation->target]); return DONE;

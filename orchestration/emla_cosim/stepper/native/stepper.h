@@ -69,6 +69,7 @@ typedef struct { /* first what each step reads */
     int32_t code_derivatives, code_save, code_restore, code_status;
     Function set_derivatives, get_state, set_state;
     Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
+    fmi2Status (*end_step)(fmi2Component); /* waits for a step that `do_step` only begins; NULL without */
     const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
@@ -89,7 +90,7 @@ typedef struct {
     int32_t is_smooth; /* whether it is continuous */
 } Signal;
 
-enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE };
+enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE, END_STEP };
 
 /* `target` is an instance, a group for SOLVE, or a combination for COMBINE. */
 typedef struct {
@@ -116,11 +117,12 @@ enum { SIGNALS, PREVIOUS, FIRST_STORE }; /* positions of vectors as long as the 
  * variables, and room for a matrix is n * n, a history is sweeps * n. */
 typedef struct {
     const int32_t *members;
-    const int32_t *coupling; /* signals */
+    const int32_t *coupling;     /* signals */
+    const Operation *operations; /* of a sweep over the members, in each step */
     double *jacobian;        /* which is kept from step to step */
     double *guess, *sizes, *direction, *earlier, *basis, *residuals, *answers;
     double *kept; /* signals, previous signals and two times of each member at the start of the step */
-    int32_t n_members, n_coupling;
+    int32_t n_members, n_coupling, n_operations;
     int32_t is_saved;  /* whether the step can be repeated */
     int32_t is_halved; /* whether it can be done in halves */
 } Group;
