@@ -1,7 +1,7 @@
 """The steppers of the matrix, one entry each: every way in which the steps of a system can be done.
 
-A new stepper is one more entry of `STEPPERS`: a function that runs a task, or options of a run. Python steps
-(`compiled=False`) are the reference for all of them.
+A new stepper is one more entry of `STEPPERS`: a function that runs a task, or options of a run. The plain
+stepper of `tests/support` is the reference for all of them.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -17,6 +17,7 @@ import numpy as np
 import emla_cosim as ec
 from tests.backends.systems import FAILING, SYSTEMS, Entry, Parts
 from tests.support.generated_c import Code
+from tests.support.plain_stepper import PlainStepSize
 
 
 @dataclass(frozen=True)
@@ -146,6 +147,8 @@ class Bench:
             yield simulation
 
     def _reference(self, task: Task) -> Outcome:
+        if "fixed steps" in ALGORITHMS[task.algorithm].has:
+            return run(self, task, step_size_control=PlainStepSize())
         return run(self, task, compiled=False)
 
     def path(self, name: str) -> Path:

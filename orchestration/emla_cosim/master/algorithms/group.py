@@ -50,6 +50,11 @@ class CoupledGroup:
     """Sweeps so far."""
 
     @property
+    def jacobian(self) -> Vector:
+        """J of the quasi-Newton iteration, shape (n, n); changed in place."""
+        return self.newton.jacobian
+
+    @property
     def operations(self) -> list[Operation]:
         """The calls of a sweep, in order."""
         return [Operation(call, i) for i in self.members for call in Call]
@@ -117,9 +122,20 @@ class CoupledGroup:
         """Return the error of a step that failed: for a NoAgreementError, one that explains it."""
         if not isinstance(failure, NoAgreementError):
             return failure
+        return self.disagreement_error(time, step, failure.gap, failure.sweeps)
+
+    def disagreement_error(self, time: float, step: float, gap: Vector, sweeps: int) -> RunError:
+        """Return the error of a step whose values do not agree.
+
+        Args:
+            time: Start of the step, in s.
+            step: Its length in s.
+            gap: What is left of the differences of the coupling variables, in their units.
+            sweeps: Number of sweeps.
+        """
         network = self.exchange.network
         names = network.loop_name(self.members)
-        gaps = self.scale.relative(failure.gap, self.coupling_variables)
+        gaps = self.scale.relative(gap, self.coupling_variables)
         worst = network.names[self.coupling_variables[gaps.argmax()]]
         if not np.isfinite(gaps).all():
             return RunError(
@@ -128,7 +144,7 @@ class CoupledGroup:
             )
         return RunError(
             f"the loop {names} does not converge on the step from t = {time:.9g} s of {step:.3g} s in "
-            f"{failure.sweeps} sweeps: {worst} still changes by {gaps.max():.2g} of its size."
+            f"{sweeps} sweeps: {worst} still changes by {gaps.max():.2g} of its size."
         )
 
 

@@ -11,7 +11,6 @@ from ...stepper.layout import Failure
 from ...stepper.library import StepperLibrary
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.program import Call
-from ..algorithms.quasi_newton import NoAgreementError
 from ..instances.fmu_instance import EntryPoints
 from .loop_errors import check_room, left_exception_error
 from .stepper_tables import StepperTables
@@ -153,9 +152,7 @@ class NativeLoop:
         if failure == Failure.NO_AGREEMENT:
             group, n = self._algorithm.groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]
-            error = group.failure_error(stepper.time, stepper.length, NoAgreementError(gap.copy(), n))
-            assert isinstance(error, RunError)
-            return error
+            return group.disagreement_error(stepper.time, stepper.length, gap, n)
         step = f"doStep at t = {stepper.time:.9g} s"
         call = step if failure == Failure.STEP else _CALL_NAMES[failure]
         return network.instances[stepper.instance].error(call, stepper.status)
