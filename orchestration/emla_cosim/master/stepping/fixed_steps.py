@@ -5,6 +5,8 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
@@ -16,6 +18,7 @@ from .timing import CommunicationPoints
 
 if TYPE_CHECKING:
     from .kernel import Kernel
+    from .native_loop import NativeLoop
     from .switching_loop import SwitchingLoop
 
 
@@ -97,6 +100,33 @@ class FixedSteps(Stepping):
         else:
             while self._advance_measured(self._kernel, self._sharing, rows, last):
                 pass
+
+    def allow_way_back(self) -> None:
+        """Tell FMUs in each step that a state from before it may be restored."""
+        self._native.allow_way_back()
+
+    def repeat_step(self, i: int, j: int, offset: float) -> None:
+        """Do one step without recording it, with an offset to input j of instance i in its unit.
+
+        Raises:
+            RunError: The step failed.
+        """
+        network, first = self.algorithm.network, self.algorithm.steps
+        nowhere = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
+        self._native.offset_input(i, j, offset)
+        try:
+            _, failure = self._native.run(first, 1, self.times.clock, first + 2, nowhere)
+        finally:
+            self._native.offset_input(i, j, 0.0)
+        if failure is not None:
+            raise failure
+
+    @property
+    def _native(self) -> "NativeLoop":
+        from .switching_loop import SwitchingLoop
+
+        assert isinstance(self._kernel, SwitchingLoop)
+        return self._kernel.native
 
     def reached(self, until: float) -> bool:
         """Whether no step is left before a time in s."""

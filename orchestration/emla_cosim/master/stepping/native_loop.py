@@ -110,6 +110,16 @@ class NativeLoop:
         algorithm.sweeps_elsewhere += stepper.sweeps
         return int(stepper.recorded), self._error(Failure(failure), clock)
 
+    def allow_way_back(self) -> None:
+        """Tell FMUs in each step that a state from before it may be restored."""
+        self._tables.instances["has_no_way_back"] = 0
+
+    def offset_input(self, i: int, j: int, offset: float) -> None:
+        """Add an offset to input j of instance i from now on, in its unit, instead of an earlier one."""
+        network = self._algorithm.network
+        place = network.input_parts[i].start + j
+        self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
+
     def close(self) -> None:
         """Free saved states; never raises."""
         instances = self._algorithm.network.instances

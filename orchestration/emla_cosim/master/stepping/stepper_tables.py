@@ -45,6 +45,8 @@ class StepperTables:
         stepper: The record that the functions in C get.
         states: Addresses of the saved states, per instance.
         residuals: Per group, room for the residuals of all sweeps.
+        instances: The records of the instances.
+        inputs: The records of all inputs.
         passing: What passes Strings and Binary values on before each step; None without any.
     """
 
@@ -68,8 +70,9 @@ class StepperTables:
         vectors = [network.signals, history.previous, *algorithm.stores.values()]
         self._positions = {program.SIGNALS: SIGNALS, program.PREVIOUS: PREVIOUS}
         self._positions |= {name: FIRST_STORE + n for n, name in enumerate(algorithm.stores)}
-        stepper.instances = self._keep(self._instances())
-        stepper.inputs, stepper.signals = self._keep(self._inputs()), self._keep(self._signals())
+        self.instances, self.inputs = self._instances(), self._inputs()
+        stepper.instances, stepper.inputs = self._keep(self.instances), self._keep(self.inputs)
+        stepper.signals = self._keep(self._signals())
         stepper.groups, stepper.group_count = self._keep(self._groups()), len(algorithm.groups)
         self._fill_program()
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)

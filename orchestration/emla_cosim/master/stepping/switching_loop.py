@@ -26,7 +26,7 @@ class SwitchingLoop:
     def __init__(
         self, native: NativeLoop, compile_kernel: "Callable[[], Kernel | None]", can_share: bool
     ) -> None:
-        self._native, self._compile_kernel, self.can_share = native, compile_kernel, can_share
+        self.native, self._compile_kernel, self.can_share = native, compile_kernel, can_share
         self._kernel: Kernel | None = None
         self.together = False
         """Whether `run` uses all lanes, after `share_out` among several."""
@@ -68,16 +68,16 @@ class SwitchingLoop:
     ) -> tuple[int, RunError | None]:
         """Do steps, and record rows; see `NativeLoop.run`."""
         if not self.together:
-            return self._native.run(first, count, clock, every, rows)
+            return self.native.run(first, count, clock, every, rows)
         self._threaded.together = True
         return self._threaded.run(first, count, clock, every, rows)
 
     def why_not_kept(self) -> str:
         """Return why compiled code could not be cached; empty if it was."""
-        return self._native.why_not_kept()
+        return self.native.why_not_kept()
 
     def close(self) -> None:
         """Free saved states and end threads; never raises."""
-        self._native.close()
+        self.native.close()
         if self._kernel is not None:
             self._kernel.close()
