@@ -1,6 +1,6 @@
 """A network stepped to the end, with everything recorded in one array."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -36,6 +36,17 @@ def begun(network: Network, algorithm: Algorithm, times: CommunicationPoints) ->
     algorithm.setup(network)
     algorithm.initialize(times.start, times.stop)
     return algorithm
+
+
+def step_by_step(algorithm: Algorithm, times: CommunicationPoints) -> Iterator[int]:
+    """Do the steps one by one, from where the algorithm is; yields the number of each after it."""
+    stepping, table = FixedSteps(algorithm, times), Table(1 + len(algorithm.network.signals))
+    try:
+        while not stepping.finished:
+            stepping.advance(table, 1)
+            yield stepping.steps - 1
+    finally:
+        stepping.close()
 
 
 def recorded(
