@@ -64,7 +64,7 @@ def recorded(
 
 
 def simulated(
-    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1, compiled: bool = True
+    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1
 ) -> np.ndarray:
-    """All rows of a run in fixed steps, time first; compiled where that is possible."""
-    return recorded(FixedSteps(begun(network, algorithm, times), times, compiled), every)
+    """All rows of a run in fixed steps, time first."""
+    return recorded(FixedSteps(begun(network, algorithm, times), times), every)

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
+from ...base.errors import RunError
+from ...stepper.library import StepperBuildError, load_stepper
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.explicit import Explicit
 from ..algorithms.operation_table import OperationTableAlgorithm
@@ -19,52 +21,40 @@ if TYPE_CHECKING:
 
 _K = TypeVar("_K")
 
-NUMBA, C, PYTHON = "numba", "c", "python"
-
-BACKENDS = (NUMBA, C, PYTHON)
-"""What does steps of one length. Default: C in one thread and numba in several, else Python."""
-
 COMPILED = (Explicit, Strong)
 """Base classes of algorithms whose steps numba can compile."""
 
 
-def make_loop(algorithm: Algorithm, backend: str = "") -> "Kernel | SwitchingLoop | None":
-    """Return what does fixed steps; None for steps in Python. See `BACKENDS`."""
-    known = _entry_points(algorithm) if backend != PYTHON else None
-    if known is None or not isinstance(algorithm, OperationTableAlgorithm):
-        return None
-    from ...stepper.library import find_stepper
+def make_loop(algorithm: OperationTableAlgorithm) -> "SwitchingLoop":
+    """Return what does fixed steps.
 
-    library = find_stepper() if backend != NUMBA else None
-    if library is None:
-        return _make_kernel(algorithm, known) if backend != C else None
+    Raises:
+        RunError: The C code cannot be built on this machine.
+    """
     from .native_loop import NativeLoop
     from .switching_loop import SwitchingLoop
 
+    try:
+        library = load_stepper()
+    except StepperBuildError as error:
+        raise RunError(f"the C code that steps FMUs cannot be built on this machine: {error}") from error
+    known = list_entry_points(algorithm)
     native = NativeLoop(algorithm, known, library)
     return SwitchingLoop(native, partial(_make_kernel, algorithm, known), _is_compilable(algorithm, known))
 
 
 def compile_trials(algorithm: Algorithm) -> "TrialKernel | None":
     """Return the compiled trials of error control for an algorithm; None as for `_compile`."""
-    known = _entry_points(algorithm)
+    if not isinstance(algorithm, OperationTableAlgorithm):
+        return None
+    known = list_entry_points(algorithm)
 
     def make(points: Sequence[EntryPoints]) -> "TrialKernel":
         from .trial_kernel import TrialKernel
 
         return TrialKernel(algorithm, points)  # type: ignore[arg-type]
 
-    return None if known is None else _compile(algorithm, known, make)
-
-
-def _entry_points(algorithm: Algorithm) -> list[EntryPoints] | None:
-    """Return the addresses of the FMI functions, by instance; None if code in C cannot do a step.
-
-    Ask for them once only: those that a profiler gives later replace the earlier ones.
-    """
-    if not isinstance(algorithm, OperationTableAlgorithm) or algorithm.has_own_step:
-        return None
-    return list_entry_points(algorithm)
+    return _compile(algorithm, known, make)
 
 
 def _is_compilable(algorithm: Algorithm, known: Sequence[EntryPoints]) -> bool:

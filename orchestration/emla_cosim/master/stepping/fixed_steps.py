@@ -11,64 +11,39 @@ from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
-from .compilation import BACKENDS, PYTHON, C, make_loop
+from .compilation import make_loop
 from .sharing import Sharing
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
 
 if TYPE_CHECKING:
-    from .kernel import Kernel
     from .native_loop import NativeLoop
     from .switching_loop import SwitchingLoop
 
 
 class FixedSteps(Stepping):
-    """Steps from one communication point to the next, in Python or in compiled code.
+    """Steps from one communication point to the next, in C."""
 
-    Compiled code needs FMUs in this process.
-    """
-
-    def __init__(
-        self,
-        algorithm: Algorithm,
-        times: CommunicationPoints,
-        compiled: bool = True,
-        threads: int | None = 1,
-        backend: str = "",
-    ) -> None:
+    def __init__(self, algorithm: Algorithm, times: CommunicationPoints, threads: int | None = 1) -> None:
         """Prepare for a run.
 
         Args:
             algorithm: An algorithm after `setup`.
             times: The communication points.
-            compiled: Whether to compile the steps if possible.
-            threads: Number of threads in compiled code; None uses up to one per core if measurements show
-                that this is faster.
-            backend: One of `BACKENDS`. Default: the first one that can do the steps.
+            threads: Number of threads; None uses up to one per core if measurements show that this is faster.
 
         Raises:
-            CommandError: The number of threads is not supported, or the backend cannot do the steps.
+            CommandError: The number of threads is not supported.
+            RunError: The C code cannot be built on this machine.
         """
         super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
-        if backend not in ("", *BACKENDS):
-            raise CommandError(f"there is no backend '{backend}'; choose from {', '.join(BACKENDS)}.")
-        if backend == C and threads not in (None, 1):
-            raise CommandError(f"the backend '{C}' steps in one thread, not in {threads}.")
-        threads = 1 if backend == C else threads
-        self._kernel = make_loop(algorithm, backend) if compiled else None
-        if self._kernel is None and backend not in ("", PYTHON):
-            raise CommandError(f"the backend '{backend}' cannot do these steps; leave it out.")
+        assert isinstance(algorithm, OperationTableAlgorithm)
+        self._kernel = make_loop(algorithm)
         self._sharing: Sharing | None = None
-        if threads != 1 and self._kernel is not None and self._kernel.can_share:
-            assert isinstance(algorithm, OperationTableAlgorithm)
+        if threads != 1 and self._kernel.can_share:
             self._sharing = Sharing(self._kernel, algorithm, threads)
-
-    @property
-    def is_compiled(self) -> bool:
-        """Whether compiled code does the steps."""
-        return self._kernel is not None
 
     @property
     def time(self) -> float:
@@ -88,14 +63,12 @@ class FixedSteps(Stepping):
     @property
     def seconds_beside(self) -> float:
         """Wall time in s that further threads took for steps."""
-        return 0.0 if self._kernel is None else self._kernel.seconds_beside
+        return self._kernel.seconds_beside
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
         last = min(self.algorithm.steps + most, self._last(until))
-        if self._kernel is None:
-            self._advance_here(rows, last)
-        elif self._sharing is None:
+        if self._sharing is None:
             self._advance_compiled(self._kernel, rows, last)
         else:
             while self._advance_measured(self._kernel, self._sharing, rows, last):
@@ -123,9 +96,6 @@ class FixedSteps(Stepping):
 
     @property
     def _native(self) -> "NativeLoop":
-        from .switching_loop import SwitchingLoop
-
-        assert isinstance(self._kernel, SwitchingLoop)
         return self._kernel.native
 
     def reached(self, until: float) -> bool:
@@ -133,19 +103,16 @@ class FixedSteps(Stepping):
         return self.algorithm.steps >= self._last(until)
 
     def report(self) -> dict[str, Any]:
-        """Add whether compiled code did the steps, and the use of threads, to the report."""
+        """Add the use of threads to the report."""
         found = super().report()
-        if isinstance(self.algorithm, OperationTableAlgorithm) and not self.algorithm.has_own_step:
-            found["compiled"] = self.is_compiled
-            found |= self._sharing.report() if self._sharing is not None else {"threads": 1}
-        if self._kernel is not None and (reason := self._kernel.why_not_kept()):
+        found |= self._sharing.report() if self._sharing is not None else {"threads": 1}
+        if reason := self._kernel.why_not_kept():
             found["compiled_code_not_kept"] = reason
         return found
 
     def close(self) -> None:
         """Free the saved states."""
-        if self._kernel is not None:
-            self._kernel.close()
+        self._kernel.close()
 
     def _last(self, until: float) -> int:
         """Return the number of the last communication point up to a time in s, apart from rounding."""
@@ -165,7 +132,7 @@ class FixedSteps(Stepping):
             if time.monotonic() > ends:
                 return
 
-    def _advance_compiled(self, kernel: "Kernel | SwitchingLoop", rows: RowSink, last: int) -> None:
+    def _advance_compiled(self, kernel: "SwitchingLoop", rows: RowSink, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
         observer = self.algorithm.network.observer
         if observer.strings:  # compiled code cannot read texts
@@ -184,9 +151,7 @@ class FixedSteps(Stepping):
         if kernel.needs_python:
             self._advance_here(rows, self.algorithm.steps + 1)
 
-    def _advance_measured(
-        self, kernel: "Kernel | SwitchingLoop", sharing: Sharing, rows: RowSink, last: int
-    ) -> bool:
+    def _advance_measured(self, kernel: "SwitchingLoop", sharing: Sharing, rows: RowSink, last: int) -> bool:
         """Do one measurement's steps. Return whether more steps remain, and room for their rows."""
         first = self.algorithm.steps
         if sharing.observing:
