@@ -21,6 +21,7 @@ _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "interrupts_catch": ((_POINTER,), None),
     "interrupts_release": ((), None),
     "rows_reduce": ((_POINTER, _NUMBER, _NUMBER, _POINTER, _POINTER, _POINTER), None),
@@ -39,6 +40,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
+            number of rows, and their address or None. Returns a `Failure`.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
         reduce_rows: See `rows.py`.
@@ -46,6 +49,7 @@ class StepperLibrary:
     """
 
     run: Any
+    control: Any
     catch_interrupts: Any
     release_interrupts: Any
     reduce_rows: Any

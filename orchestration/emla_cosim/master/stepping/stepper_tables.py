@@ -140,7 +140,7 @@ class StepperTables:
 
     def _instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
-        saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
+        saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
         records, every = np.zeros(len(points), INSTANCE), range(len(points))
         for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step"):
             records[name] = [getattr(p, name) for p in points]
@@ -261,7 +261,7 @@ class StepperTables:
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
             rows = np.array(self._rows(group.operations), dtype=OPERATION)
             record["operations"], record["operation_count"] = self._keep(rows), len(rows)
-            record["jacobian"] = self._keep(group.newton.jacobian)
+            record["jacobian"] = self._keep(group.jacobian)
             record["residuals"] = self._keep(residuals)
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
             room["answers"] = SWEEPS * n
@@ -269,5 +269,5 @@ class StepperTables:
             for name, size in room.items():
                 record[name] = self._keep(np.zeros(size))
             record["member_count"], record["coupling_count"] = len(group.members), n
-            record["is_saved"], record["is_halved"] = group.start is not None, group.halves
+            record["is_saved"], record["is_halved"] = group.is_saved, group.is_halved
         return records

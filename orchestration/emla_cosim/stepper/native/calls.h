@@ -186,16 +186,16 @@ static int wants_end(const Stepper *s, int32_t i) {
 }
 
 /* Both versions of FMI have the same arguments and statuses for states. */
-static int32_t save_state(Stepper *s, int32_t i) {
+static int32_t save_state(Stepper *s, int32_t i, void **state) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
-    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, instance->state);
+    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, state);
     return is_bad(status) ? fail(s, SAVE_FAILED, i, status) : DONE;
 }
 
-static int32_t restore_state(Stepper *s, int32_t i) {
+static int32_t restore_state(Stepper *s, int32_t i, void *state) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
-    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, *instance->state);
+    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, state);
     return is_bad(status) ? fail(s, RESTORE_FAILED, i, status) : DONE;
 }
