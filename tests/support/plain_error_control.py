@@ -1,10 +1,11 @@
 """Error control in plain Python, as an oracle for the one in C; see `plain_stepper.py`."""
 
-import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
 
+from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.snapshot import Snapshot
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
@@ -13,8 +14,8 @@ from emla_cosim.master.stepping.error_control import CRAWLING_STEPS, ErrorContro
 from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
 from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from tests.support.plain_stepper import PlainStepper
+from tests.support.step_control import StepControl
 
-SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.2
 EARLY, BENT, ROUNDING_ERROR, CRAWLING = 10.0, 0.1, 1e-12, 1e-2
 
 
@@ -28,16 +29,14 @@ class PlainErrorControl(ErrorControl):
         self.first: tuple[float, np.ndarray] | None = None
         self.last: tuple[float, np.ndarray] | None = None
         self.jumped = np.zeros(len(self._tables.signals), dtype=bool)
+        self.rules = Counter[str]()
+        """How often each rule for errors has applied."""
 
     def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
-        control, step_size = self._control, self.times.step
+        control, step_size = self.control, self.times.step
         point, output, is_event = self._next_point(until)
-        remaining, step = point - self.time, min(control.step, control.longest)
-        if step >= remaining * (1.0 - 1e-9):
-            step = remaining
-        elif 2.0 * step > remaining:
-            step = 0.5 * remaining
-        is_met = step == remaining
+        step = self.sizes().propose(point - self.time)
+        is_met = step == point - self.time
         end = point if is_met else self.time + step
         is_leap = is_event and is_met and step <= 2.0 * JUST_BEFORE * step_size
         if not self.try_step(step, end, is_leap):
@@ -56,17 +55,17 @@ class PlainErrorControl(ErrorControl):
 
     def try_step(self, step: float, end: float, is_leap: bool) -> bool:
         """Try a step. Return whether it was accepted; otherwise all is as before."""
-        control, tables = self._control, self._tables
+        control, tables, sizes = self.control, self._tables, self.sizes()
         self.stepper.see()
         self.start.take()
         try:
             errors = self.try_doubled_step(end)
-        except DiscardedStepError:
+        except DiscardedStepError as discarded:
             self.start.restore()
-            control.rejected += 1
-            self.shrink(step, 0.5)
-            if control.step < control.shortest:
-                raise
+            try:
+                self.use(sizes, sizes.discard, step)
+            except RunError:
+                raise discarded from None
             return False
         if is_leap and np.isfinite(errors).all():
             self.first = self.last = None
@@ -79,18 +78,24 @@ class PlainErrorControl(ErrorControl):
         jumps = np.zeros(len(errors), dtype=bool)
         if self.first is not None and step <= 0.5 * self.first[0]:
             jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & ~self.jumped
+            self.rules["jump"] += int(jumps.any())
         is_beside, is_instant = signals["is_beside"] != 0, signals["is_instant"] != 0
         if step < UNREAD * self.times.step:
             jumps |= is_beside
+            self.rules["beside"] += 1
         judged = np.where(jumps | (signals["is_judged"] == 0), 0.0, errors)
         once = is_instant | (step < SHORT * self.times.step)
         if self.last is not None:
-            once |= errors > 0.6 * step / self.last[0] * self.last[1]
+            bends = errors > 0.6 * step / self.last[0] * self.last[1]
+            self.rules["bend"] += int(bends.any())
+            once |= bends
         shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
-        if not self.judge(step, float(shares.max(initial=0.0))):
-            if control.step < control.shortest:
-                control.worst, control.end = int(signals["signal"][shares.argmax()]), end
-                raise self._too_short_error()
+        try:
+            is_accepted = self.use(sizes, sizes.judge, step, float(shares.max(initial=0.0)))
+        except RunError:
+            control.worst, control.end = int(signals["signal"][shares.argmax()]), end
+            raise self._too_short_error() from None
+        if not is_accepted:
             self.first, self.last = self.first or (step, errors), (step, errors)
             self.start.restore()
             return False
@@ -98,8 +103,31 @@ class PlainErrorControl(ErrorControl):
         tables.total += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
         control.short_steps = control.short_steps + 1 if step < CRAWLING * self.times.step else 0
         if control.is_per_unit and control.short_steps == CRAWLING_STEPS:
+            self.rules["crawl"] += 1
             self._judge_each_step()
         return True
+
+    def sizes(self) -> StepControl:
+        """Return the controller of the step size in its present state."""
+        control = self.control
+        return StepControl(
+            control.step,
+            round(1.0 / control.exponent),
+            control.shortest,
+            control.longest,
+            control.accepted,
+            control.rejected,
+            control.last_error,
+        )
+
+    def use(self, sizes: StepControl, call: Any, *arguments: float) -> Any:
+        """Call a method of the controller, and keep its new state."""
+        control = self.control
+        try:
+            return call(*arguments)
+        finally:
+            control.step, control.last_error = sizes.step, sizes.last_error
+            control.accepted, control.rejected = sizes.accepted, sizes.rejected
 
     def try_doubled_step(self, end: float) -> np.ndarray:
         """Do a step as a whole, restore, and do it in halves. Return the errors relative to the sizes."""
@@ -112,31 +140,10 @@ class PlainErrorControl(ErrorControl):
         self.stepper.step(time, middle - time)
         self.stepper.step(middle, end - middle)
         with np.errstate(invalid="ignore"):  # infinity minus infinity
-            difference = (signals[which] - whole) / self._control.divisor
+            difference = (signals[which] - whole) / self.control.divisor
         errors = self.stepper.algorithm.scale.relative(difference, which)
         errors[(controlled["is_unread"] != 0) & ~np.isfinite(errors)] = 0.0
         return errors
-
-    def judge(self, step: float, error: float) -> bool:
-        """Return whether a step is accepted, and set the next one; errors are relative to what is allowed."""
-        control, exponent = self._control, self._control.exponent
-        error = 1e-10 if error < 1e-10 else error
-        if not error <= 1.0:
-            control.rejected += 1
-            self.shrink(step, SAFETY * error**-exponent if error < math.inf else LARGEST_CUT)
-            return False
-        growth = SAFETY * error**-exponent
-        if not step < control.step:
-            growth = SAFETY * error ** (-0.7 * exponent) * control.last_error ** (0.4 * exponent)
-            control.last_error = error
-        proposed = max(step * min(LARGEST_GROWTH, max(LARGEST_CUT, growth)), control.shortest)
-        proposed = min(proposed, max(control.longest, step))
-        control.step = proposed if step >= 0.5 * control.step else max(proposed, control.step)
-        control.accepted += 1
-        return True
-
-    def shrink(self, step: float, factor: float) -> None:
-        self._control.step = step * max(LARGEST_CUT, min(factor, SAFETY))
 
     def close(self) -> None:
         self.start.close()
@@ -149,11 +156,13 @@ class PlainErrorControlledStepSize(ErrorControlledStepSize):
 
     def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
         assert self.error_tolerance is not None
-        return PlainErrorControl(
+        self.made = PlainErrorControl(
             algorithm,
             request.times,
             self.error_tolerance,
             request.interval,
+            self.largest_step,
             events=request.events(),
             sampled=request.sampled,
         )
+        return self.made

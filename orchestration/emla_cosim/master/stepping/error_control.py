@@ -94,7 +94,7 @@ class ErrorControl(Stepping):
         self._loop = make_loop(algorithm)
         self._loop.allow_way_back()  # each step may be repeated
         self._tables = ControlTables(algorithm, times, tolerance, longest, sampled)
-        self._control = self._tables.control
+        self.control = self._tables.control
         self._control_error(algorithm.accuracy > 1 and not sampled)
         self._events = _event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
@@ -103,18 +103,18 @@ class ErrorControl(Stepping):
 
     def _control_error(self, per_unit: bool) -> None:
         """Control the error per unit step, or that of each step; see the class."""
-        self._control.is_per_unit = per_unit
-        self._control.exponent = 1.0 / (self.algorithm.accuracy + (0 if per_unit else 1))
+        self.control.is_per_unit = per_unit
+        self.control.exponent = 1.0 / (self.algorithm.accuracy + (0 if per_unit else 1))
 
     @property
     def time(self) -> float:
         """Present simulation time in s."""
-        return float(self._control.time)
+        return float(self.control.time)
 
     @property
     def steps(self) -> int:
         """Accepted steps since the start time, each of two halves."""
-        return int(self._control.accepted)
+        return int(self.control.accepted)
 
     @property
     def finished(self) -> bool:
@@ -131,7 +131,7 @@ class ErrorControl(Stepping):
 
     def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
         """Try steps to the next point, at most `most`, and return how many were tried."""
-        control, observer = self._control, self.algorithm.network.observer
+        control, observer = self.control, self.algorithm.network.observer
         control.point, output, is_event = self._next_point(until)
         control.is_event = is_event
         control.enough = min(self._end, until - ROUNDING * self.times.step)
@@ -162,7 +162,7 @@ class ErrorControl(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Add how the steps were made, and the sum of the errors, to the report."""
-        control, found = self._control, super().report()
+        control, found = self.control, super().report()
         found |= {
             "rejected_steps": int(control.rejected),
             "largest_step_s": float(control.longest),
@@ -180,7 +180,7 @@ class ErrorControl(Stepping):
         worst, total = self._name(int(self._tables.signals["signal"][sums.argmax()])), sums.max()
         reason = (
             "inputs bend or jump too often. Set a smaller tolerance, or shorter steps with --largest-step."
-            if self._control.is_per_unit
+            if self.control.is_per_unit
             else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu "
             "if the FMUs interpolate inputs, or a smaller tolerance."
         )
@@ -228,7 +228,7 @@ class ErrorControl(Stepping):
         self._tables.signals["is_judged"] = self._tables.signals["is_beside"] == 0
 
     def _too_short_error(self) -> RunError:
-        control = self._control
+        control = self.control
         failure = self.algorithm.network.find_nonfinite_signal(control.end)
         return failure or RunError(
             f"the error exceeds its tolerance even with a step of {control.step:.2g} s. "
