@@ -102,6 +102,7 @@ INSTANCE = _record(
     orders=_ADDRESS,
     end=_ADDRESS,
     state=_ADDRESS,
+    events=_ADDRESS,
 )
 
 INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)

@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
-from ...base.errors import RunError
-from ...stepper.library import StepperBuildError, load_stepper
+from ...stepper.library import require_stepper
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.explicit import Explicit
 from ..algorithms.operation_table import OperationTableAlgorithm
@@ -34,10 +33,7 @@ def make_loop(algorithm: OperationTableAlgorithm) -> "SwitchingLoop":
     from .native_loop import NativeLoop
     from .switching_loop import SwitchingLoop
 
-    try:
-        library = load_stepper()
-    except StepperBuildError as error:
-        raise RunError(f"the C code that steps FMUs cannot be built on this machine: {error}") from error
+    library = require_stepper()
     known = list_entry_points(algorithm)
     native = NativeLoop(algorithm, known, library)
     return SwitchingLoop(native, partial(_make_kernel, algorithm, known), _is_compilable(algorithm, known))
@@ -61,7 +57,7 @@ def _is_compilable(algorithm: Algorithm, known: Sequence[EntryPoints]) -> bool:
     """Return whether numba's loops can do what an algorithm does, with these FMUs."""
     if not isinstance(algorithm, COMPILED) or not algorithm.is_plain:
         return False
-    if algorithm.network.opaque_links or any(p.calls is not None for p in known):
+    if algorithm.network.opaque_links or any(p.calls is not None or p.events for p in known):
         return False
     return not any(p.setters is not None and p.step_end is None for p in known)
 

@@ -168,7 +168,7 @@ class Profiler:
 
     def _timed_points(self, i: int, own: EntryPoints | None) -> EntryPoints | None:
         """Return entry points that measure; None if there are none, or nothing can measure them."""
-        if own is None or (own.setters is not None and own.step_end is None):
+        if own is None or own.events or (own.setters is not None and own.step_end is None):
             return None
         try:
             own, timed = forward(own), _timed_addresses()

@@ -7,6 +7,10 @@
 
 #include "calls.h"
 
+#include "clocks.h"
+
+#include "events.h"
+
 #include "exchange.h"
 
 #define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */

@@ -32,7 +32,7 @@ typedef struct {
 
 /* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
 typedef struct {
-    Function function;
+    Function function; /* NULL if it only copies numbers from `values` */
     void *component;
     const fmi2ValueReference *references;
     void *values; /* what the FMI function gets or sets */
@@ -51,6 +51,8 @@ typedef struct {
     fmi3Boolean needs_event, terminates, is_early;
     double reached;
 } StepEnd;
+
+typedef struct Events Events; /* event_tables.h */
 
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
@@ -74,6 +76,7 @@ typedef struct { /* first what each step reads */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
     void **state; /* the place of its saved state */
+    Events *events; /* NULL without event mode, clocks and early returns */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
