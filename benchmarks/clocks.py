@@ -3,6 +3,7 @@
 Ten blocks in a chain do steps of 1 ms. The same blocks without a clock show what the ticks cost.
 """
 
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -38,7 +39,7 @@ def main() -> None:
 def _measure(fmu: Path) -> float:
     """Return the steps per second of a run."""
     names = [f"b{i}" for i in range(BLOCKS)]
-    wires = [f"{one}.y -> {other}.u" for one, other in zip(names[:-1], names[1:], strict=True)]
+    wires = [f"{one}.y -> {other}.u" for one, other in pairwise(names)]
     system = System.of(dict.fromkeys(names, fmu), wires)
     with ec.load(system, step_size=STEP, stop_time=STOP_TIME).prepare() as simulation:
         result = simulation.run()

@@ -109,7 +109,6 @@ class Events(ctypes.Structure):
         ("schedule", _POINTER),
         ("values", _POINTER),
         ("counts", _POINTER),
-        ("saved", _POINTER),
         ("marks", _POINTER),
         ("active", _POINTER),
         ("references", _POINTER),
@@ -131,6 +130,7 @@ class Events(ctypes.Structure):
     status: int
     clock: int
     count: int
+    memory_size: int
 
 
 EVENT_SIZES = (

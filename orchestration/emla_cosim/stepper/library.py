@@ -22,6 +22,7 @@ _POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "interrupts_catch": ((_POINTER,), None),
     "interrupts_release": ((), None),
     "events_start": ((_POINTER, _POINTER, _REAL), ctypes.c_int32),
@@ -44,6 +45,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
+            number of rows, and their address or None. Returns a `Failure`.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
         start_events: Starts the clocks of an instance, in initialization mode. This and the following get the
@@ -56,6 +59,7 @@ class StepperLibrary:
     """
 
     run: Any
+    control: Any
     catch_interrupts: Any
     release_interrupts: Any
     start_events: Any

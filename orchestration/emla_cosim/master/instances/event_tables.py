@@ -194,7 +194,6 @@ class EventTables:
         record.memory, record.memory_size = self._keep(self.memory), len(self.memory)
         record.passed, record.schedule = self.passed.ctypes.data, self.memory[first:].ctypes.data
         record.values, record.counts = self.memory[self._first_value :].ctypes.data, self._counts.ctypes.data
-        record.saved = self._keep(np.full(len(self.memory), math.nan))
         for name, kind in (("marks", np.uint8), ("active", np.bool_), ("references", np.uint32)):
             setattr(record, name, self._keep(np.zeros(len(self._references), dtype=kind)))
 

@@ -32,6 +32,7 @@ from ..instances.call_codes import CALLS, code_of
 from ..instances.call_records import fill_typed_call
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
 from .python_calls import PythonCalls
+from .saved_states import SavedStates
 
 
 class StepperTables:
@@ -43,7 +44,7 @@ class StepperTables:
 
     Attributes:
         stepper: The record that the functions in C get.
-        states: Addresses of the saved states, per instance.
+        states: The places of the states that groups save.
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
@@ -54,7 +55,7 @@ class StepperTables:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
-        self.states = np.zeros(len(points), dtype=np.uintp)
+        self.states = SavedStates(points)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
         self._fill()
@@ -140,7 +141,7 @@ class StepperTables:
 
     def _instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
-        saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
+        saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
         records, every = np.zeros(len(points), INSTANCE), range(len(points))
         for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step", "events"):
             records[name] = [getattr(p, name) for p in points]
@@ -149,7 +150,8 @@ class StepperTables:
         records["orders"] = [p.derivative_orders.ctypes.data for p in points]
         records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
         records["is_version_3"] = [p.step_end is not None for p in points]
-        records["state"] = self.states.ctypes.data + self.states.itemsize * np.arange(len(points))
+        places = self.states.records
+        records["state"] = places.ctypes.data + places.itemsize * np.arange(len(points))
         records["code"], numbers = [code_of(i, "") for i in every], {name: n for n, name in enumerate(CALLS)}
         records["code_derivatives"] = numbers["setRealInputDerivatives"]
         records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
@@ -251,7 +253,7 @@ class StepperTables:
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
             rows = np.array(self._rows(group.operations), dtype=OPERATION)
             record["operations"], record["operation_count"] = self._keep(rows), len(rows)
-            record["jacobian"] = self._keep(group.newton.jacobian)
+            record["jacobian"] = self._keep(group.jacobian)
             record["residuals"] = self._keep(residuals)
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
             room["answers"] = SWEEPS * n
@@ -259,5 +261,5 @@ class StepperTables:
             for name, size in room.items():
                 record[name] = self._keep(np.zeros(size))
             record["member_count"], record["coupling_count"] = len(group.members), n
-            record["is_saved"], record["is_halved"] = group.start is not None, group.halves
+            record["is_saved"], record["is_halved"] = group.is_saved, group.is_halved
         return records

@@ -196,20 +196,20 @@ static void copy_memory(double *to, const double *from, const Events *events) {
 }
 
 /* Both versions of FMI have the same arguments and statuses for states. */
-static int32_t save_state(Stepper *s, int32_t i) {
+static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
-    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, instance->state);
+    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, &saved->state);
     if (is_bad(status)) return fail(s, SAVE_FAILED, i, status);
-    if (instance->events != NULL) copy_memory(instance->events->saved, instance->events->memory, instance->events);
+    if (instance->events != NULL) copy_memory(saved->events, instance->events->memory, instance->events);
     return DONE;
 }
 
-static int32_t restore_state(Stepper *s, int32_t i) {
+static int32_t restore_state(Stepper *s, int32_t i, const SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
-    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, *instance->state);
+    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, saved->state);
     if (is_bad(status)) return fail(s, RESTORE_FAILED, i, status);
-    if (instance->events != NULL) copy_memory(instance->events->memory, instance->events->saved, instance->events);
+    if (instance->events != NULL) copy_memory(instance->events->memory, saved->events, instance->events);
     return DONE;
 }

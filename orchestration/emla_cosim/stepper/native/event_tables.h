@@ -95,7 +95,6 @@ struct Events {
     Ticks *schedule;
     double *values; /* of clocked variables, at their last tick */
     double *counts; /* of the ticks of each clock */
-    double *saved;  /* a copy of the memory, beside the saved state */
     unsigned char *marks; /* room for each clock: what it does in an event */
     fmi3Boolean *active;
     fmi3ValueReference *references;
