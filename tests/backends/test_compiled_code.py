@@ -238,7 +238,7 @@ def test_without_a_compiler_there_is_one_message(faulty_fmu: Path, monkeypatch: 
     def fail() -> None:
         raise StepperBuildError("there is no compiler for the platform 'riscv'.")
 
-    monkeypatch.setattr("emla_cosim.master.stepping.compilation.load_stepper", fail)
+    monkeypatch.setattr("emla_cosim.stepper.library.load_stepper", fail)
     with (
         open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly,
         pytest.raises(RunError, match="steps FMUs cannot be built on this machine: there is no compiler"),

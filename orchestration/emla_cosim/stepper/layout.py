@@ -103,7 +103,10 @@ INSTANCE = _record(
     orders=_ADDRESS,
     end=_ADDRESS,
     state=_ADDRESS,
+    events=_ADDRESS,
 )
+
+SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
 
 INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
 
@@ -245,5 +248,6 @@ SIZES = (
     ctypes.sizeof(Stepper),
     CONTROLLED.itemsize,
     ctypes.sizeof(Control),
+    SAVED_STATE.itemsize,
 )
 """Sizes of the records, in the order of `stepper_sizes` in C."""

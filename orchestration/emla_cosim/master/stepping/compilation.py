@@ -1,7 +1,6 @@
 """Make the stepper in C for an algorithm."""
 
-from ...base.errors import RunError
-from ...stepper.library import StepperBuildError, load_stepper
+from ...stepper.library import require_stepper
 from ..algorithms.operation_table import OperationTableAlgorithm
 from .native_loop import NativeLoop
 from .python_calls import list_entry_points
@@ -13,8 +12,5 @@ def make_loop(algorithm: OperationTableAlgorithm) -> NativeLoop:
     Raises:
         RunError: The C code cannot be built on this machine.
     """
-    try:
-        library = load_stepper()
-    except StepperBuildError as error:
-        raise RunError(f"the C code that steps FMUs cannot be built on this machine: {error}") from error
+    library = require_stepper()
     return NativeLoop(algorithm, list_entry_points(algorithm), library)

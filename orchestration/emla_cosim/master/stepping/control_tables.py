@@ -8,6 +8,7 @@ from ...base.arrays import Vector
 from ...stepper.layout import CONTROLLED, Control
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
+from .saved_states import SavedStates
 from .timing import CommunicationPoints
 
 SMALLEST = 1e-6
@@ -38,11 +39,11 @@ class ControlTables:
         tolerance: Allowed error, as a fraction of each signal's size.
         longest: Longest step in s.
         sampled: Whether a component computes at communication points.
+        states: Places for the states of all instances at the start of a trial.
 
     Attributes:
         control: The record that the functions in C get.
         signals: The records of the controlled signals.
-        states: Addresses of the states of all instances at the start of a trial.
         total: Sum of the errors of all steps so far, per controlled signal.
         watched: Room for time and signals of watched steps.
     """
@@ -54,11 +55,12 @@ class ControlTables:
         tolerance: float,
         longest: float,
         sampled: bool,
+        states: SavedStates,
     ) -> None:
         network, step = algorithm.network, times.step
         self.signals = find_controlled_signals(algorithm, sampled)
         count = len(self.signals)
-        self.states = np.zeros(len(network.instances), dtype=np.uintp)
+        self._states = states
         self.watched = np.zeros((0, 1 + len(network.signals)))
         self._copy = algorithm.restored.copy()
         self._errors = {name: np.zeros(count) for name in ("total", "first_errors", "last_errors")}
@@ -67,7 +69,7 @@ class ControlTables:
         self.total = self._errors["total"]
         self.control = control = Control()
         control.controlled, control.controlled_count = self.signals.ctypes.data, count
-        control.states, control.instance_count = self.states.ctypes.data, len(self.states)
+        control.states, control.instance_count = states.records.ctypes.data, len(states.records)
         control.memory, control.copy = algorithm.restored.ctypes.data, self._copy.ctypes.data
         control.memory_count = len(self._copy)
         for name, values in {**self._errors, **self._rooms, **self._flags}.items():

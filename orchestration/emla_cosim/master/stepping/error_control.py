@@ -93,7 +93,8 @@ class ErrorControl(Stepping):
         longest = largest or default_largest_step(times)
         self._loop = make_loop(algorithm)
         self._loop.allow_way_back()  # each step may be repeated
-        self._tables = ControlTables(algorithm, times, tolerance, longest, sampled)
+        self._states = self._loop.make_states()
+        self._tables = ControlTables(algorithm, times, tolerance, longest, sampled, self._states)
         self.control = self._tables.control
         self._control_error(algorithm.accuracy > 1 and not sampled)
         self._events = _event_points(events, times)
@@ -205,7 +206,7 @@ class ErrorControl(Stepping):
 
     def close(self) -> None:
         """Free the saved states."""
-        self._loop.free(self._tables.states)
+        self._states.free(self.algorithm.network.instances)
         self._loop.close()
 
     def _next_point(self, until: float) -> tuple[float, bool, bool]:

@@ -14,6 +14,7 @@ from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.program import Call
 from ..instances.fmu_instance import EntryPoints
 from .loop_errors import check_room, left_exception_error
+from .saved_states import SavedStates
 from .stepper_tables import StepperTables
 from .timing import Clock
 
@@ -55,7 +56,7 @@ class NativeLoop:
     ) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
-        self._calls = [p.calls for p in points]
+        self._points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
         self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
@@ -155,17 +156,11 @@ class NativeLoop:
 
     def close(self) -> None:
         """Free saved states; never raises."""
-        self.free(self._tables.states)
+        self._tables.states.free(self._algorithm.network.instances)
 
-    def free(self, states: Any) -> None:
-        """Free states that C saved, by their addresses per instance; never raises."""
-        instances = self._algorithm.network.instances
-        for instance, calls, state in zip(instances, self._calls, states, strict=True):
-            if calls is not None:
-                calls.close(instance)
-            elif state:
-                instance.forget(ctypes.c_void_p(int(state)))
-        states[:] = 0
+    def make_states(self) -> SavedStates:
+        """Return further places for states that C saves; the caller frees the states."""
+        return SavedStates(self._points)
 
     def _error(self, failure: Failure, end: float) -> RunError | None:
         """Return the error of a run whose last step ends at `end` s, or raise an exception that is none."""

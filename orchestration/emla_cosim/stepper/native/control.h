@@ -38,7 +38,7 @@ static int32_t take(Stepper *s, const Control *c) {
 
 static int32_t put_back(Stepper *s, const Control *c) {
     for (int32_t i = 0; i < c->n_instances; i++) {
-        const int32_t failure = restore_state(s, i, c->states[i]);
+        const int32_t failure = restore_state(s, i, &c->states[i]);
         if (failure != DONE) return failure;
     }
     memcpy(c->memory, c->copy, (size_t)c->n_memory * sizeof(double));

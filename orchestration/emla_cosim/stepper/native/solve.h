@@ -32,7 +32,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
 
 static int32_t restore_states(Stepper *s, const Group *group) {
     for (int32_t m = 0; m < group->n_members; m++) {
-        const int32_t i = group->members[m], failure = restore_state(s, i, *s->instances[i].state);
+        const int32_t i = group->members[m], failure = restore_state(s, i, s->instances[i].state);
         if (failure != DONE) return failure;
     }
     return DONE;

@@ -7,6 +7,10 @@
 
 #include "calls.h"
 
+#include "clocks.h"
+
+#include "events.h"
+
 #include "exchange.h"
 
 #define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */
@@ -20,7 +24,7 @@
 /* Sizes of the records, for those who fill them in another language. */
 const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
                                 sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
-                                sizeof(Controlled), sizeof(Control)};
+                                sizeof(Controlled), sizeof(Control), sizeof(SavedState)};
 
 static double point(const Clock *clock, int64_t k) {
     return (clock->first + (double)k * clock->per_step) / clock->denominator;

@@ -32,7 +32,7 @@ typedef struct {
 
 /* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
 typedef struct {
-    Function function;
+    Function function; /* NULL if it only copies numbers from `values` */
     void *component;
     const fmi2ValueReference *references;
     void *values; /* what the FMI function gets or sets */
@@ -51,6 +51,14 @@ typedef struct {
     fmi3Boolean needs_event, terminates, is_early;
     double reached;
 } StepEnd;
+
+typedef struct Events Events; /* event_tables.h */
+
+/* The place of a saved state: that of the FMU, and a copy of the memory of its events. */
+typedef struct {
+    void *state;
+    double *events;
+} SavedState;
 
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
@@ -73,7 +81,8 @@ typedef struct { /* first what each step reads */
     const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
-    void **state; /* the place of its saved state */
+    SavedState *state; /* the place of the one that its group saves */
+    Events *events; /* NULL without event mode, clocks and early returns */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
@@ -204,7 +213,7 @@ typedef struct {
     int32_t n_controlled, n_instances;
 
     /* memory */
-    void **states;          /* of the instances at the start of a trial */
+    SavedState *states;     /* of the instances at the start of a trial */
     double *memory, *copy;  /* what a trial changes besides */
     int64_t n_memory;
     double *whole, *errors, *judged, *total;
@@ -229,7 +238,7 @@ typedef struct {
 } Control;
 
 extern STEPPER_API const size_t
-    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control */
+    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
