@@ -156,7 +156,8 @@ static void draft_instance(System *system, Draft *draft, int32_t i) {
                                                   .instance = i,
                                                   .is_smooth = happens(dice, 0.7)};
     draft->group[i] = s->n_groups > 0 && happens(dice, 0.6) ? below(dice, s->n_groups) : -1;
-    draft->every[i] = draft->group[i] < 0 && happens(dice, 0.35) ? between(dice, 2, 5) : 1;
+    const int is_rare = draft->group[i] < 0 && happens(dice, 0.35) && !system->is_controlled;
+    draft->every[i] = is_rare ? between(dice, 2, 5) : 1;
     instance->is_rare = draft->every[i] > 1;
 }
 
@@ -194,7 +195,7 @@ static void finish_instance(System *system, Draft *draft, int32_t i) {
     Stepper *s = &system->stepper;
     Instance *instance = &draft->instances[i];
     const int32_t is_version_3 = instance->is_version_3, n_inputs = instance->n_inputs;
-    const int is_saved = draft->group[i] >= 0 && draft->is_saved[draft->group[i]];
+    const int is_saved = system->is_controlled || (draft->group[i] >= 0 && draft->is_saved[draft->group[i]]);
     Calls setters = {.n = 0}, getters = {.n = 0};
     add_calls(system, &setters, i, is_version_3, SETTING, s->input_values, instance->first_input, n_inputs,
               instance->mode == LINE);
@@ -421,6 +422,29 @@ static void draw_times(System *system) {
     system->tick_probability = happens(dice, 0.3) ? 0.1 : 0.0;
 }
 
+/* Move all that steps change into one block, as error control needs it. */
+static void gather_memory(System *system, int32_t n_inputs) {
+    Stepper *s = &system->stepper;
+    const int32_t n = s->n_signals, n_instances = system->n_instances;
+    double *stores[MOST_STORES];
+    system->n_memory = (system->n_stores + 1) * n + 2 * n_instances + 2 * n_inputs;
+    double *next = system->memory = own_doubles(system, system->n_memory);
+#define MOVE(pointer, values, count)                                         \
+    do {                                                                     \
+        if ((count) > 0) memcpy(next, values, (size_t)(count) * sizeof *next); \
+        (pointer) = next;                                                    \
+        next += (count);                                                     \
+    } while (0)
+    for (int32_t v = 0; v < system->n_stores; v++) MOVE(stores[v], s->stores[v], n);
+    MOVE(s->at, s->at, n_instances);
+    MOVE(s->before, s->before, n_instances);
+    MOVE(s->taken, s->taken, n_inputs);
+    MOVE(s->taken_at, s->taken_at, n_inputs);
+    MOVE(s->largest, s->largest, n);
+#undef MOVE
+    s->stores = own_copy(system, stores, system->n_stores, sizeof *stores);
+}
+
 static void build_vectors(System *system, int32_t n_inputs) {
     Dice *dice = &system->dice;
     Stepper *s = &system->stepper;
@@ -437,6 +461,7 @@ static void build_vectors(System *system, int32_t n_inputs) {
     s->taken = own_random(system, n_inputs);
     s->taken_at = own_equal(system, n_inputs, begin);
     s->largest = own_equal(system, s->n_signals, 0.0);
+    if (system->is_controlled) gather_memory(system, n_inputs);
 }
 
 static void build_observers(System *system, Draft *draft) {
@@ -490,12 +515,13 @@ static void build_switches(System *system) {
     }
 }
 
-/* Return the system of a seed, which free_system frees. */
-static System *build_system(uint64_t seed) {
+/* Return the system of a seed, for fixed steps or for error control; free_system frees it. */
+static System *build_system(uint64_t seed, int32_t is_controlled) {
     System *system = calloc(1, sizeof *system);
     Draft *draft = calloc(1, sizeof *draft);
     if (system == NULL || draft == NULL) abort();
     Stepper *s = &system->stepper;
+    system->is_controlled = is_controlled;
     system->dice.state = seed;
     system->ways.state = ~seed;
     system->ticks.state = seed ^ 0x5555555555555555u;
@@ -503,7 +529,9 @@ static System *build_system(uint64_t seed) {
     system->n_instances = between(&system->dice, 1, MOST_INSTANCES);
     system->toys = own(system, (size_t)system->n_instances, sizeof(Toy));
     system->states = own(system, (size_t)system->n_instances, sizeof(SavedState));
-    for (int32_t i = 0; i < system->n_instances; i++) system->states[i] = (SavedState){NULL, NULL};
+    system->trial_states = own(system, (size_t)system->n_instances, sizeof(SavedState));
+    for (int32_t i = 0; i < system->n_instances; i++)
+        system->states[i] = system->trial_states[i] = (SavedState){NULL, NULL};
     draw_times(system);
     s->sweeps = between(&system->dice, 1, 8);
     s->halvings = below(&system->dice, 4);
@@ -527,8 +555,11 @@ static System *build_system(uint64_t seed) {
 }
 
 static void free_system(System *system) {
-    for (int32_t i = 0; i < system->n_instances; i++)
-        if (system->states[i].state != NULL) free_state_of_toy(&system->toys[i], &system->states[i].state);
+    for (int32_t i = 0; i < system->n_instances; i++) {
+        SavedState *places[] = {&system->states[i], &system->trial_states[i]};
+        for (int p = 0; p < 2; p++)
+            if (places[p]->state != NULL) free_state_of_toy(&system->toys[i], &places[p]->state);
+    }
     REQUIRE(system->n_saved == 0, "a saved state is lost");
     for (size_t n = 0; n < system->n_owned; n++) free(system->owned[n]);
     free(system);

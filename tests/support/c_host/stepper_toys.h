@@ -53,11 +53,19 @@ enum {
     DERIVATIVES_SET,
     STEPS_OF_SEVERAL,
     WISHES_TO_END,
+    TRIALS_ACCEPTED,
+    TRIALS_REJECTED,
+    EVENTS_MET,
+    LEAPS,
+    TRIALS_LATE,
+    TRIALS_INTERRUPTED,
     N_OCCURRENCES
 };
 static const char *const occurrence_names[] = {
     "states_restored", "halves_that_helped", "values_out_of_range", "arrays_set",
-    "derivatives_set", "steps_of_several",   "wishes_to_end"};
+    "derivatives_set", "steps_of_several",   "wishes_to_end",
+    "trials_accepted", "trials_rejected",    "events_met",          "leaps",
+    "trials_late",     "trials_interrupted"};
 static int64_t occurred[N_OCCURRENCES];
 
 /* ---- random numbers -------------------------------------------------------------------- */
@@ -239,8 +247,10 @@ struct System {
     Fault faults[MOST_FAULTS];
     Activity *activity;
     int32_t *stop;
-    SavedState *states; /* the places of saved states */
-    int32_t n_instances, n_faults, n_stores;
+    SavedState *states;       /* the places that groups save states in */
+    SavedState *trial_states; /* and error control */
+    double *memory;           /* all that steps change, if errors are controlled */
+    int32_t n_instances, n_faults, n_stores, n_memory, is_controlled;
     int32_t is_lost;    /* a run has failed: times and values are anything from now on */
     int32_t has_halves; /* whether a step was shorter than usual */
     int32_t must_fail;  /* whether an FMU answered what no shorter step can help against */
@@ -532,8 +542,10 @@ static void check_knowledge(Toy *toy) {
 static int32_t save_toy(Toy *toy, void **state) {
     const Fault *fault = next_fault(toy, SAVING);
     check_activity(toy, code_of(toy, SAVING));
-    REQUIRE(state == &toy->system->states[toy->instance].state, "the place of the state is wrong");
-    check_knowledge(toy);
+    const int is_of_trial = state == &toy->system->trial_states[toy->instance].state;
+    const int is_of_group = state == &toy->system->states[toy->instance].state;
+    REQUIRE(is_of_trial || is_of_group, "the place of the state is wrong");
+    if (!is_of_trial) check_knowledge(toy); /* stepper_trials.h looks at all memory */
     if (fault != NULL && toy->instance % 2) return answer(toy, SAVING, fault); /* with or without a state */
     if (*state == NULL) {
         *state = allocate(1, sizeof(State));
@@ -546,7 +558,10 @@ static int32_t save_toy(Toy *toy, void **state) {
 static int32_t restore_toy(Toy *toy, void *state) {
     const Fault *fault = next_fault(toy, RESTORING);
     check_activity(toy, code_of(toy, RESTORING));
-    REQUIRE(state != NULL && state == toy->system->states[toy->instance].state, "the state is another one");
+    const System *system = toy->system;
+    const int is_of_group = state == system->states[toy->instance].state;
+    const int is_of_trial = state == system->trial_states[toy->instance].state;
+    REQUIRE(state != NULL && (is_of_group || is_of_trial), "the state is another one");
     memcpy(&toy->state, state, sizeof(State));
     occurred[STATES_RESTORED]++;
     return answer(toy, RESTORING, fault);
