@@ -459,9 +459,9 @@ class PlainShuffled(PlainErrorControlledStepSize):
 
 
 SHUFFLED = [
-    (0, {"jump", "beside", "bend"}, False),
-    (1, {"jump", "beside", "bend"}, True),  # no step is short enough in the end
-    (2, {"jump", "beside", "bend", "crawl"}, False),
+    (0, {"jump", "beside"}, False),
+    (1, {"jump", "beside"}, True),  # no step is short enough in the end
+    (2, {"jump", "beside", "crawl"}, False),
 ]
 """Seeds, the rules that apply then, and whether the run fails."""
 

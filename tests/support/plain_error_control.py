@@ -16,7 +16,7 @@ from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from tests.support.plain_stepper import PlainStepper
 from tests.support.step_control import StepControl
 
-EARLY, BENT, ROUNDING_ERROR, CRAWLING = 10.0, 0.1, 1e-12, 1e-2
+EARLY, ONCE, ROUNDING_ERROR, CRAWLING = 10.0, 0.1, 1e-12, 1e-2
 
 
 class PlainErrorControl(ErrorControl):
@@ -27,7 +27,6 @@ class PlainErrorControl(ErrorControl):
         assert isinstance(self.algorithm, OperationTableAlgorithm)
         self.stepper, self.start = PlainStepper(self.algorithm), Snapshot(self.algorithm)
         self.first: tuple[float, np.ndarray] | None = None
-        self.last: tuple[float, np.ndarray] | None = None
         self.jumped = np.zeros(len(self._tables.signals), dtype=bool)
         self.rules = Counter[str]()
         """How often each rule for errors has applied."""
@@ -68,7 +67,7 @@ class PlainErrorControl(ErrorControl):
                 raise discarded from None
             return False
         if is_leap and np.isfinite(errors).all():
-            self.first = self.last = None
+            self.first = None
             control.accepted += 1
             return True
         signals, allowed = tables.signals, self.tolerance
@@ -85,21 +84,17 @@ class PlainErrorControl(ErrorControl):
             self.rules["beside"] += 1
         judged = np.where(jumps | (signals["is_judged"] == 0), 0.0, errors)
         once = is_instant | (step < SHORT * self.times.step)
-        if self.last is not None:
-            bends = errors > 0.6 * step / self.last[0] * self.last[1]
-            self.rules["bend"] += int(bends.any())
-            once |= bends
-        shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
+        shares = judged / np.where(once, max(ONCE * self.tolerance, allowed), allowed)
         try:
             is_accepted = self.use(sizes, sizes.judge, step, float(shares.max(initial=0.0)))
         except RunError:
             control.worst, control.end = int(signals["signal"][shares.argmax()]), end
             raise self._too_short_error() from None
         if not is_accepted:
-            self.first, self.last = self.first or (step, errors), (step, errors)
+            self.first = self.first or (step, errors)
             self.start.restore()
             return False
-        self.first, self.last, self.jumped = None, None, jumps & ~is_beside
+        self.first, self.jumped = None, jumps & ~is_beside
         tables.total += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
         control.short_steps = control.short_steps + 1 if step < CRAWLING * self.times.step else 0
         if control.is_per_unit and control.short_steps == CRAWLING_STEPS:

@@ -18,7 +18,11 @@ JUST_BEFORE = 1e-5
 """Length of the step that ends at an event, as a fraction of the first step."""
 
 SHORT = 1e-5
-"""Steps shorter than this fraction of the first one may have an error of a tenth of the tolerance."""
+"""Steps shorter than this fraction of the first one may have an error of a tenth of the tolerance.
+
+Inputs that jump at an unknown time cause errors in proportion to the step, as is what a step is allowed.
+No step would be short enough.
+"""
 
 UNREAD = 1e-2
 """Unread outputs shorten no step below this fraction of the first one, if others of the FMU are read."""
@@ -63,7 +67,7 @@ class ControlTables:
         self._states = states
         self.watched = np.zeros((0, 1 + len(network.signals)))
         self._copy = algorithm.restored.copy()
-        self._errors = {name: np.zeros(count) for name in ("total", "first_errors", "last_errors")}
+        self._errors = {name: np.zeros(count) for name in ("total", "first_errors")}
         self._rooms = {name: np.zeros(count) for name in ("whole", "errors", "judged")}
         self._flags = {name: np.zeros(count, dtype=np.int32) for name in ("jumps", "jumped")}
         self.total = self._errors["total"]
@@ -80,7 +84,7 @@ class ControlTables:
         control.short_limit, control.crawling_limit = SHORT * step, CRAWLING * step
         control.shortest, control.longest = SMALLEST * step, longest
         control.step, control.last_error = min(step, longest), 1.0
-        control.first_rejected = control.last_rejected = np.nan
+        control.first_rejected = np.nan
 
     def watch(self, most: int) -> None:
         """Keep time and signals of at most so many steps in a call."""
@@ -102,7 +106,7 @@ class ControlTables:
             values[:] = memory[f"control/{name}"]
 
 
-_NUMBERS = ("time", "step", "last_error", "exponent", "first_rejected", "last_rejected")
+_NUMBERS = ("time", "step", "last_error", "exponent", "first_rejected")
 _COUNTS = ("accepted", "rejected", "short_steps", "is_per_unit")
 """Fields of `Control` that steps change: numbers, and whole numbers."""
 

@@ -18,8 +18,8 @@
 /* Number of first steps that is added to the elapsed time when the tolerance is shared among steps. */
 #define EARLY 10.0
 
-/* Fraction of the tolerance for the error of a step over a bend, and for errors that do not add up. */
-#define BENT 0.1
+/* Fraction of the tolerance for the error of a very short step, and for errors that do not add up. */
+#define ONCE 0.1
 
 /* Number of successive short steps that show a jump at every point. */
 #define CRAWLING_STEPS 200
@@ -69,7 +69,7 @@ static int32_t try_doubled_step(Stepper *s, Control *c, double end) {
 static double compare_errors(Control *c, double step) {
     const double passed = c->time - c->start + step + EARLY * c->first_step;
     const double allowed = c->is_per_unit ? fmax(c->tolerance * step / passed, ROUNDING_ERROR) : c->tolerance;
-    const double bent = fmax(BENT * c->tolerance, allowed);
+    const double once = fmax(ONCE * c->tolerance, allowed);
     const int can_jump = step <= 0.5 * c->first_rejected; /* not if it is NaN */
     double largest = 0.0;
     c->worst = 0;
@@ -81,9 +81,7 @@ static double compare_errors(Control *c, double step) {
         c->jumps[j] = (can_jump && error > allowed && error > 0.9 * c->first_errors[j] && !c->jumped[j]) ||
                       (step < c->unread_limit && signal->is_beside);
         c->judged[j] = c->jumps[j] || !signal->is_judged ? 0.0 : error;
-        /* Inputs were extrapolated over a bend if the error is proportional to the step. */
-        const int bends = error > 0.6 * step / c->last_rejected * c->last_errors[j]; /* not if it is NaN */
-        const double share = c->judged[j] / (bends || signal->is_instant || step < c->short_limit ? bent : allowed);
+        const double share = c->judged[j] / (signal->is_instant || step < c->short_limit ? once : allowed);
         if (share > largest || isnan(share)) { /* nothing is larger than NaN */
             largest = share;
             c->worst = signal->signal;
@@ -119,7 +117,7 @@ static void grow(Control *c, double step, double error) {
 
 static void accept(Control *c, double step) {
     c->accepted++;
-    c->first_rejected = c->last_rejected = NAN;
+    c->first_rejected = NAN;
     for (int32_t j = 0; j < c->n_controlled; j++) {
         c->jumped[j] = c->jumps[j] && !c->controlled[j].is_beside;
         if (!(c->controlled[j].is_instant && c->is_per_unit)) c->total[j] += c->judged[j];
@@ -128,16 +126,13 @@ static void accept(Control *c, double step) {
 }
 
 static int32_t reject(Stepper *s, Control *c, double step, double error) {
-    const size_t size = (size_t)c->n_controlled * sizeof(double);
     const double factor = error < INFINITY ? SAFETY * pow(error, -c->exponent) : LARGEST_CUT; /* NaN, too */
     const int32_t failure = shrink(c, step, factor);
     if (failure != DONE) return failure;
-    memcpy(c->last_errors, c->errors, size);
     if (isnan(c->first_rejected)) {
-        memcpy(c->first_errors, c->errors, size);
+        memcpy(c->first_errors, c->errors, (size_t)c->n_controlled * sizeof(double));
         c->first_rejected = step;
     }
-    c->last_rejected = step;
     return put_back(s, c);
 }
 
@@ -159,7 +154,7 @@ static int32_t try_step(Stepper *s, Control *c, double step, double end, int is_
     }
     if (failure != DONE) return failure;
     if (is_leap && all_errors_are_finite(c)) {
-        c->first_rejected = c->last_rejected = NAN;
+        c->first_rejected = NAN;
         c->accepted++;
         return DONE;
     }

@@ -217,10 +217,10 @@ typedef struct {
     double *memory, *copy;  /* what a trial changes besides */
     int64_t n_memory;
     double *whole, *errors, *judged, *total;
-    double *first_errors, *last_errors; /* of the first and the last step that were rejected at this time */
-    int32_t *jumps, *jumped;            /* signals that jump in this step, and in the last one */
+    double *first_errors;    /* of the first step that was rejected at this time */
+    int32_t *jumps, *jumped; /* signals that jump in this step, and in the last one */
     double time, step, last_error, exponent;
-    double first_rejected, last_rejected; /* steps; NaN without one */
+    double first_rejected; /* its length; NaN without one */
     int64_t accepted, rejected, short_steps;
     int32_t is_per_unit; /* whether the error per unit step is controlled */
 
