@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import emla_cosim as ec
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.instances.call_codes import CALLS, code_of, decode_call
-from emla_cosim.sandbox import black_box
+from emla_cosim.sandbox import crash_page
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias
 from tests.support.faulty_systems import line_with_a_fault
@@ -334,6 +334,6 @@ def test_isolate_takes_patterns_and_true(package: Path, tmp_path: Path) -> None:
 
 @given(st.integers(0, 10_000), st.sampled_from(CALLS[1:]))
 def test_code_tells_the_instance_and_the_call(instance: int, call: str) -> None:
-    present = black_box.Activity(code=code_of(instance, call), time=0.5)
+    present = crash_page.Activity(code=code_of(instance, call), time=0.5)
     assert decode_call(present) == (instance, f"{call} at t = 0.5 s" if call == "doStep" else call)
-    assert decode_call(black_box.Activity())[0] is None
+    assert decode_call(crash_page.Activity())[0] is None

@@ -9,7 +9,6 @@ import numpy as np
 import polars
 import pytest
 
-import emla_cosim.recorders.parquet_file
 import fmublock.files
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.master.stepping.timing import make_communication_points
@@ -77,7 +76,6 @@ def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     monkeypatch.setattr(Path, "replace", replaced)
     monkeypatch.setattr(Path, "hardlink_to", linked)
-    monkeypatch.setattr(emla_cosim.recorders.parquet_file, "PART", 30)
     file = begun(tmp_path)
     file.end()
     assert [name for name in named if name != MANIFEST] == ["000000.parquet", "results.parquet"]

@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ...fmu import fmi_3_calls
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..instances import call_codes, typed_values
 from . import machine_code, record_layout
@@ -30,7 +30,7 @@ def compiled_address(name: str, module: str, beside: Sequence[str] = ()) -> int:
         return import_module(f".{module}", __package__).text(name)
 
     modules = (
-        *(record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box),
+        *(record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, crash_page),
         *(typed_values, fmi_3_calls),
     )
     names = (*_TEXTS, f"{module}.py", *(f"{other}.py" for other in beside))

@@ -70,7 +70,7 @@ def record(loop, lane, present, time, rows):
     for s in range(loop.other_count):
         values[row + s] = others[s]
     loop.recorded += 1
-    present.recorded = loop.recorded
+    present.rows += 1
     return _NONE
 
 

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import CommandError
-from ...sandbox.black_box import THREADS
+from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import BACKENDS, PYTHON, C, make_loop

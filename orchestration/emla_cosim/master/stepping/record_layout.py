@@ -8,7 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...sandbox.black_box import Activity
+from ...sandbox.crash_page import Activity
 
 
 class Failure(IntEnum):

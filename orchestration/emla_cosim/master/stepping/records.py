@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...base.arrays import Indices
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ..algorithms.group import SWEEPS, CoupledGroup
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.scale import Scale
@@ -157,7 +157,7 @@ def lane_records(lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
     for thread, (record, places) in enumerate(zip(records, lanes, strict=True)):
         record["tasks"] = _address(kept(np.array(places, dtype=np.intp)))
         record["task_count"] = len(places)
-        record["present"] = ctypes.addressof(kept(black_box.current_activity(thread)))
+        record["present"] = ctypes.addressof(kept(crash_page.current_activity(thread)))
     return records
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import RunError
-from ...sandbox.black_box import THREADS
+from ...sandbox.crash_page import THREADS
 from ...sandbox.processes import count_cores
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.tasks import StepTask
