@@ -22,7 +22,7 @@ from .typed_frame import column_schema, frame_rows, typed_frame
 _BLOCK = 2**20
 """Number of values in a block that is read."""
 
-_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
+_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-[\w-]+")
 """Names of files that a run leaves in the folder of parts."""
 
 

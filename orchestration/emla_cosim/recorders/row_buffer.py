@@ -92,8 +92,7 @@ class RowBuffer:
 
     def _count(self) -> None:
         """Set the number of complete rows, which compiled code has counted, too."""
-        if self._is_mapped:
-            self._activity.rows = self._filled
+        self._activity.rows = self._filled
 
     def _has_texts(self) -> bool:
         last = self._ring[(self._filled - 1) % len(self._ring)]

@@ -46,7 +46,7 @@ def test_files_of_others_are_not_changed(emla: Emla, tmp_path: Path) -> None:
 def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> None:
     parts = tmp_path / "o" / "results.parquet.parts"
     parts.mkdir(parents=True)
-    for name in ("000000.parquet", "000001.parquet", ".unfinished-ab_3z"):
+    for name in ("000000.parquet", "000001.parquet", ".unfinished-12-345-0123abcd-ab_3z"):
         (parts / name).write_text("left")
     assert emla(*RUN).exit_code == 0
     assert not parts.exists()
