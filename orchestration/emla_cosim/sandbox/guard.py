@@ -33,7 +33,8 @@ def run_supervised(
 ) -> None:
     """Call `run` in a child process, then exit with the exit code of the child.
 
-    If the system cannot fork, or has no memory left for a child, `run` is called without supervision.
+    If the system cannot fork, or has no memory or no temporary folder for a child, `run` is called without
+    supervision.
 
     Args:
         run: The function to call.
@@ -68,12 +69,14 @@ def run_supervised(
 
 
 def _fork_child() -> tuple[int | None, str | None]:
-    """Return the result of `fork`, None if it fails, and the folder for temporary files."""
+    """Return the result of `fork`, None if there is no child, and the folder for temporary files.
+
+    The folder is removed however the run ends. Without one, there is no child.
+    """
     folder = None
     try:
-        memory = mmap(-1, crash_page.SIZE)
-        folder = _temporary_folder()
-        crash_page.use_shared_memory(memory)
+        folder = tempfile.tempdir = str(make_temporary_folder("run"))
+        crash_page.use_shared_memory(mmap(-1, crash_page.SIZE))
         return os.fork(), folder
     except OSError:
         return None, folder
@@ -176,13 +179,3 @@ def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
                 f"Error: the run ended: {how}. What it computed could not be saved: {describe_exit(end)}.",
                 file=sys.stderr,
             )
-
-
-def _temporary_folder() -> str | None:
-    """Return a folder for all temporary files, removed however the run ends; None if it cannot be created."""
-    try:
-        folder = str(make_temporary_folder("run"))
-    except OSError:
-        return None  # keep the default folder, which other programs share
-    tempfile.tempdir = folder
-    return folder

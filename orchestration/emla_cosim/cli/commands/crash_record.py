@@ -133,11 +133,14 @@ class CrashRecorder(Recorder):
         if self._is_planned:
             return
         self._is_planned = True
+        if isinstance(self._table, FileTable):  # a registered format can only be written by its own process
+            self._plan = replace(self._plan, begun=self._describe_start(run, self._table))
+            self._write_plan()
         crash_page.current_activity().stage = Stage.STEPPING
-        if not isinstance(self._table, FileTable):  # a registered format: only its process can write it
-            return
+
+    def _describe_start(self, run: Pause, table: FileTable) -> StartedRun:
         received = run.memory()[Table.key]["rows"]
-        begun = StartedRun(
+        return StartedRun(
             replace(self._simulation.so_far(), table=None),
             self._outline,
             run.shown,
@@ -145,11 +148,9 @@ class CrashRecorder(Recorder):
             self._why_no_file,
             crash_page.current_activity().rows,
             received,
-            self._table.count_stored(),
+            table.count_stored(),
             time.monotonic(),
         )
-        self._plan = replace(self._plan, begun=begun)
-        self._write_plan()
 
     def end(self) -> None:
         """Note that all rows are recorded, and remove their file."""

@@ -108,7 +108,7 @@ def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
 def _read_rows(begun: StartedRun) -> tuple[int, Vector] | None:
     """Return the number of rows before the newest ones, and these; None if they are not in a file."""
     activity = crash_page.current_activity()
-    if begun.row_file is None or activity.stage != Stage.STEPPING:
+    if begun.row_file is None or activity.stage >= Stage.ROWS_WRITTEN:
         return None
     return read_rows(begun.row_file, 1 + len(begun.outline.names), activity.rows)
 
@@ -144,7 +144,7 @@ def _finish_result(
     assert isinstance(table, FileTable)
     metrics, remarks, first, end = MetricsRecorder(), list[str](), np.nan, before.end_s
     with recording(table):
-        if crash_page.current_activity().stage == Stage.STEPPING:
+        if crash_page.current_activity().stage < Stage.ROWS_WRITTEN:
             remarks += _append_rows(begun, table, newest)
         table.open()
         metrics.begin(_outline_of_table(outline))
