@@ -13,7 +13,6 @@ WAYS: dict[str, tuple[str, dict, float]] = {
     "study, strong": ("study", {"algorithm": "strong"}, 1.0),
     "hdrm-coupled, strong": ("hdrm-coupled", {}, 2.0),
     "the same with extrapolation": ("hdrm-coupled", {"extrapolation": "fmu"}, 2.0),
-    "the same, loop in Python": ("hdrm-coupled", {"compiled": False}, 0.1),
 }
 """What is run: scenario, options, and simulated time in s."""
 

@@ -120,7 +120,6 @@ def sweep_once(cluster: Client | str, fmu: Path, killers: int, ends: str, draw: 
         scheduler=cluster,
         stop_time=STOP_TIME,
         step_size=STEP_SIZE,
-        compiled=draw.random() < 0.5,
     )
     return "; ".join(find_wrong(result, dying, has_signals))
 

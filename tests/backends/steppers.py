@@ -1,7 +1,7 @@
 """The steppers of the matrix, one entry each: every way in which the steps of a system can be done.
 
-A new stepper is one more entry of `STEPPERS`: a function that runs a task, or options of a run. Python steps
-(`compiled=False`) are the reference for all of them.
+A new stepper is one more entry of `STEPPERS`: a function that runs a task, or options of a run. The plain
+stepper of `tests/support` is the reference for all of them.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -17,6 +17,8 @@ import numpy as np
 import emla_cosim as ec
 from tests.backends.systems import FAILING, SYSTEMS, Entry, Parts
 from tests.support.generated_c import Code
+from tests.support.plain_error_control import PlainErrorControlledStepSize
+from tests.support.plain_stepper import PlainStepSize
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,13 @@ class Outcome:
     Attributes:
         columns: The rows, by signal; a stepper outside of this program has only outputs.
         report: What else must be the same, such as the error message; without values, nothing.
-        is_compiled: Whether compiled code did the steps; None if the stepper is not of this program.
+        is_whole: Whether it has all columns.
         rows: The rows of the reference that it has.
     """
 
     columns: Mapping[str, Any]
     report: Mapping[str, Any] = field(default_factory=dict)
-    is_compiled: bool | None = None
+    is_whole: bool = False
     rows: slice = field(default_factory=lambda: slice(None))
 
 
@@ -146,7 +148,10 @@ class Bench:
             yield simulation
 
     def _reference(self, task: Task) -> Outcome:
-        return run(self, task, compiled=False)
+        if "fixed steps" in ALGORITHMS[task.algorithm].has:
+            return run(self, task, step_size_control=PlainStepSize())
+        tolerance = ALGORITHMS[task.algorithm].options["error_tolerance"]
+        return run(self, task, step_size_control=PlainErrorControlledStepSize(error_tolerance=tolerance))
 
     def path(self, name: str) -> Path:
         """Return a path that has not been used."""
@@ -168,7 +173,7 @@ def outcome_of(result: ec.Result) -> Outcome:
     return Outcome(
         result.read(["time", *result.names]),
         {**report, "remarks": list(result.remarks), "stepping": stepping},
-        bool(result.stepping.get("compiled")),
+        is_whole=True,
     )
 
 
@@ -176,13 +181,16 @@ def run(bench: Bench, task: Task, kind: int | str = 2, flavour: str = "native", 
     # FMUs cannot be used again after fmi2Fatal
     prepare = bench.prepare if "fatal" in task.entry.has else bench.simulation
     simulation = prepare(task.system, kind, flavour)
-    return outcome_of(simulation.attempt(recorders=[ec.TimeSeries()], **task.options() | options))
+    options = task.options() | options
+    if isinstance(options.get("step_size_control"), PlainErrorControlledStepSize):
+        del options["error_tolerance"]
+    return outcome_of(simulation.attempt(recorders=[ec.TimeSeries()], **options))
 
 
 def run_with_few_rows(bench: Bench, task: Task, interval: int, **options: Any) -> Outcome:
     found = run(bench, task, output_interval=interval * task.entry.step, **options)
     report = {k: v for k, v in found.report.items() if k in ("problem", "steps", "end_s", "stepping")}
-    return Outcome(found.columns, report, found.is_compiled, slice(None, None, interval))
+    return Outcome(found.columns, report, found.is_whole, slice(None, None, interval))
 
 
 def run_in_parts(bench: Bench, task: Task) -> Outcome:
@@ -193,15 +201,15 @@ def run_in_parts(bench: Bench, task: Task) -> Outcome:
     return outcome_of(simulation.finish())
 
 
-def resume(bench: Bench, task: Task, before: bool, after: bool) -> Outcome:
-    """Save a checkpoint after half of the steps, and go on from it, in compiled code or not."""
+def resume(bench: Bench, task: Task) -> Outcome:
+    """Save a checkpoint after half of the steps, and go on from it."""
     place = bench.path("half.checkpoint")
     half = task.time(task.entry.steps // 4 * 2)
-    first = run(bench, task, compiled=before, stop_time=half, checkpoint=place)
-    second = run(bench, task, compiled=after, resume=place)
+    first = run(bench, task, stop_time=half, checkpoint=place)
+    second = run(bench, task, resume=place)
     columns = {n: np.concatenate([first.columns[n], second.columns[n]]) for n in first.columns}
     report = {n: second.report[n] for n in ("problem", "end_s")}
-    return Outcome(columns, report, second.is_compiled)
+    return Outcome(columns, report, second.is_whole)
 
 
 def run_isolated(bench: Bench, task: Task, first_alone: bool) -> Outcome:
@@ -256,7 +264,6 @@ class Stepper:
         run: Does them.
         lacks: What it cannot do.
         needs: What a system must have, at least one of these; empty for any system.
-        is_compiled: Whether compiled code does the steps; None if the stepper is not of this program.
         by_default: Systems and algorithms of the default tier, for a stepper that compiles or starts
             processes; None for each system and each algorithm.
     """
@@ -264,7 +271,6 @@ class Stepper:
     run: Callable[[Bench, Task], Outcome]
     lacks: Collection[str] = ()
     needs: Collection[str] = ()
-    is_compiled: bool | None = True
     by_default: Collection[tuple[str, str]] | None = None
 
 
@@ -275,15 +281,7 @@ OLD = {"lines", "array loop"}  # FMI 3.0 has no derivatives of inputs, and depen
 ONE_FMU = {*WHOLE, "Model Exchange", "events"}
 
 STEPPERS: dict[str, Stepper] = {
-    "compiled": Stepper(partial(run, compiled=True)),
-    "numba": Stepper(
-        partial(run, backend="numba"),
-        lacks={"error control", "events", "Model Exchange", "types of FMI 2.0"},
-        by_default=[
-            *(("lift, sampled", "gauss-seidel, lines"), ("two loops", "strong, middles")),
-            *(("discarded steps", "strong"), ("types of FMI 3.0", "jacobi"), ("DISCARD in a loop", "strong")),
-        ],
-    ),
+    "C": Stepper(run),
     "two threads": Stepper(partial(run, threads=2)),
     "three threads": Stepper(
         partial(run, threads=3), by_default=[("two loops", "strong, lines"), ("lift", "jacobi")]
@@ -296,33 +294,22 @@ STEPPERS: dict[str, Stepper] = {
     "every third row": Stepper(
         partial(run_with_few_rows, interval=3), lacks=WHOLE, by_default=[("multirate", "jacobi")]
     ),
-    "Python, every second row": Stepper(
-        partial(run_with_few_rows, interval=2, compiled=False),
-        lacks=WHOLE,
-        is_compiled=False,
-        by_default=[("multirate", "jacobi")],
-    ),
     "in parts": Stepper(
         run_in_parts,
         lacks=WHOLE,
         by_default=[("multirate", "strong, lines"), ("discarded steps", "strong, middles")],
     ),
-    "checkpoint of Python": Stepper(partial(resume, before=False, after=True), lacks=HALVES),
-    "checkpoint of compiled code": Stepper(
-        partial(resume, before=True, after=False), lacks=HALVES, is_compiled=False
-    ),
+    "checkpoint": Stepper(resume, lacks=HALVES),
     "isolated": Stepper(
         partial(run_isolated, first_alone=False),
-        lacks={"grouped"},
-        is_compiled=False,
+        lacks={"grouped", "error control"},
         by_default=[
             ("types of FMI 3.0", "gauss-seidel"),
         ],
     ),
     "one isolated": Stepper(
         partial(run_isolated, first_alone=True),
-        lacks={"grouped"},
-        is_compiled=False,
+        lacks={"grouped", "error control"},
         by_default=[("factors, early start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
     ),
     "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks=OLD, needs=VERSIONS),
@@ -337,30 +324,24 @@ STEPPERS: dict[str, Stepper] = {
     "container of FMI 2.0": Stepper(
         partial(run_container, fmi=2),
         lacks=ONE_FMU,
-        is_compiled=None,
         by_default=[("multirate", "strong, lines")],
     ),
     "container of FMI 3.0": Stepper(
         partial(run_container, fmi=3),
         lacks=ONE_FMU,
-        is_compiled=None,
         by_default=[("types of FMI 3.0", "gauss-seidel")],
     ),
     "container of parts of FMI 3.0": Stepper(
         partial(run_container, fmi=3, kind=3),
         lacks={*ONE_FMU, *OLD},
         needs=VERSIONS,
-        is_compiled=None,
         by_default=(),
     ),
-    "container in a system": Stepper(
-        run_container_in_a_system, lacks=ONE_FMU, is_compiled=None, by_default=()
-    ),
+    "container in a system": Stepper(run_container_in_a_system, lacks=ONE_FMU, by_default=()),
     "C code": Stepper(
         run_c_code,
         lacks={*ONE_FMU, "strong", "extrapolation", "multirate", "transformations", "direct loop"},
         needs={"blocks"},
-        is_compiled=None,
         by_default=[("discrete states", "gauss-seidel")],
     ),
 }

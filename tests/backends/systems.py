@@ -262,7 +262,6 @@ class Entry:
         steps: Steps of a run; a multiple of 6.
         has: What a stepper or algorithm must be able to do.
         lacks: What the system cannot be combined with.
-        interpreted: With which algorithms compiled code cannot step it.
         fails: A part of the error message that ends its runs; empty if they succeed.
     """
 
@@ -272,7 +271,6 @@ class Entry:
     steps: int = 24
     has: Collection[str] = ()
     lacks: Collection[str] = ()
-    interpreted: Collection[str] = ()
     fails: str = ""
 
 
@@ -402,13 +400,11 @@ def driven_lift(parts: Parts) -> ec.System:
 
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
-ANY = {"fixed steps", "error control"}
-ME = {"has": {"Model Exchange"}, "interpreted": ANY, "step": 0.05}
+ME = {"has": {"Model Exchange"}, "step": 0.05}
 TICKS: dict[str, Any] = {
     "step": 0.125,
     "has": {"events"},
     "lacks": {"error control"},
-    "interpreted": ANY,
 }
 
 SYSTEMS: dict[str, Entry] = {
@@ -430,9 +426,11 @@ SYSTEMS: dict[str, Entry] = {
     "discarded steps": Entry(discarding, has={"discarded steps"}),
     "types of FMI 3.0": Entry(fmi_3_types, step=0.125, has={"types of FMI 3.0"}, lacks={"error control"}),
     "types of FMI 2.0": Entry(
-        fmi_2_types, step=0.01, has={"libraries", "types of FMI 2.0"}, interpreted={"error control"}
+        fmi_2_types,
+        step=0.01,
+        has={"libraries", "types of FMI 2.0"},
     ),
-    "events": Entry(events, step=0.125, has={"events"}, interpreted=ANY),
+    "events": Entry(events, step=0.125, has={"events"}),
     "clocks": Entry(clocks, **TICKS),
     "triggered clocks": Entry(triggered_clocks, **TICKS),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),
@@ -584,7 +582,6 @@ FAILING: dict[str, Entry] = {
         large_integers,
         step=0.125,
         has={"failure", "types of FMI 2.0", "types of FMI 3.0"},
-        interpreted={"error control"},
         fails="its input first is Integer and cannot be 2700000000",
     ),
     "infinite": fails_in_fmi_3("a.x ", {"a.u[1,1]": 1.7e308}, "a.x -> b.Float32_in"),

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
@@ -23,19 +24,19 @@ from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping import kernel
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import CommunicationPoints, make_communication_points
+from emla_cosim.stepper.library import StepperBuildError
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
 from tests.support.hand_written_fmus import Fault, build_faulty_fmu
 from tests.support.lanes import in_lanes
+from tests.support.plain_stepper import PlainSteps
 from tests.support.simulated import Table, begun, recorded
-from tests.support.slaves import FakeSlave, compilable
+from tests.support.slaves import FakeSlave
 from tests.support.tiers import examples
 
 KINDS: tuple[type[OperationTableAlgorithm], ...] = (Jacobi, GaussSeidel, Strong)
-STEPPING = "emla_cosim.master.stepping"
 TIMES = make_communication_points(1.0, 1.0 / 32.0)
 Make = Callable[[], OperationTableAlgorithm]
 
@@ -54,8 +55,8 @@ def rows(
 
     `shared` is the seed by which threads share its steps.
     """
-    stepping = FixedSteps(begun(network, algorithm, times), times, compiled)
-    assert stepping.is_compiled == compiled
+    begun(network, algorithm, times)
+    stepping = FixedSteps(algorithm, times) if compiled else PlainSteps(algorithm, times)
     if shared is not None:
         in_lanes(stepping, shared)
     return recorded(stepping, every, room=room)
@@ -179,22 +180,18 @@ def mirrored(answer: Callable[[np.ndarray, np.ndarray, float, float], Any]) -> N
     a = FakeSlave("a", 1, [0.0], answer)
     b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: u)
     links = [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)]
-    return Network([compilable(a), compilable(b)], links)
+    return Network([a, b], links)
 
 
-@pytest.mark.parametrize("shared", [None, 1])
 @pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
 @pytest.mark.parametrize("build", [stubborn, late_refusal])
-def test_halved_steps_have_the_bits_of_python(
-    build: Callable[[], Network], extrapolation: str, shared: int | None
-) -> None:
+def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extrapolation: str) -> None:
     """So has what the algorithm keeps: history, sizes of signals, Jacobians, and the number of sweeps."""
     results = []
     for compiled in (False, True):
         network = build()
-        stepping = FixedSteps(begun(network, Strong(extrapolation), TIMES), TIMES, compiled)
-        if compiled and shared is not None:
-            in_lanes(stepping, shared)
+        algorithm = begun(network, Strong(extrapolation), TIMES)
+        stepping = FixedSteps(algorithm, TIMES) if compiled else PlainSteps(algorithm, TIMES)
         found = recorded(stepping)
         assert not any(s.states for s in network.instances)  # saved states that were not freed
         results.append((found, stepping.memory()))
@@ -219,8 +216,7 @@ def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path)
         with open_system(system) as assembly:
             (counts,) = counts_of(assembly)
             algorithm = begun(assembly.network, Strong(step_multiples={"j.sampled": 2}), TIMES)
-            stepping = FixedSteps(algorithm, TIMES, compiled)
-            assert stepping.is_compiled == compiled
+            stepping = FixedSteps(algorithm, TIMES) if compiled else PlainSteps(algorithm, TIMES)
             table = Table(1 + len(assembly.network.signals))
             stepping.advance(table, 5)
             assert counts.states == 3
@@ -238,22 +234,16 @@ def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path)
 # ---- where nothing can be compiled -------------------------------------------------------------
 
 
-def test_without_a_compiler_everything_is_stepped_in_python(
-    faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    times, found = make_communication_points(1.0, 0.1), []
-    for compiled in (True, False):
-        if not compiled:
-            monkeypatch.setattr("emla_cosim.stepper.library.find_stepper", lambda: None)
-            kernel._advance.cache_clear()
-            monkeypatch.delitem(sys.modules, f"{STEPPING}.loop", raising=False)
-            monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path))
-            monkeypatch.setitem(sys.modules, "numba", None)
-        with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
-            stepping = FixedSteps(begun(assembly.network, Jacobi(), times), times)
-            assert stepping.is_compiled == compiled
-            found.append(recorded(stepping))
-    assert_same_bits(*found)
+def test_without_a_compiler_there_is_one_message(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise StepperBuildError("there is no compiler for the platform 'riscv'.")
+
+    monkeypatch.setattr("emla_cosim.stepper.library.load_stepper", fail)
+    with (
+        open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly,
+        pytest.raises(RunError, match="steps FMUs cannot be built on this machine: there is no compiler"),
+    ):
+        FixedSteps(begun(assembly.network, Jacobi(), TIMES), TIMES)
 
 
 # ---- the machine code is kept ------------------------------------------------------------------
@@ -269,15 +259,15 @@ system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:
     rows = simulated(assembly.network, Jacobi(), make_communication_points(1.0, 0.1))
 assert abs(rows[-1, 1] - 1.0) < 1e-12
-print(*(name in sys.modules for name in ("fmublock.compiling", "numba", "networkx")))
+print(*(name in sys.modules for name in ("fmublock.compiling", "networkx")))
 """
 
 
 @pytest.mark.slow
 def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
-    """None needs numba, nor the library for loops of links, of which there are none."""
+    """Nor the library for loops of links, of which there are none."""
     environment = {**os.environ, "EMLA_COSIM_CACHE": str(tmp_path)}
-    for imported in ("True False False", "False False False"):
+    for imported in ("True False", "False False"):
         done = subprocess.run(
             [sys.executable, "-c", _START, str(faulty_fmu)],
             capture_output=True,

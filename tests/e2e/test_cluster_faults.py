@@ -35,7 +35,7 @@ from tests.support.hand_written_fmus import Fault
 from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
 
-RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
+RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1}
 
 
 @pytest.fixture

@@ -87,19 +87,19 @@ def table(folder: Path) -> polars.DataFrame:
 
 # ---- the FMU ends the process ------------------------------------------------------------------
 
-COMPILED, INTERPRETED, STRONG = (), ("--no-kernel",), ("--algorithm", "strong")
+DEFAULT, JACOBI, STRONG = (), ("--algorithm", "jacobi"), ("--algorithm", "strong")
 ERROR_CONTROL = ("--algorithm", "jacobi", "--error-tolerance", "1e-3")
-OPTIONS = {INTERPRETED: {"compiled": False}, STRONG: {"algorithm": "strong"}}
+OPTIONS = {JACOBI: {"algorithm": "jacobi"}, STRONG: {"algorithm": "strong"}}
 
 DEADLY = [
-    (Fault.SEGFAULT, COMPILED, False, "doStep at t = 0.3 s (SIGSEGV)"),
-    (Fault.SEGFAULT, COMPILED, True, "doStep at t = 0.3 s (SIGSEGV)"),
-    (Fault.EXIT, INTERPRETED, False, "doStep at t = 0.3 s (exit code 0)"),
+    (Fault.SEGFAULT, DEFAULT, False, "doStep at t = 0.3 s (SIGSEGV)"),
+    (Fault.SEGFAULT, DEFAULT, True, "doStep at t = 0.3 s (SIGSEGV)"),
+    (Fault.EXIT, JACOBI, False, "doStep at t = 0.3 s (exit code 0)"),
     (Fault.ABORT, STRONG, False, "doStep at t = 0.3 s (SIGABRT)"),
     (Fault.EXIT, STRONG, True, "doStep at t = 0.3 s (exit code 0)"),
     (Fault.SEGFAULT_GET_REAL, ERROR_CONTROL, False, "getReal (SIGSEGV)"),
-    (Fault.SEGFAULT_GET_REAL, INTERPRETED, True, "getReal (SIGSEGV)"),
-    (Fault.ORPHAN, COMPILED, False, "doStep at t = 0.3 s (exit code 3)"),  # a copy of it keeps the lock
+    (Fault.SEGFAULT_GET_REAL, JACOBI, True, "getReal (SIGSEGV)"),
+    (Fault.ORPHAN, DEFAULT, False, "doStep at t = 0.3 s (exit code 3)"),  # a copy of it keeps the lock
 ]
 
 
@@ -184,9 +184,9 @@ SMALL_STEPS = ("--step-size", 1e-4, "--output-interval", 1e-4, "--stop-time", 2)
 @pytest.mark.parametrize(
     ("at", "code", "options"),
     [
-        (0.54995, "", COMPILED),
+        (0.54995, "", DEFAULT),
         (0.54995, "", STRONG),
-        (0.54995, SLOW_DISK, COMPILED),
+        (0.54995, SLOW_DISK, DEFAULT),
         (1.04995, SLOW_DISK, ()),
     ],
 )
@@ -344,7 +344,7 @@ def test_simulation_survives_the_end_of_an_isolated_fmu(package: Path) -> None:
 def test_errors_of_isolated_fmus_are_those_of_others(faults: list[Fault], package: Path) -> None:
     messages = []
     for isolate in (False, ["j.bad"]):
-        with load(package, compiled=False).prepare(isolate=isolate) as simulation:
+        with load(package).prepare(isolate=isolate) as simulation:
             for fault in faults:
                 with pytest.raises(ec.RunError) as error:
                     simulation.run(set={"j.bad.fault": fault.value})

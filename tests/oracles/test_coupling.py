@@ -1,6 +1,8 @@
 """Loops of slaves: which couplings diverge at any step, and how the strong algorithm solves them."""
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,6 @@ from hypothesis import strategies as st
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS
-from emla_cosim.master.algorithms.quasi_newton import NoAgreementError, QuasiNewton
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError, InstanceError
@@ -18,10 +19,12 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support import tiers
 from tests.support.linear import LinearSlave, Whole, connected
-from tests.support.simulated import begun, simulated
+from tests.support.simulated import begun, simulated, step_by_step
 from tests.support.slaves import FakeSlave
 from tests.support.tiers import mostly_slow
 from tests.support.two_masses import MASS, Part, elastic_load, rigid_load, rigid_solution
+
+TIMES = make_communication_points(1.0, 0.125)
 
 
 def spectral_radius(mass: float, step: float) -> float:
@@ -175,13 +178,11 @@ def test_strong_coupling_is_the_implicit_step_of_the_whole(part: Part) -> None:
     step, steps, tolerance = 0.1, 4, 1e-9
     whole = Whole(*part)
     assume(well_posed(whole, step))
-    algorithm = begun(
-        connected(*part), Strong(coupling_tolerance=tolerance), make_communication_points(steps * step, step)
-    )
+    times = make_communication_points(steps * step, step)
+    algorithm = begun(connected(*part), Strong(coupling_tolerance=tolerance), times)
     x, signals = whole.x_0.copy(), algorithm.network.signals
     size = np.abs(signals) + 0.01
-    for k in range(steps):
-        algorithm.step(k * step, step)
+    for k in step_by_step(algorithm, times):
         x, y = implicit_step(whole, x, step)
         size = np.maximum(size, np.abs(y) + 0.01)
         # what is left of the disagreement, in each of the steps, times the condition of the equation
@@ -194,8 +195,9 @@ def test_only_slaves_in_loops_repeat_steps() -> None:
     slaves = [sink, a, b, source, c, d]
     # d -> sink, a <-> b, b -> c, c <-> d; nobody reads the source
     wires = [(5, 0, 0, 0), (2, 0, 1, 0), (1, 0, 2, 0), (5, 0, 4, 0), (2, 0, 4, 1), (4, 0, 5, 0)]
-    algorithm = begun(connected(slaves, wires), Strong(), make_communication_points(1.0, 0.1))
-    algorithm.step(0.0, 0.1)
+    times = make_communication_points(0.1, 0.1)
+    algorithm = begun(connected(slaves, wires), Strong(), times)
+    assert list(step_by_step(algorithm, times)) == [0]
     assert [[slaves[i].name for i in loop] for loop in algorithm.loops] == [["a", "b"], ["c", "d"]]
     assert (sink.steps, source.steps) == (1, 1)
     assert (a.steps, c.steps) == (b.steps, d.steps)
@@ -207,10 +209,10 @@ def test_slaves_keep_the_state_of_the_last_sweep() -> None:
     slaves, wires = TWO_SIGNALS
     for slave in slaves:
         slave.state[:] = slave.x_0
-    algorithm = begun(connected(slaves, wires), Strong("fmu"), make_communication_points(1.0, 0.1))
-    for k in range(3):
-        before = [slave.save() for slave in slaves]
-        algorithm.step(0.1 * k, 0.1)
+    times = make_communication_points(0.3, 0.1)
+    algorithm = begun(connected(slaves, wires), Strong("fmu"), times)
+    before = [slave.save() for slave in slaves]
+    for k in step_by_step(algorithm, times):
         assert algorithm.sweeps > 2 * k + 1  # there was something to forget
         for slave, state, part in zip(slaves, before, algorithm.network.parts, strict=True):
             after, ends = slave.save(), slave.inputs.copy()
@@ -218,14 +220,35 @@ def test_slaves_keep_the_state_of_the_last_sweep() -> None:
             slave.restore(state)
             slave.set_inputs()
             slave.set_input_derivatives(slopes)
-            slave.do_step(0.1 * k, 0.1)
+            slave.do_step(times.point(k), times.span(k, 1))
             slave.get_outputs()
             assert (slave.inputs == ends).all()
             assert slave.state.tobytes() == after[1].tobytes()
             assert slave.outputs.tobytes() == algorithm.network.signals[part].tobytes()
+        before = [slave.save() for slave in slaves]
 
 
 # ---- the quasi-Newton iteration alone -----------------------------------------------------------
+
+
+def fixed_point(
+    answer: Callable[[np.ndarray], np.ndarray], start: Sequence[float], sizes: Any = 1.0
+) -> tuple[Strong, FakeSlave]:
+    """Return the coupling of x = F(x): a slave whose inputs are its outputs, of these sizes."""
+    count = len(start)
+    slave = FakeSlave("a", count, start, lambda u, x, t, h: answer(u))
+    slave.nominals = 100.0 * np.ones(count) * sizes
+    links = [Link(0, i, 0, i, True, False) for i in range(count)]
+    return begun(Network([slave], links), Strong(), TIMES), slave
+
+
+def sweeps_of(algorithm: Strong, steps: int) -> list[int]:
+    """Do so many steps, and return the sweeps in each."""
+    found, before = list[int](), 0
+    for _ in itertools.islice(step_by_step(algorithm, TIMES), steps):
+        found.append(algorithm.sweeps - before)
+        before = algorithm.sweeps
+    return found
 
 
 class Affine:
@@ -241,9 +264,6 @@ class Affine:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         return self.sizes * (self.G @ (x / self.sizes) + self.b)
 
-    def agreed(self, difference: np.ndarray) -> bool:
-        return bool((np.abs(difference) <= 1e-9 * self.sizes).all())
-
 
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 6.0]))
 @settings(max_examples=100)
@@ -252,14 +272,16 @@ def test_affine_problems_take_two_sweeps_with_a_known_jacobian(count: int, seed:
 
     Before, one sweep per unknown and two more; and one more again where two differences are alike.
     """
-    problem, newton = Affine(count, seed, spread), QuasiNewton(count)
+    problem = Affine(count, seed, spread)
     assume(problem.condition < 100.0)
-    start = np.zeros(count)
-    assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) <= count + 3
+    algorithm, _ = fixed_point(problem, np.zeros(count), problem.sizes)
+    (first,) = sweeps_of(algorithm, 1)
+    assert first <= count + 3
     problem.b = -2.0 * problem.b[::-1]
-    assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) == 2
+    (second,) = sweeps_of(algorithm, 1)
+    assert second - first == 2
     solution = problem.sizes * np.linalg.solve(np.eye(count) - problem.G, problem.b)
-    assert newton.solve(solution, problem, problem.agreed, SWEEPS, problem.sizes) == 1
+    assert algorithm.network.signals == pytest.approx(solution, rel=1e-5, abs=1e-5 * problem.sizes.min())
 
 
 def test_rounding_errors_do_not_change_the_jacobian() -> None:
@@ -270,9 +292,11 @@ def test_rounding_errors_do_not_change_the_jacobian() -> None:
         tried.append(float(x[0]))
         return x + 1e6 + 1e-6 * (len(tried) % 2)
 
-    with pytest.raises(NoAgreementError):
-        QuasiNewton(1).solve(np.zeros(1), answer, lambda r: False, 5, np.ones(1))
-    assert np.diff(tried) == pytest.approx([1e5] * 4, rel=1e-9)
+    algorithm, slave = fixed_point(answer, [0.0])
+    slave.rolls_back = True
+    with pytest.raises(RunError, match="does not converge"):
+        sweeps_of(algorithm, 1)
+    assert np.diff(tried[:SWEEPS]) == pytest.approx([1e5] * (SWEEPS - 1), rel=1e-9)
 
 
 def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
@@ -281,17 +305,10 @@ def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
     def answer(x: np.ndarray) -> np.ndarray:
         return np.array([3.0 * np.cos(x[1]), 2.0 * np.sin(x[0]) - 1.0])
 
-    found: list[np.ndarray] = []
-
-    def noted(x: np.ndarray) -> np.ndarray:
-        found.append(answer(x))
-        return found[-1]
-
-    sweeps = QuasiNewton(2).solve(
-        np.array([0.5, 0.5]), noted, lambda r: bool(np.abs(r).max() < 1e-12), 30, np.ones(2)
-    )
-    assert sweeps == len(found) <= 20
-    assert answer(found[-1]) == pytest.approx(found[-1], abs=1e-11)
+    algorithm, _ = fixed_point(answer, [0.5, 0.5])
+    assert sweeps_of(algorithm, 1)[0] <= 20
+    found = algorithm.network.signals
+    assert answer(found) == pytest.approx(found, abs=1e-6)
     x = np.array([0.5, 0.5])
     for _ in range(1000):
         x = answer(x)
@@ -307,21 +324,16 @@ def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
         (lambda x: np.array([1e3, -1e3]) * x**3 + 7.0, 30),
     ],
 )
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
 def test_failed_iteration_is_forgotten(answer: Callable[[np.ndarray], np.ndarray], sweeps: int) -> None:
     """A Jacobian from answers that ended in no number would lead the next step astray."""
-
-    def solve_linear(newton: QuasiNewton) -> int:
-        G, b = np.array([[2.0, 0.5], [-0.5, 1.0]]), np.array([5.0, 3.0])
-        return newton.solve(
-            np.zeros(2), lambda x: b - G @ x, lambda r: bool(np.abs(r).max() < 1e-9), 30, np.ones(2)
-        )
-
-    used, new = QuasiNewton(2), QuasiNewton(2)
-    with pytest.raises(NoAgreementError) as failure, np.errstate(all="ignore"):
-        used.solve(np.ones(2), answer, lambda r: False, 30, np.ones(2))
-    assert failure.value.sweeps == sweeps
-    assert solve_linear(used) == solve_linear(new)
-    assert used.jacobian.tobytes() == new.jacobian.tobytes()
+    algorithm, slave = fixed_point(answer, [1.0, 1.0])
+    slave.varies_step = False
+    algorithm = begun(algorithm.network, Strong(), TIMES)
+    with pytest.raises(RunError):
+        sweeps_of(algorithm, 1)
+    assert algorithm.sweeps <= sweeps
+    assert (algorithm.groups[0].jacobian == 0.9 * np.eye(2)).all()
 
 
 # ---- steps that cannot be done in one -----------------------------------------------------------
@@ -329,8 +341,9 @@ def test_failed_iteration_is_forgotten(answer: Callable[[np.ndarray], np.ndarray
 
 def after_a_step(network: Network, at: float = 0.0) -> Strong:
     """Strong coupling after one step of 1 s."""
-    algorithm = Strong()
-    begun(network, algorithm, make_communication_points(2.0, 1.0)).step(at, 1.0)
+    algorithm, times = Strong(), make_communication_points(at + 1.0, 1.0, at)
+    begun(network, algorithm, times)
+    assert list(step_by_step(algorithm, times)) == [0]
     return algorithm
 
 
@@ -455,9 +468,9 @@ def test_loop_that_moves_along_a_line_needs_one_sweep() -> None:
     network = pair(lambda u, h: u)
     network.instances[0] = FakeSlave("a", 1, [0.0], lambda u, x, t, h: [3.0 * (t + h) - 1.0])
     network = Network(network.instances, network.links)
-    algorithm, sweeps = begun(network, Strong(), make_communication_points(2.0, 0.25)), []
-    for k in range(8):
-        algorithm.step(0.25 * k, 0.25)
+    times, sweeps = make_communication_points(2.0, 0.25), list[int]()
+    algorithm = begun(network, Strong(), times)
+    for _ in step_by_step(algorithm, times):
         sweeps.append(algorithm.sweeps)
     assert np.diff(sweeps)[2:].tolist() == [1] * 5
 

@@ -15,6 +15,7 @@ from emla_cosim.recorders.coupling.coupling_cost import Coupling
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
 from tests.support.linear import LinearSlave, Whole, Wire, connected
+from tests.support.simulated import step_by_step
 
 Parts = tuple[list[LinearSlave], list[Wire]]
 
@@ -78,7 +79,7 @@ def run_pair(
     made = ALGORITHMS[algorithm](extrapolation=extrapolation)
     made.setup(network)
     times = make_communication_points(start + stop, step, start)
-    stepping = FixedSteps(made, times, compiled=False)
+    stepping = FixedSteps(made, times)
     names = network.names
     bonds = {} if bond is None else {"pair": Bond(names[bond[0]], names[bond[1]])}
     outline = Outline(
@@ -91,8 +92,7 @@ def run_pair(
     )
     made.initialize(start, times.stop)
     rows = [np.array([start, *network.signals])]
-    for k in range(times.steps):
-        made.step(times.point(k), times.span(k, 1))
+    for k in step_by_step(made, times):
         rows.append(np.array([times.point(k + 1), *network.signals]))
     whole = Whole(slaves, wires)
     onward, states = expm(whole.M * step), [whole.x_0]

@@ -1,6 +1,6 @@
 """A network stepped to the end, with everything recorded in one array."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -38,6 +38,17 @@ def begun(network: Network, algorithm: Algorithm, times: CommunicationPoints) ->
     return algorithm
 
 
+def step_by_step(algorithm: Algorithm, times: CommunicationPoints) -> Iterator[int]:
+    """Do the steps one by one, from where the algorithm is; yields the number of each after it."""
+    stepping, table = FixedSteps(algorithm, times), Table(1 + len(algorithm.network.signals))
+    try:
+        while not stepping.finished:
+            stepping.advance(table, 1)
+            yield stepping.steps - 1
+    finally:
+        stepping.close()
+
+
 def recorded(
     stepping: Stepping, every: int = 1, interrupted: Callable[[], bool] = lambda: False, room: int = 7
 ) -> np.ndarray:
@@ -53,7 +64,7 @@ def recorded(
 
 
 def simulated(
-    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1, compiled: bool = True
+    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1
 ) -> np.ndarray:
-    """All rows of a run in fixed steps, time first; compiled where that is possible."""
-    return recorded(FixedSteps(begun(network, algorithm, times), times, compiled), every)
+    """All rows of a run in fixed steps, time first."""
+    return recorded(FixedSteps(begun(network, algorithm, times), times), every)

@@ -91,8 +91,8 @@ class FakeSlave(FmuInstance):
     """
 
     rolls_back = True
-    states: dict[int, Any]
-    """Those that compiled code saved; see `compilable`."""
+    states = 0
+    """Number of states that were saved and not freed."""
 
     def __init__(
         self,
@@ -135,11 +135,15 @@ class FakeSlave(FmuInstance):
 
     def save(self, state: Any = None) -> Any:
         self.calls.append(f"{self.name}.save")
+        self.states += state is None
         return self.held.copy(), self.state.copy()
 
     def restore(self, state: Any) -> None:
         self.calls.append(f"{self.name}.restore")
         self.held[:], self.state[:] = state
+
+    def forget(self, state: Any) -> None:
+        self.states -= 1
 
     def close(self) -> None:
         self.calls.append(f"{self.name}.close")
@@ -158,7 +162,7 @@ _DISCARD, _ERROR = 2, 3
 def compilable(slave: Fake) -> Fake:
     """The same slave, which compiled code can call as well: its methods as functions of C.
 
-    The states that compiled code saved and has not freed are in `slave.states`, by number.
+    Several threads can call them.
     """
     states: dict[int, Any] = {}
 
@@ -178,7 +182,7 @@ def compilable(slave: Fake) -> Fake:
         if isinstance(state, ctypes.c_void_p):
             del states[state.value or 0]
 
-    slave.states, slave.forget = states, forget
+    slave.forget = forget  # type: ignore[method-assign]
     functions = [
         _SET_OR_GET(lambda component, references, count, values: done(slave.set_inputs)),
         _SET_OR_GET(lambda component, references, count, values: done(slave.get_outputs)),

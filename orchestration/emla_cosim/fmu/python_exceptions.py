@@ -33,7 +33,7 @@ def explain_earlier_exception(messages: Iterable[str]) -> str:
     """
     if not any(_PENDING in message for message in messages):
         return ""
-    return "An earlier call left an exception of Python; to find it, run with `--no-kernel`."
+    return "An earlier call left an exception of Python; to find it, run with `--isolate`."
 
 
 def find_left_exception(error: BaseException) -> BaseException | None:

@@ -1,7 +1,6 @@
 """Perturb one input of a running system, and return how signals change because of it."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -45,7 +44,8 @@ class Perturbation:
         self._begin()
         stepping = simulation.stepping
         algorithm = stepping.algorithm
-        slow = isinstance(algorithm, OperationTableAlgorithm) and (algorithm.multiples > 1).any()
+        assert isinstance(algorithm, OperationTableAlgorithm)
+        slow = (algorithm.multiples > 1).any()
         if not isinstance(stepping, FixedSteps) or slow:
             raise CommandError(
                 "a frequency response needs steps of one length for all components; leave out step-size "
@@ -55,6 +55,7 @@ class Perturbation:
         self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
         if self._snapshot is not None:
+            stepping.allow_way_back()
             self._snapshot.take()
         self._moved = False
         self._undisturbed: dict[ResolvedPlace, Vector] = {}
@@ -130,23 +131,21 @@ class Perturbation:
 
     def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
         self._rewind()
-        stepping = self._simulation.stepping
-        algorithm, times, network = stepping.algorithm, stepping.times, stepping.algorithm.network
-        offsets, i, j = network.offsets[place.instance], place.instance, place.input
-        before, transformed = offsets[j], network.transforms[i]
-        values, first = np.empty(self.count), algorithm.steps
-        network.transforms[i] = True
-        try:
-            for k in range(self.count):
-                n = first + k
-                offsets[j] = before + amplitude if k == at else before
-                algorithm.step(times.point(n), times.span(n, 1), partial(times.stretch, n + 1))
-                network.check_finite(times.point(n + 1))
-                is_input = place.output is None
-                values[k] = network.instances[i].inputs[j] if is_input else network.signals[place.output]
-        finally:
-            offsets[j], network.transforms[i] = before, transformed
+        stepping, values = self._stepping, np.empty(self.count)
+        network = stepping.algorithm.network
+        for k in range(self.count):
+            stepping.repeat_step(place.instance, place.input, amplitude if k == at else 0.0)
+            if place.output is None:
+                values[k] = network.instances[place.instance].inputs[place.input]
+            else:
+                values[k] = network.signals[place.output]
         return values
+
+    @property
+    def _stepping(self) -> FixedSteps:
+        stepping = self._simulation.stepping
+        assert isinstance(stepping, FixedSteps)  # as checked at the start
+        return stepping
 
 
 def check_reached(simulation: Simulation, at: float) -> None:

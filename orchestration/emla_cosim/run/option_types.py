@@ -32,8 +32,6 @@ class RunOptions(TypedDict, total=False):
     integrator_step: float | str | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
-    compiled: bool
-    backend: str
     threads: int | None
     real_time: float | None
     overwrite: bool
@@ -120,7 +118,6 @@ class CompareOptions(TypedDict, total=False):
     step_size_control: str | StepSizeControl | None
     isolate: Sequence[str] | bool
     lenient: bool
-    compiled: bool
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
     stop_when: Sequence[str]

@@ -49,7 +49,6 @@ from ..fmu.models import FLAVOURS, FMI_VERSIONS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
-from ..master.stepping.compilation import BACKENDS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..master.stepping.step_size_control import StepSizeControl
 from ..recorders.recorder import Recorder
@@ -316,21 +315,6 @@ class Options:
         commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE),
         stage=LOADING,
         in_sweep=SAME,
-    )
-    compiled: bool = _stepping(
-        True,
-        help="Step in compiled code where possible. The results are the same.",
-        flag="--kernel",
-        in_file=False,
-        recorded=False,
-    )
-    backend: str = _stepping(
-        "",
-        help="What does steps of one length, in Python code: numba, c or python. The results are the same.",
-        choices=lambda: ("", *BACKENDS),
-        in_file=False,
-        recorded=False,
-        commands=(),
     )
     threads: int | None = _stepping(
         help="Number of threads that step FMUs. The results are the same. Default: auto, which uses all "

@@ -26,7 +26,6 @@ from ..master.algorithms.continuous_connections import list_continuous_connectio
 from ..master.assembly import Assembly
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.checkpoint import checkpoint_place
-from ..master.stepping.compilation import PYTHON
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import Profiler
@@ -137,8 +136,7 @@ class Simulation:
         self._profiler: Profiler | None = None
         self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
-        if self.options.compiled and self.options.backend != PYTHON:
-            find_stepper()  # which builds it if necessary, so that no run waits for it
+        find_stepper()  # which builds it if necessary, so that no run waits for it
         told.advance(1)
 
     def __enter__(self) -> "Simulation":
@@ -345,8 +343,6 @@ class Simulation:
             times,
             chosen.output_interval,
             sampled,
-            chosen.compiled,
-            chosen.backend,
             chosen.threads,
             lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.stop),
             lambda: row_distance(chosen.input),

@@ -36,15 +36,14 @@ def describe_stepping(result: "Result") -> Iterator[str]:
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
     rejected = result.stepping.get("rejected_steps")
     tried = f" ({rejected} more rejected)" if rejected is not None else ""
-    how = "" if result.stepping.get("compiled", True) else ", not compiled"
-    if (threads := result.stepping.get("threads", 1)) > 1:
-        how = f", in {threads} threads"
+    threads = result.stepping.get("threads", 1)
+    how = f", in {threads} threads" if threads > 1 else ""
     yield (
         f"{format_count(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
         f"{rate:,.0f} steps/s, {factor:.2g} x real time{how}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
-        yield f"The compiled loop could not be stored; the next run compiles it again: {reason}"
+        yield f"The stepper in C could not be stored; the next run compiles it again: {reason}"
     loops = result.stepping.get("loops", [])
     if loops:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps

@@ -263,9 +263,13 @@ static void finish_group(System *system, Draft *draft, int32_t g) {
             coupling[n_signals++] = draft->instances[members[m]].first_output + k;
     shuffle(dice, coupling, n_signals);
     const int32_t most = n_signals < MOST_COUPLING ? n_signals : MOST_COUPLING, n = between(dice, 0, most);
-    const int32_t history = system->stepper.sweeps * n;
+    const int32_t history = system->stepper.sweeps * n, calls[] = {SET_INPUTS, DO_STEP, GET_OUTPUTS};
+    Operation operations[3 * MOST_INSTANCES];
+    for (int32_t o = 0; o < 3 * n_members; o++)
+        operations[o] = (Operation){.call = calls[o % 3], .target = members[o / 3], .every = 1};
     *group = (Group){.members = own_copy(system, members, n_members, sizeof *members),
                      .coupling = own_copy(system, coupling, n, sizeof *coupling),
+                     .operations = own_copy(system, operations, 3 * n_members, sizeof *operations),
                      .jacobian = own_equal(system, n * n, 0.0),
                      .guess = own_doubles(system, n),
                      .sizes = own_doubles(system, n),
@@ -277,6 +281,7 @@ static void finish_group(System *system, Draft *draft, int32_t g) {
                      .kept = own_doubles(system, 2 * n_signals + 2 * n_members),
                      .n_members = n_members,
                      .n_coupling = n,
+                     .n_operations = 3 * n_members,
                      .is_saved = draft->is_saved[g],
                      .is_halved = happens(dice, 0.7)};
     for (int32_t c = 0; c < n; c++) group->jacobian[c * n + c] = 0.9;
@@ -497,8 +502,8 @@ static System *build_system(uint64_t seed) {
     present_system = system;
     system->n_instances = between(&system->dice, 1, MOST_INSTANCES);
     system->toys = own(system, (size_t)system->n_instances, sizeof(Toy));
-    system->states = own(system, (size_t)system->n_instances, sizeof(void *));
-    for (int32_t i = 0; i < system->n_instances; i++) system->states[i] = NULL;
+    system->states = own(system, (size_t)system->n_instances, sizeof(SavedState));
+    for (int32_t i = 0; i < system->n_instances; i++) system->states[i] = (SavedState){NULL, NULL};
     draw_times(system);
     s->sweeps = between(&system->dice, 1, 8);
     s->halvings = below(&system->dice, 4);
@@ -523,7 +528,7 @@ static System *build_system(uint64_t seed) {
 
 static void free_system(System *system) {
     for (int32_t i = 0; i < system->n_instances; i++)
-        if (system->states[i] != NULL) free_state_of_toy(&system->toys[i], &system->states[i]);
+        if (system->states[i].state != NULL) free_state_of_toy(&system->toys[i], &system->states[i].state);
     REQUIRE(system->n_saved == 0, "a saved state is lost");
     for (size_t n = 0; n < system->n_owned; n++) free(system->owned[n]);
     free(system);

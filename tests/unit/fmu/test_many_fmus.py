@@ -125,8 +125,8 @@ def test_one_instance_per_process_needs_isolation(
 
 
 def of_system(count: int, folder: Path) -> None:
-    """Prepare, run and write down a system of so many FMUs, with everything in Python."""
-    scenario = load(ring(count), fmus=folder, step_size=1e-3, stop_time=2e-3, compiled=False)
+    """Prepare, run and write down a system of so many FMUs."""
+    scenario = load(ring(count), fmus=folder, step_size=1e-3, stop_time=2e-3)
     with scenario.prepare() as simulation:
         simulation.run().save(folder / f"results-{count}", plots=False)
 

@@ -67,7 +67,6 @@ def check(result: ec.Result, first: int = 3, **more: float) -> None:
 
 WAYS = {
     "compiled": {},
-    "in Python": {"compiled": False},
     "threads": {"threads": 2},
     "isolated": {"isolate": ["a"]},
     "strong": {"algorithm": "strong"},
@@ -75,7 +74,7 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("way", mostly_slow(WAYS, ["compiled", "in Python", "strong", "error control"]))
+@pytest.mark.parametrize("way", mostly_slow(WAYS, ["compiled", "strong", "error control"]))
 def test_all_types_are_recorded_by_every_stepper(fmu: Path, way: str) -> None:
     with prepare(fmu, **WAYS[way]) as simulation:
         for first in (3, 4):  # the second run resets the FMUs
@@ -184,11 +183,9 @@ def test_requirements_and_references_have_all_types(fmu: Path, tmp_path: Path) -
     assert left == {"a.text", "a.odd", "a.count", "a.twice"}
 
 
-@pytest.mark.parametrize(
-    ("compiled", "isolated"), [(True, ()), (False, ()), pytest.param(True, ("a",), marks=pytest.mark.slow)]
-)
-def test_failed_reading_ends_the_run(fmu: Path, compiled: bool, isolated: tuple[str, ...]) -> None:
-    options = {"compiled": compiled, "isolate": list(isolated), "signals": ["a.count", "a.text"]}
+@pytest.mark.parametrize("isolated", mostly_slow([(), ("a",)], [()]))
+def test_failed_reading_ends_the_run(fmu: Path, isolated: tuple[str, ...]) -> None:
+    options: dict[str, Any] = {"isolate": list(isolated), "signals": ["a.count", "a.text"]}
     with prepare(fmu, output_interval=0.01, **options) as simulation:
         with pytest.raises(RunError, match="a answered getting recorded variables with fmi2Error") as caught:
             simulation.run(set={"a.fail_at": 5})

@@ -152,7 +152,6 @@ def test_additions_run_from_the_command_and_from_a_file(emla: Emla) -> None:
         assert (settings["algorithm"], settings["settings"]) == ("backwards", 2)
         assert (settings["extreme"], settings["output_format"]) == ("lift.plant.tau_m", "jsonl")
         assert found["stepping"]["set"] == 2
-        assert found["stepping"]["compiled"] is True
         metrics = json.loads(Path(folder, "metrics.json").read_text())
         assert metrics["energy"]["lift.plant"]["work_J"] > 0.0
 

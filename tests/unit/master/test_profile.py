@@ -17,7 +17,7 @@ SAME = {"stop_time": 0.05, "step_size": 1e-4}
 
 @pytest.mark.parametrize(
     "options",
-    [{"algorithm": "jacobi"}, {"algorithm": "strong", "compiled": False}, {"threads": 2}],
+    [{"algorithm": "jacobi"}, {"algorithm": "strong"}, {"threads": 2}],
     ids=str,
 )
 def test_time_is_that_of_the_fmu_that_takes_it(options: dict[str, Any], reluctant: Path) -> None:
@@ -41,8 +41,6 @@ WAYS = {
     "jacobi": {"algorithm": "jacobi"},
     "gauss-seidel": {"algorithm": "gauss-seidel"},
     "strong": {"algorithm": "strong"},
-    "python": {"compiled": False, "stop_time": 0.01},
-    "strong-python": {"algorithm": "strong", "compiled": False, "stop_time": 0.01},
     "threads": {"threads": 2},
     "error": {"error_tolerance": 1e-2, "stop_time": 0.005},
 }

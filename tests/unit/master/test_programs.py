@@ -14,9 +14,10 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.stepper.layout import Failure
 from fmublock import Block, Input, Output, Parameter, State
+from tests.support.plain_stepper import PlainStepSize
 
 H, STEPS = 0.01, 40
-BACKENDS = pytest.mark.parametrize("backend", ["c", "python"])
+WAYS = pytest.mark.parametrize("way", [{}, {"step_size_control": PlainStepSize()}], ids=["C", "plain"])
 
 
 class Ramp(Block):
@@ -84,33 +85,26 @@ def recursion(ring: ec.Simulation, weight: float) -> Mapping[str, np.ndarray]:
     return {"a.y": np.array(a), "b.y": np.array(b)}
 
 
-@BACKENDS
+@WAYS
 @pytest.mark.parametrize("weight", [1.0, 0.5])
-def test_relaxation_follows_its_formula(ring: ec.Simulation, weight: float, backend: str) -> None:
-    result = ring.run(algorithm=relaxed(weight), backend=backend)
+def test_relaxation_follows_its_formula(ring: ec.Simulation, weight: float, way: dict[str, Any]) -> None:
+    result = ring.run(algorithm=relaxed(weight), **way)
     for name, expected in recursion(ring, weight).items():
         np.testing.assert_allclose(result[name], expected, atol=1e-13 * np.abs(expected).max())
     assert (np.abs(result["a.y"]).max() > 2.0) == (weight == 1.0)
 
 
-def test_programs_run_in_compiled_code_without_being_asked_to(ring: ec.Simulation) -> None:
-    assert ring.run(algorithm=relaxed(0.5)).stepping["compiled"] is True
-
-
-@pytest.mark.parametrize(("before", "after"), [("c", "python"), ("python", "c")])
-def test_checkpoints_have_the_vectors_of_a_program(
-    ring: ec.Simulation, tmp_path: Path, before: str, after: str
-) -> None:
+def test_checkpoints_have_the_vectors_of_a_program(ring: ec.Simulation, tmp_path: Path) -> None:
     whole, place = ring.run(algorithm=relaxed(0.3)), tmp_path / "half.checkpoint"
-    ring.run(algorithm=relaxed(0.3), backend=before, stop_time=0.2, checkpoint=place)
-    rest = ring.run(algorithm=relaxed(0.3), backend=after, resume=place)
+    ring.run(algorithm=relaxed(0.3), stop_time=0.2, checkpoint=place)
+    rest = ring.run(algorithm=relaxed(0.3), resume=place)
     for name in ("a.y", "b.y"):
         assert rest[name].tobytes() == whole[name][-len(rest[name]) :].tobytes()
 
 
-@BACKENDS
-def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, backend: str) -> None:
-    solved = ring.run(algorithm=Written(write=lambda network: [ec.Solve([0, 1])]), backend=backend)
+@WAYS
+def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, way: dict[str, Any]) -> None:
+    solved = ring.run(algorithm=Written(write=lambda network: [ec.Solve([0, 1])]), **way)
     strong = ring.run(algorithm="strong")
     for name in ("a.y", "b.y"):
         np.testing.assert_allclose(solved[name], strong[name], rtol=1e-6)
@@ -118,23 +112,23 @@ def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, backend
     assert solved.stepping["sweeps_over_loops"] > STEPS
 
 
-@BACKENDS
-def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, backend: str) -> None:
+@WAYS
+def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, way: dict[str, Any]) -> None:
     sampled = Written(write=lambda network: [*calls([0]), *calls([1], every=4)])
     usual = Written(write=lambda network: [*calls([0]), *calls([1])], step_multiples={"b": 4})
-    found, expected = (ring.run(algorithm=x, backend=backend) for x in (sampled, usual))
+    found, expected = (ring.run(algorithm=x, **way) for x in (sampled, usual))
     assert found["b.y"].tobytes() == expected["b.y"].tobytes()
     assert len(set(found["b.y"].tolist())) == STEPS // 4 + 1
 
 
-@BACKENDS
-def test_the_largest_step_multiple_never_steps(ring: ec.Simulation, backend: str) -> None:
-    result = ring.run(algorithm="jacobi", step_multiples={"b": 2**31}, backend=backend)
+@WAYS
+def test_the_largest_step_multiple_never_steps(ring: ec.Simulation, way: dict[str, Any]) -> None:
+    result = ring.run(algorithm="jacobi", step_multiples={"b": 2**31}, **way)
     assert len(set(result["b.y"].tolist())) == 1
 
 
-@BACKENDS
-def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, backend: str) -> None:
+@WAYS
+def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, way: dict[str, Any]) -> None:
     """In any other order, (0.1 + 1e16) - 1e16 would not be zero but 0.1 times the signal."""
 
     def write(network: Any) -> list[Any]:
@@ -142,7 +136,7 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, back
         sums = ec.Combine(0, "signals", {"kept": 0.1, "signals": 1e17, "previous": 0.0, "again": -1e17})
         return [*calls([0, 1]), keep, ec.Combine(0, "again", {"signals": 1.0}), sums]
 
-    assert not ring.run(algorithm=Written(write=write), backend=backend)["a.y"][1:].any()
+    assert not ring.run(algorithm=Written(write=write), **way)["a.y"][1:].any()
 
 
 @pytest.mark.parametrize(
@@ -172,15 +166,6 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, back
 def test_invalid_programs_are_refused(ring: ec.Simulation, program: list[Any], problem: str) -> None:
     with pytest.raises(ec.CommandError, match=problem):
         ring.run(algorithm=Written(write=lambda network: program))
-
-
-def test_what_a_backend_cannot_do_is_refused(ring: ec.Simulation) -> None:
-    with pytest.raises(ec.CommandError, match="the backend 'numba' cannot do these steps"):
-        ring.run(algorithm=relaxed(0.5), backend="numba")
-    with pytest.raises(ec.CommandError, match="the backend 'c' steps in one thread, not in 2"):
-        ring.run(backend="c", threads=2)
-    with pytest.raises(ec.CommandError, match="backend"):
-        ring.run(backend="fortran")
 
 
 def test_a_program_that_combines_is_not_exported(ring: ec.Simulation, tmp_path: Path) -> None:

@@ -19,7 +19,6 @@ from tests.support.commands import Emla, sentence
 from tests.support.faulty_systems import faulty, wired
 from tests.support.hand_written_fmus import FMI_3, build_faulty_fmu
 from tests.support.python_errors import LEFT, build_python_errors_fmu
-from tests.support.tiers import mostly_slow
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the FMU finds Python with dlsym")
 
@@ -57,21 +56,20 @@ def _times(error: RunError) -> list[float]:
     return result.time.tolist()
 
 
-@pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
-def test_call_time_and_exception_are_reported(fmu: Path, isolate: bool) -> None:
-    error = _run_fmu(fmu, "DoStep", compiled=False, isolate=isolate)
+def test_call_time_and_exception_are_reported_if_the_fmu_is_isolated(fmu: Path) -> None:
+    error = _run_fmu(fmu, "DoStep", isolate=True)
     assert f"Errors left a Python exception in doStep at t = 0.5 s: {LEFT}. {REMEDY}" in str(error)
     assert error.exit_code == 1
     assert _times(error) == [k * STEP for k in range(9)]
 
 
 @pytest.mark.parametrize("algorithm", ["jacobi", "strong"])
-def test_compiled_loop_reports_the_fmu_and_a_range_of_time(fmu: Path, algorithm: str) -> None:
+def test_the_loop_reports_the_fmu_and_a_range_of_time(fmu: Path, algorithm: str) -> None:
     error = _run_fmu(fmu, "DoStep", algorithm=algorithm)
     _, _, begin, end = (part.split(" s")[0] for part in str(error).split("t = "))
     assert _times(error)[-1] == float(begin) <= 0.5 < float(end)
     assert f"Errors left a Python exception in a call between t = {begin} s and t = {end} s" in str(error)
-    assert f": {LEFT}. To find the call, run with `--no-kernel`. {REMEDY}" in str(error)
+    assert f": {LEFT}. To find the call, run with `--isolate`. {REMEDY}" in str(error)
 
 
 def test_error_control_reports_it(fmu: Path) -> None:
@@ -93,7 +91,7 @@ def test_exception_that_the_fmu_meets_itself(fmu: Path) -> None:
     error = _run_fmu(fmu, "DoStep", status=3, message=message)
     assert message in str(error)
     assert str(error).endswith(
-        "An earlier call left an exception of Python; to find it, run with `--no-kernel`."
+        "An earlier call left an exception of Python; to find it, run with `--isolate`."
     )
     assert "An earlier call" not in str(_run_fmu(fmu, "DoStep", status=3, message="Other"))
 
@@ -138,7 +136,7 @@ def test_only_fmus_that_use_python_are_named(fmu: Path, tmp_path: Path, threads:
     )
     error = _failure(system, threads=threads, step_size=1e-4, stop_time=1.0)
     assert "j.good or j.bad left a Python exception in a call between t = " in str(error)
-    assert f": {LEFT}. To find the call, run with `--no-kernel`." in str(error)
+    assert f": {LEFT}. To find the call, run with `--isolate`." in str(error)
 
 
 def test_another_run_after_the_error(fmu: Path) -> None:
@@ -161,7 +159,7 @@ def test_libraries_that_use_python(fmu: Path, tmp_path: Path) -> None:
 def test_command_ends_with_one_message_and_the_rows_so_far(emla: Emla, fmu: Path) -> None:
     values = ("--set", "Errors.function=DoStep", "--set", "Errors.at=0.5")
     result = emla("run", str(fmu), *values, "--no-plots", "--output", "results")
-    assert f"{LEFT}. To find the call, run with `--no-kernel`." in sentence(result, 1)
+    assert f"{LEFT}. To find the call, run with `--isolate`." in sentence(result, 1)
     assert len(Path("results/results.csv").read_text().splitlines()) > 2
 
 

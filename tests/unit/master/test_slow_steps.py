@@ -22,7 +22,6 @@ WAYS = {
     "one thread": {"threads": 1},
     "two threads": {"threads": 2, "algorithm": "jacobi"},
     "strong": {"algorithm": "strong"},
-    "Python": {"compiled": False},
     "isolated": {"isolate": True},
     "error control": {"error_tolerance": 1e-3, "largest_step": 1e-4},
 }

@@ -28,7 +28,6 @@ def run(scenario: ec.Scenario) -> ec.Result:
     "options",
     [
         {},
-        {"compiled": False},
         {"algorithm": "strong", "output_interval": 1e-3},
         pytest.param({"isolate": ["*.observer"]}, marks=pytest.mark.slow),
     ],

@@ -24,7 +24,7 @@ from emla_cosim.master.stepping.timing import (
     make_communication_points,
 )
 from tests.support.simulated import begun, recorded
-from tests.support.slaves import FakeSlave, compilable
+from tests.support.slaves import FakeSlave
 
 DECIMAL_STEPS = (1e-4, 5e-6, 3e-5, 1.25e-6, 0.1, 0.7, 2.0**-13, 0.000123, 1.0, 50.0)
 OTHER_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1e-4 / 3.0, 1.0 / 44100.0, 2.0**-40, np.pi, 1e-200, 1e200)
@@ -135,8 +135,6 @@ class Watch(FakeSlave):
 def watches(**longest: float) -> tuple[list[Watch], Network]:
     """Three of them in a ring."""
     slaves = [Watch(name, longest.get(name, np.inf)) for name in "abc"]
-    for slave in slaves:
-        compilable(slave)
     return slaves, Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
 
 
@@ -147,17 +145,14 @@ def test_steps_of_instances_join(
 ) -> None:
     """Also where slaves step more rarely: each step begins at the end of the one before, to the last bit."""
     times = make_communication_points(start + 120 * step, step, start)
-    for compiled in (False, True):
-        slaves, network = watches()
-        stepping = FixedSteps(begun(network, kind("none", multiples), times), times, compiled)
-        assert stepping.is_compiled == compiled
-        rows = recorded(stepping)
-        assert rows[:, 0].tolist() == [times.point(k) for k in range(121)]
-        for slave in slaves:
-            multiple = multiples.get(slave.name, 1)
-            expected = rows[::multiple, 0].tolist()
-            assert [time for time, _ in slave.told] == expected[:-1]
-            assert slave.added_up(start) == expected
+    slaves, network = watches()
+    rows = recorded(FixedSteps(begun(network, kind("none", multiples), times), times))
+    assert rows[:, 0].tolist() == [times.point(k) for k in range(121)]
+    for slave in slaves:
+        multiple = multiples.get(slave.name, 1)
+        expected = rows[::multiple, 0].tolist()
+        assert [time for time, _ in slave.told] == expected[:-1]
+        assert slave.added_up(start) == expected
 
 
 def test_halves_of_discarded_steps_join() -> None:

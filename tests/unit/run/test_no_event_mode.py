@@ -56,7 +56,6 @@ def run(system: System, **options: Any) -> ec.Result:
 
 WAYS: list[dict[str, Any]] = [
     {},
-    {"compiled": False},
     {"isolate": True},
     {"algorithm": "strong"},
     {"algorithm": "jacobi"},

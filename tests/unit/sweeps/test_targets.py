@@ -29,7 +29,7 @@ def test_arguments_of_the_command_line() -> None:
         "step_multiples": {"a": 3},
         "step_size": 1e-4,
         "algorithm": "jacobi",
-        "compiled": False,
+        "integrate_together": False,
         "isolate": True,
         "gains": None,
     }
@@ -39,7 +39,7 @@ def test_arguments_of_the_command_line() -> None:
         *["--set", "a.x=0.30000000000000004", "--set", "a.on=true", "--set", "a.n=3"],
         *["--replace", "a=f.fmu", "--mapping", "a=f.ssm", "--replace", "b=g.fmu"],
         *["--parameters", "one.ssv", "--parameters", "two.ssv", "--order", "a,b", "--step-multiple", "a=3"],
-        *["--step-size", "0.0001", "--algorithm", "jacobi", "--no-kernel", "--isolate"],
+        *["--step-size", "0.0001", "--algorithm", "jacobi", "--no-together", "--isolate"],
     ]
     assert add_flag_values(found, SWEEP)[-1] == "--isolate=*"
 

@@ -113,9 +113,9 @@ ORDER = ("reference", "plant", "disturbance", "observer", "controller")
     ("names", "options"),
     [
         ((ENCODER,), {}),
-        (("lift.observer.y", "lift.controller.i_q_ref"), {"compiled": False}),
+        (("lift.observer.y", "lift.controller.i_q_ref"), {}),
         (("lift.reference.x_d", "lift.controller.x_hat", "lift.plant.F_L"), {}),
-        ((ENCODER, ENCODER, "lift.observer.y", "lift.controller.u_q", "lift.plant.d_2"), {"compiled": False}),
+        ((ENCODER, ENCODER, "lift.observer.y", "lift.controller.u_q", "lift.plant.d_2"), {}),
         # an order need not name faults; each is stepped behind its source
         ((ENCODER,), {"order": [f"lift.{name}" for name in ORDER]}),
     ],

@@ -13,9 +13,11 @@ from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.instances.described_instance import _nominal
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
+from tests.support.simulated import begun, step_by_step
 
 
 class Gear(IntEnum):
@@ -88,12 +90,10 @@ def pair(*wires: tuple[str, str], **connection: Any) -> System:
 def rows(system: System, fmu: Path, steps: int) -> dict[str, np.ndarray]:
     """Signals by name, a value per communication point, with jacobi."""
     with Assembly(system, {"a": fmu, "b": fmu}) as assembly:
-        network, master = assembly.network, Jacobi()
-        master.setup(network)
-        master.initialize(0.0, 1.0)
+        network, times = assembly.network, make_communication_points(0.1 * steps, 0.1)
+        master = begun(network, Jacobi(), times)
         found = [network.signals.copy()]
-        for k in range(steps):
-            master.step(0.1 * k, 0.1)
+        for _ in step_by_step(master, times):
             found.append(network.signals.copy())
         return dict(zip(network.names, np.array(found).T, strict=True))
 

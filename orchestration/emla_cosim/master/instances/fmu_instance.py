@@ -14,6 +14,7 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
+    from ..stepping.python_calls import PythonCalls
     from .typed_values import TypeGroup
 
 
@@ -99,7 +100,10 @@ class ObservedGroup:
 
 
 class GroupCall(NamedTuple):
-    """A FMI 3.0 function for values of one type, by address, and its arguments."""
+    """A FMI 3.0 function for values of one type, by address, and its arguments.
+
+    Without a function, 0, the values are only copied from their memory.
+    """
 
     function: int
     group: "TypeGroup"
@@ -132,6 +136,9 @@ class EntryPoints:
         setters: calls that set `inputs`; None if one call for doubles does.
         getters: calls that get `outputs`, likewise.
         get_status: `fmi2GetBooleanStatus`; 0 without it.
+        end_step: waits for the end of a step that `do_step` only begins; 0 without it.
+        events: tables of event mode, clocks and early returns, for the stepper in C; 0 without these.
+        calls: what makes the calls in Python; None if the functions are those of an FMU.
         kept: owner of memory.
     """
 
@@ -150,6 +157,9 @@ class EntryPoints:
     setters: Sequence[GroupCall] | None = None
     getters: Sequence[GroupCall] | None = None
     get_status: int = 0
+    end_step: int = 0
+    events: int = 0
+    calls: "PythonCalls | None" = None
     kept: Any = None
 
 

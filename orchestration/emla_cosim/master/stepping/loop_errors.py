@@ -58,5 +58,5 @@ def left_exception_error(
         f"a call between t = {begin:.9g} s and t = {end:.9g} s",
         left,
         [],
-        "To find the call, run with `--no-kernel`.",
+        "To find the call, run with `--isolate`.",
     )

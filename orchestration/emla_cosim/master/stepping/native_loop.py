@@ -1,17 +1,20 @@
 """Run the stepper in C: many steps of a program per call."""
 
 import ctypes
+import math
 import threading
 from collections.abc import Sequence
+from typing import Any
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...stepper.layout import Failure
+from ...stepper.layout import Control, Failure
 from ...stepper.library import StepperLibrary
 from ..algorithms.operation_table import OperationTableAlgorithm
-from ..algorithms.quasi_newton import NoAgreementError
+from ..algorithms.program import Call
 from ..instances.fmu_instance import EntryPoints
 from .loop_errors import check_room, left_exception_error
+from .saved_states import SavedStates
 from .stepper_tables import StepperTables
 from .timing import Clock
 
@@ -23,6 +26,17 @@ _CALL_NAMES = {
     Failure.RESTORE: "setFMUstate",
     Failure.OBSERVE: "getting recorded variables",
 }
+
+_MADE = {
+    Failure.SET: Call.SET,
+    Failure.DERIVATIVES: Call.SET,
+    Failure.STEP: Call.STEP,
+    Failure.GET: Call.GET,
+    Failure.SAVE: None,
+    Failure.RESTORE: None,
+    Failure.OBSERVE: None,
+}
+"""The call of a program that failed; None for others."""
 
 _ENDS = (Failure.NONE, Failure.LATE, Failure.INTERRUPTED)
 """What is no failure."""
@@ -42,6 +56,10 @@ class NativeLoop:
     ) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
+        self._points, self._calls = points, [p.calls for p in points]
+        in_groups = [o for group in algorithm.groups for o in group.operations]
+        order = [*in_groups, *algorithm.operations]
+        self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
 
@@ -69,50 +87,114 @@ class NativeLoop:
                 nothing shows after which of its steps that happened.
         """
         check_room(self._algorithm.network, rows, (first + count) // every - first // every)
-        stepper, algorithm, library = self._stepper, self._algorithm, self._library
+        stepper, algorithm = self._stepper, self._algorithm
         stepper.clock[:] = clock
+        try:
+            failure = self._call(self._library.run, first, count, every, rows.ctypes.data)
+        except SystemError as error:
+            end = min(stepper.reached + 1, first + count)
+            raise self._python_error(error, clock.point(first), clock.point(end)) from error
+        algorithm.steps += stepper.reached - first
+        return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
+
+    def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
+        """Try steps under error control.
+
+        Args:
+            control: Where to go and what is allowed, and what came out.
+            most: Largest number of trials.
+            rows: Output: a row for each accepted step, as for `run`; None for no rows.
+
+        Returns:
+            Why it ended, and the error of the last trial; None without one.
+
+        Raises:
+            PythonExceptionError: As for `run`.
+        """
+        place, room = (None, 0) if rows is None else (rows.ctypes.data, len(rows))
+        if rows is not None:
+            check_room(self._algorithm.network, rows, 1)
+        began, accepted = control.time, control.accepted
+        try:
+            failure = self._call(self._library.control, ctypes.addressof(control), most, room, place)
+        except SystemError as error:
+            raise self._python_error(error, began, control.end) from error
+        self._algorithm.steps += 2 * (control.accepted - accepted)
+        return failure, None if failure == Failure.TOO_SHORT else self._error(failure, control.end)
+
+    def _call(self, function: Any, *arguments: Any) -> Failure:
+        """Call a function of the stepper, which ends with a signal such as Ctrl-C."""
         self._stop.value = 0
         is_main = threading.current_thread() is threading.main_thread()
         if is_main:
-            library.catch_interrupts(ctypes.addressof(self._stop))
+            self._library.catch_interrupts(ctypes.addressof(self._stop))
         try:
-            failure = library.run(ctypes.addressof(stepper), first, count, every, rows.ctypes.data)
-        except SystemError as error:
-            end = min(stepper.reached + 1, first + count)
-            raise left_exception_error(
-                algorithm.network,
-                error,
-                clock.point(first),
-                clock.point(end),
-                stepper.instance,
-                stepper.status,
-            ) from error
+            return Failure(function(ctypes.addressof(self._stepper), *arguments))
         finally:
             if is_main:
-                library.release_interrupts()
-        algorithm.steps += stepper.reached - first
-        algorithm.sweeps_elsewhere += stepper.sweeps
-        return int(stepper.recorded), self._error(Failure(failure), clock)
+                self._library.release_interrupts()
+            self._algorithm.sweeps += self._stepper.sweeps
+
+    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
+        network, stepper = self._algorithm.network, self._stepper
+        return left_exception_error(network, error, begin, end, stepper.instance, stepper.status)
+
+    def allow_way_back(self) -> None:
+        """Tell FMUs in each step that a state from before it may be restored."""
+        self._tables.instances["has_no_way_back"] = 0
+
+    def offset_input(self, i: int, j: int, offset: float) -> None:
+        """Add an offset to input j of instance i from now on, in its unit, instead of an earlier one."""
+        network = self._algorithm.network
+        place = network.input_parts[i].start + j
+        self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
+
+    @property
+    def recorded(self) -> int:
+        """Number of rows of the last call."""
+        return int(self._stepper.recorded)
 
     def close(self) -> None:
         """Free saved states; never raises."""
-        for instance, state in zip(self._algorithm.network.instances, self._tables.states, strict=True):
-            if state:
-                instance.forget(ctypes.c_void_p(int(state)))
-        self._tables.states[:] = 0
+        self._tables.states.free(self._algorithm.network.instances)
 
-    def _error(self, failure: Failure, clock: Clock) -> RunError | None:
-        stepper, network = self._stepper, self._algorithm.network
+    def make_states(self) -> SavedStates:
+        """Return further places for states that C saves; the caller frees the states."""
+        return SavedStates(self._points)
+
+    def _error(self, failure: Failure, end: float) -> RunError | None:
+        """Return the error of a run whose last step ends at `end` s, or raise an exception that is none."""
         if failure in _ENDS:
             return None
+        error = self._find_python_error(failure) or self._describe(failure, end)
+        if error is not None and not isinstance(error, RunError):
+            raise error
+        return error
+
+    def _find_python_error(self, failure: Failure) -> BaseException | None:
+        """Return what a call in Python has raised; the first by the order of the program, if several did."""
+        failed, instances = self._stepper.instance, self._algorithm.network.instances
+        error, place = None, math.inf
+        if failure == Failure.STEP and failed == len(instances):
+            assert self._tables.passing is not None
+            return self._tables.passing.error
+        if failure in _MADE:
+            calls, place = self._calls[failed], self._places.get((_MADE[failure], failed), math.inf)
+            error = None if calls is None else calls.error
+        for i, (instance, calls) in enumerate(zip(instances, self._calls, strict=True)):
+            late = None if calls is None else calls.finish(instance)
+            if late is not None and (began := self._places[Call.STEP, i]) < place:
+                error, place = late, began
+        return error
+
+    def _describe(self, failure: Failure, end: float) -> RunError | None:
+        stepper, network = self._stepper, self._algorithm.network
         if failure == Failure.NOT_FINITE:
-            return network.find_nonfinite_signal(clock.point(stepper.reached + 1))
+            return network.find_nonfinite_signal(end)
         if failure == Failure.NO_AGREEMENT:
             group, n = self._algorithm.groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]
-            error = group.failure_error(stepper.time, stepper.length, NoAgreementError(gap.copy(), n))
-            assert isinstance(error, RunError)
-            return error
+            return group.disagreement_error(stepper.time, stepper.length, gap, n)
         step = f"doStep at t = {stepper.time:.9g} s"
         call = step if failure == Failure.STEP else _CALL_NAMES[failure]
         return network.instances[stepper.instance].error(call, stepper.status)

@@ -22,8 +22,6 @@ class StepRequest:
         times: start time, stop time and step size, in s.
         interval: time between rows in s, if the user set it.
         sampled: whether a component computes at communication points only, as a digital controller does.
-        compiled: value of the option `compiled`.
-        backend: value of the option `backend`.
         threads: value of the option `threads`.
         events: returns the times in s at which inputs jump or bend.
         row_distance: returns the distance of rows in the data of inputs, in s.
@@ -32,8 +30,6 @@ class StepRequest:
     times: CommunicationPoints
     interval: float | None
     sampled: bool
-    compiled: bool
-    backend: str
     threads: int | None
     events: Callable[[], Sequence[float]]
     row_distance: Callable[[], float]
@@ -79,8 +75,8 @@ class FixedStepSize(StepSizeControl):
     is_regular = True
 
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return steps of one length, compiled if possible."""
-        return FixedSteps(algorithm, request.times, request.compiled, request.threads, request.backend)
+        """Return steps of one length."""
+        return FixedSteps(algorithm, request.times, request.threads)
 
 
 @dataclass(eq=False)
@@ -126,5 +122,4 @@ class ErrorControlledStepSize(StepSizeControl):
             largest,
             events,
             request.sampled,
-            request.compiled,
         )

@@ -27,9 +27,12 @@ from ...stepper.layout import (
 from ..algorithms import program
 from ..algorithms.group import HALVINGS, SWEEPS
 from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
+from ..instances.call_records import fill_typed_call
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
-from ..instances.typed_values import TypeGroup
+from .python_calls import PythonCalls
+from .saved_states import SavedStates
 
 
 class StepperTables:
@@ -41,14 +44,18 @@ class StepperTables:
 
     Attributes:
         stepper: The record that the functions in C get.
-        states: Addresses of the saved states, per instance.
+        states: The places of the states that groups save.
         residuals: Per group, room for the residuals of all sweeps.
+        instances: The records of the instances.
+        inputs: The records of all inputs.
+        passing: What passes Strings and Binary values on before each step; None without any.
     """
 
     def __init__(self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints]) -> None:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
-        self.states = np.zeros(len(points), dtype=np.uintp)
+        self.passing = PythonCalls() if algorithm.network.opaque_links else None
+        self.states = SavedStates(points)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
         self._fill()
@@ -64,8 +71,9 @@ class StepperTables:
         vectors = [network.signals, history.previous, *algorithm.stores.values()]
         self._positions = {program.SIGNALS: SIGNALS, program.PREVIOUS: PREVIOUS}
         self._positions |= {name: FIRST_STORE + n for n, name in enumerate(algorithm.stores)}
-        stepper.instances = self._keep(self._instances())
-        stepper.inputs, stepper.signals = self._keep(self._inputs()), self._keep(self._signals())
+        self.instances, self.inputs = self._instances(), self._inputs()
+        stepper.instances, stepper.inputs = self._keep(self.instances), self._keep(self.inputs)
+        stepper.signals = self._keep(self._signals())
         stepper.groups, stepper.group_count = self._keep(self._groups()), len(algorithm.groups)
         self._fill_program()
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)
@@ -87,10 +95,11 @@ class StepperTables:
         """Fill in the operations, and the combinations with their terms."""
         algorithm, groups, rows = self._algorithm, 0, list[tuple[int, ...]]()
         combinations, terms = list[tuple[int, ...]](), list[tuple[float, int, int]]()
-        for each in algorithm.program:
+        if self.passing is not None:
+            rows.append((1, Call.STEP, len(self._points), 0, 0))
+        for each in algorithm.program[: len(algorithm.groups)] if algorithm.is_plain else algorithm.program:
             if isinstance(each, program.Operation):
-                every, store = int(algorithm.multiples[each.instance]), self._positions[each.store]
-                rows.append((every, int(each.call), each.instance, store, 0))
+                rows.append(self._row(each))
             elif isinstance(each, program.Solve):
                 rows.append((1, Call.SOLVE, groups, 0, 0))
                 groups += 1
@@ -99,10 +108,20 @@ class StepperTables:
                 into, count = self._positions[each.into], len(each.terms)
                 combinations.append((each.instance, into, len(terms), count))
                 terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]
+        rows += self._rows(algorithm.operations) if algorithm.is_plain else []
         stepper = self.stepper
         stepper.operations, stepper.operation_count = self._keep(np.array(rows, dtype=OPERATION)), len(rows)
         stepper.combinations = self._keep(np.array(combinations, dtype=COMBINATION))
         stepper.terms = self._keep(np.array(terms, dtype=TERM))
+
+    def _row(self, operation: program.Operation, is_end: bool = False) -> tuple[int, ...]:
+        every, store = int(self._algorithm.multiples[operation.instance]), self._positions[operation.store]
+        return every, Call.END if is_end else int(operation.call), operation.instance, store, 0
+
+    def _rows(self, operations: Sequence[program.Operation]) -> list[tuple[int, ...]]:
+        """Return the rows of operations, in an order in which steps in other processes overlap."""
+        split = {i for i, p in enumerate(self._points) if p.end_step}
+        return [self._row(*each) for each in overlap_steps(self._algorithm.exchange, operations, split)]
 
     def _inputs(self) -> Any:
         network, exchange = self._algorithm.network, self._algorithm.exchange
@@ -122,16 +141,17 @@ class StepperTables:
 
     def _instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
-        saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
+        saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
         records, every = np.zeros(len(points), INSTANCE), range(len(points))
-        for name in ("component", "do_step", "get_state", "set_state", "get_status"):
+        for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step", "events"):
             records[name] = [getattr(p, name) for p in points]
         records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
         records["references"] = [p.input_references.ctypes.data for p in points]
         records["orders"] = [p.derivative_orders.ctypes.data for p in points]
         records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
         records["is_version_3"] = [p.step_end is not None for p in points]
-        records["state"] = self.states.ctypes.data + self.states.itemsize * np.arange(len(points))
+        places = self.states.records
+        records["state"] = places.ctypes.data + places.itemsize * np.arange(len(points))
         records["code"], numbers = [code_of(i, "") for i in every], {name: n for n, name in enumerate(CALLS)}
         records["code_derivatives"] = numbers["setRealInputDerivatives"]
         records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
@@ -143,7 +163,11 @@ class StepperTables:
         records["mode"], records["is_rare"] = exchange.modes, exchange.rare
         records["has_no_way_back"] = [i not in saved for i in every]
         self._fill_calls(records)
-        return records
+        if self.passing is None:
+            return records
+        passing = np.zeros(1, INSTANCE)  # one that only steps
+        passing["do_step"] = self.passing.step(network.pass_opaque_values)
+        return np.concatenate([records, passing])
 
     def _fill_calls(self, records: Any) -> None:
         """Make the calls that set inputs and get outputs: all in one array, as they are read one by one."""
@@ -181,27 +205,23 @@ class StepperTables:
     def _typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
         records = np.zeros(len(calls), CALL)
         for record, (function, group) in zip(records, calls, strict=True):
-            self._fill_typed(record, group, function, first)
+            fill_typed_call(record, group, function, self._keep, first)
         records["component"], records["instance"] = points.component, i
         records["is_version_3"] = points.step_end is not None
         records["code"] = [code_of(i, group.call) for _, group in calls]
         return records
 
-    def _fill_typed(self, record: Any, group: TypeGroup, function: int, first: int) -> None:
-        places = np.arange(len(group.values)) if isinstance(group.places, slice) else group.places
-        record["function"] = function
-        record["references"], record["reference_count"] = group.references.ctypes.data, len(group.references)
-        record["values"], record["value_count"] = self._keep(group.values), len(group.values)
-        record["items"] = self._keep((group.elements + first).astype(np.int32))
-        record["places"], record["item_count"] = self._keep(places.astype(np.int32)), len(group.elements)
-        is_truth = group.boolean and group.values.dtype.name != "bool"
-        record["type"] = TRUTH_OF_FMI_2 if is_truth else TYPES.index(group.values.dtype.name)
-
     def _observers(self) -> Any:
         """Return the CALL records that get the observed variables."""
         network, found = self._algorithm.network, list[Any]()
+        place = {name: i for i, stepped in enumerate(network.instances) for name in stepped.components}
         for instance, part in network.observer.readers:
-            i = network.instances.index(instance)
+            i = place[instance.name]
+            if (calls := self._points[i].calls) is not None:
+                record = np.zeros((), CALL)
+                record["function"], record["instance"] = calls.getter(instance.get_observed), i
+                found.append(record)
+                continue
             for group in instance.observed_groups():
                 record = np.zeros((), CALL)
                 self._fill_observed(record, group, part.start)
@@ -213,7 +233,7 @@ class StepperTables:
     def _fill_observed(self, record: Any, group: ObservedGroup, first: int) -> None:
         self._held.append(group)
         if group.group is not None:
-            self._fill_typed(record, group.group.group, group.function, first)
+            fill_typed_call(record, group.group.group, group.function, self._keep, first)
             record["is_version_3"] = True
             return
         count, kind = len(group.targets), group.values.dtype.name
@@ -231,7 +251,9 @@ class StepperTables:
             n = len(group.coupling_variables)
             record["members"] = self._keep(np.array(group.members, dtype=np.int32))
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
-            record["jacobian"] = self._keep(group.newton.jacobian)
+            rows = np.array(self._rows(group.operations), dtype=OPERATION)
+            record["operations"], record["operation_count"] = self._keep(rows), len(rows)
+            record["jacobian"] = self._keep(group.jacobian)
             record["residuals"] = self._keep(residuals)
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
             room["answers"] = SWEEPS * n
@@ -239,5 +261,5 @@ class StepperTables:
             for name, size in room.items():
                 record[name] = self._keep(np.zeros(size))
             record["member_count"], record["coupling_count"] = len(group.members), n
-            record["is_saved"], record["is_halved"] = group.start is not None, group.halves
+            record["is_saved"], record["is_halved"] = group.is_saved, group.is_halved
         return records

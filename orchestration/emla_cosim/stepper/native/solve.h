@@ -17,7 +17,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
         const int32_t i = group->members[m];
         const Instance *instance = &s->instances[i];
         const size_t size = (size_t)instance->n_outputs * sizeof(double);
-        const int32_t failure = save_state(s, i);
+        const int32_t failure = save_state(s, i, instance->state);
         if (failure != DONE) return failure;
         if (size > 0) {
             memcpy(kept, now + instance->first_output, size);
@@ -32,7 +32,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
 
 static int32_t restore_states(Stepper *s, const Group *group) {
     for (int32_t m = 0; m < group->n_members; m++) {
-        const int32_t failure = restore_state(s, group->members[m]);
+        const int32_t i = group->members[m], failure = restore_state(s, i, s->instances[i].state);
         if (failure != DONE) return failure;
     }
     return DONE;
@@ -56,13 +56,20 @@ static int32_t restore_group(Stepper *s, const Group *group) {
     return restore_states(s, group);
 }
 
+/* Do one operation of a sweep. */
+static int32_t operate_again(Stepper *s, const Operation *operation, double time, double length) {
+    switch (operation->call) {
+        case SET_INPUTS: return set_inputs(s, operation->target, SIGNALS, time, length);
+        case DO_STEP: return do_step(s, operation->target, time, length);
+        case END_STEP: return end_step(s, operation->target, time, length);
+        default: return get_outputs(s, operation->target);
+    }
+}
+
 /* Do the step of every member with the newest values. */
 static int32_t sweep(Stepper *s, const Group *group, double time, double length) {
-    for (int32_t m = 0; m < group->n_members; m++) {
-        const int32_t i = group->members[m];
-        int32_t failure = set_inputs(s, i, SIGNALS, time, length);
-        if (failure == DONE) failure = do_step(s, i, time, length);
-        if (failure == DONE) failure = get_outputs(s, i);
+    for (int32_t o = 0; o < group->n_operations; o++) {
+        const int32_t failure = operate_again(s, &group->operations[o], time, length);
         if (failure != DONE) return failure;
     }
     return DONE;

@@ -7,6 +7,10 @@
 
 #include "calls.h"
 
+#include "clocks.h"
+
+#include "events.h"
+
 #include "exchange.h"
 
 #define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */
@@ -19,7 +23,8 @@
 
 /* Sizes of the records, for those who fill them in another language. */
 const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
-                                sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper)};
+                                sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
+                                sizeof(Controlled), sizeof(Control), sizeof(SavedState)};
 
 static double point(const Clock *clock, int64_t k) {
     return (clock->first + (double)k * clock->per_step) / clock->denominator;
@@ -38,25 +43,33 @@ static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double
     switch (operation->call) {
         case SET_INPUTS: return set_inputs(s, operation->target, operation->store, start, span);
         case DO_STEP: return do_step(s, operation->target, start, span);
+        case END_STEP: return end_step(s, operation->target, start, span);
         case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
         case SOLVE: return solve(s, operation->target, time, length, s->halvings);
         default: combine(s, &s->combinations[operation->target]); return DONE;
     }
 }
 
-static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
+/* Do step k, from `time` of this length. */
+OFTEN static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
     if (s->n_groups > 0) see(s);
     for (int32_t o = 0; o < s->n_operations; o++) {
         const int32_t failure = operate(s, &s->operations[o], k, time, length);
         if (failure != DONE) return failure;
     }
+    return DONE;
+}
+
+static int32_t step(Stepper *s, int64_t k, double time, double length) {
+    const int32_t failure = work_through(s, k, time, length);
+    if (failure != DONE) return failure;
     announce(s, 0);
     return are_finite(s) ? DONE : NOT_FINITE;
 }
 
 int32_t stepper_step(Stepper *s, int64_t k) {
     const double time = point(&s->clock, k);
-    return s->failure = work_through(s, k, time, point(&s->clock, k + 1) - time);
+    return s->failure = step(s, k, time, point(&s->clock, k + 1) - time);
 }
 
 /* Count a complete row: after its numbers, as the process can be killed at any instruction. */
@@ -98,7 +111,7 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
         const double now = next;
         s->reached = k;
         next = point(&s->clock, k + 1);
-        s->failure = work_through(s, k, now, next - now);
+        s->failure = step(s, k, now, next - now);
         if (s->failure != DONE) return s->failure;
         s->reached = k + 1;
         if (--until_row == 0) {
@@ -111,3 +124,5 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
     }
     return DONE;
 }
+
+#include "control.h"

@@ -1,0 +1,285 @@
+"""The stepper in plain Python: the simplest text that is right, as an oracle for the one in C.
+
+It works on the memory of an algorithm and its network, and calls the methods of instances.
+"""
+
+import math
+import time as clock
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.master.algorithms.extrapolation import Mode
+from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
+from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
+from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
+from emla_cosim.master.stepping.step_size_control import StepRequest, StepSizeControl
+from emla_cosim.master.stepping.stepping_base import LONGEST, ROUNDING, RowSink, Stepping
+from emla_cosim.master.stepping.timing import CommunicationPoints
+
+
+class NoAgreementError(Exception):
+    """The values of a group differ by this after so many sweeps."""
+
+
+class PlainStepper:
+    """Does the steps of an algorithm after its `initialize`."""
+
+    def __init__(self, algorithm: OperationTableAlgorithm) -> None:
+        self.algorithm, self.network = algorithm, algorithm.network
+        self.exchange, self.history = algorithm.exchange, algorithm.exchange.history
+        self.states: dict[tuple[int, int], Any] = {}
+
+    def step(self, time: float, length: float, times: CommunicationPoints | None = None) -> None:
+        """Do one step, in s. With step multiples, `times` has the points of the long steps."""
+        algorithm, reached = self.algorithm, self.algorithm.steps + 1
+        self.network.pass_opaque_values()
+        if algorithm.groups:
+            self.see()
+        groups = iter(algorithm.groups)
+        for each in algorithm.program:
+            if isinstance(each, Combine):
+                part = self.network.parts[each.instance]
+                terms = [factor * self.vector(name)[part] for name, factor in each.terms.items()]
+                self.vector(each.into)[part] = sum(terms[1:], terms[0])
+            elif isinstance(each, Solve):
+                self.solve(next(groups), time, length)
+            elif reached % (multiple := int(algorithm.multiples[each.instance])) == 0:
+                begin, span = (time, length) if times is None else times.stretch(reached, multiple)
+                self.call(each, begin, span, time + length)
+        algorithm.steps = reached
+
+    def see(self) -> None:
+        """Update the largest values with the present signals."""
+        sizes, largest = np.abs(self.network.signals), self.algorithm.scale.largest
+        np.fmax(largest, sizes, out=largest, where=np.isfinite(sizes))
+
+    def vector(self, name: str) -> np.ndarray:
+        own = {SIGNALS: self.network.signals, PREVIOUS: self.history.previous}
+        return own[name] if name in own else self.algorithm.stores[name]
+
+    def call(self, operation: Operation, begin: float, span: float, end: float) -> None:
+        instance = self.network.instances[operation.instance]
+        if operation.call == Call.STEP:
+            instance.do_step(begin, span)
+        elif operation.call == Call.GET:
+            self.shift(operation.instance, end)
+            instance.get_outputs()
+        elif operation.store == SIGNALS:
+            self.set_inputs(operation.instance, begin, span)
+        else:
+            self.network.pass_inputs(operation.instance, self.vector(operation.store))
+
+    # ---- the exchange of values ----
+
+    def set_inputs(self, i: int, time: float, length: float) -> None:
+        """Set the inputs of an instance: held, at the middle of a line, or along it."""
+        network, history, exchange, mode = self.network, self.history, self.exchange, self.exchange.modes[i]
+        if mode == Mode.HOLD:
+            network.pass_inputs(i)
+            return
+        instance, part = network.instances[i], network.input_parts[i]
+        for j, signal in enumerate(network.sources[i]):
+            owner, place = exchange.owners[signal], part.start + j
+            earlier, then = history.previous[signal], history.before[owner]
+            if exchange.rare[i]:
+                if history.taken_at[place] < then:
+                    earlier, then = history.taken[place], history.taken_at[place]
+                history.taken[place], history.taken_at[place] = network.signals[signal], history.at[owner]
+            moves = exchange.smooth[signal] and instance.continuous_inputs[j] and history.at[owner] > then
+            slope = (network.signals[signal] - earlier) / (history.at[owner] - then) if moves else 0.0
+            ahead = time - history.at[owner] + (0.5 * length if mode == Mode.MIDDLE else 0.0)
+            value = network.signals[signal] + ahead * slope
+            instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
+            exchange.derivatives[place] = network.factors[i][j] * slope
+        instance.set_inputs()
+        if mode == Mode.LINE:
+            instance.set_input_derivatives(exchange.derivatives[part])
+
+    def predict(self, signal: int, time: float) -> float:
+        """Return a signal, extrapolated to a time in s."""
+        history, owner, now = self.history, self.exchange.owners[signal], self.network.signals[signal]
+        span = history.at[owner] - history.before[owner]
+        moves = self.exchange.smooth[signal] and span > 0.0
+        slope = (now - history.previous[signal]) / span if moves else 0.0
+        return float(now + (time - history.at[owner]) * slope)
+
+    def shift(self, i: int, time: float) -> None:
+        """Move the signals of an instance to the history, before those of `time`."""
+        part = self.network.parts[i]
+        self.history.previous[part] = self.network.signals[part]
+        self.history.before[i], self.history.at[i] = self.history.at[i], time
+
+    # ---- loops ----
+
+    def solve(self, group: CoupledGroup, time: float, length: float, halvings: int = HALVINGS) -> None:
+        """Bring a group to the end of a step, in halves if one step fails."""
+        history = self.history
+        kept = [self.network.signals, history.previous, history.at, history.before]
+        copies = [values.copy() for values in kept]
+        can_repeat = group.is_saved
+        if can_repeat:
+            self.save(group)
+        try:
+            self.iterate(group, time, length)
+        except (DiscardedStepError, NoAgreementError) as failure:
+            if not can_repeat or not group.is_halved or not halvings:
+                if isinstance(failure, NoAgreementError):
+                    raise group.disagreement_error(time, length, *failure.args) from failure
+                raise
+            self.restore(group)
+            for i in group.members:
+                part = self.network.parts[i]
+                for values, copy, where in zip(kept, copies, (part, part, i, i), strict=True):
+                    values[where] = copy[where]
+            middle, end = time + 0.5 * length, time + length
+            self.solve(group, time, middle - time, halvings - 1)
+            self.solve(group, middle, end - middle, halvings - 1)
+
+    def save(self, group: CoupledGroup) -> None:
+        for i in group.members:
+            key = id(group), i
+            self.states[key] = self.network.instances[i].save(self.states.get(key))
+
+    def restore(self, group: CoupledGroup) -> None:
+        for i in group.members:
+            self.network.instances[i].restore(self.states[id(group), i])
+
+    def sweep(self, group: CoupledGroup, time: float, length: float) -> None:
+        for i in group.members:
+            self.set_inputs(i, time, length)
+            self.network.instances[i].do_step(time, length)
+            self.network.instances[i].get_outputs()
+
+    def iterate(self, group: CoupledGroup, time: float, length: float) -> None:
+        """Do sweeps until the values agree; see `quasi_newton.py`."""
+        signals, which = self.network.signals, group.coupling_variables
+        guess = np.array([self.predict(signal, time + length) for signal in which])
+        for i in group.members:
+            self.shift(i, time + length)
+        if not group.is_saved or not len(which):
+            self.sweep(group, time, length)
+            return
+        sizes, jacobian = group.scale.sizes(which), group.jacobian
+        earlier, residuals, answers = jacobian.copy(), list[np.ndarray](), list[np.ndarray]()
+        for k in range(SWEEPS):
+            if k:
+                self.restore(group)
+            signals[which] = guess
+            self.sweep(group, time, length)
+            self.algorithm.sweeps += 1
+            answers.append(signals[which].copy())
+            residuals.append(answers[-1] - guess)
+            agreed = bool((np.abs(residuals[-1]) / sizes <= self.algorithm.coupling_tolerance).all())
+            if not np.isfinite(residuals[-1]).all():
+                break
+            if 0 < k <= len(which) or not agreed:
+                guess = improve(residuals, answers, sizes, earlier, jacobian)
+            if agreed:
+                return
+        jacobian[:] = np.eye(len(which)) * (1.0 - RELAXATION)
+        raise NoAgreementError(residuals[-1], len(residuals))
+
+    def close(self) -> None:
+        """Free the saved states."""
+        for (_, i), state in self.states.items():
+            self.network.instances[i].forget(state)
+        self.states.clear()
+
+
+def improve(
+    residuals: Sequence[np.ndarray],
+    answers: Sequence[np.ndarray],
+    sizes: np.ndarray,
+    earlier: np.ndarray,
+    jacobian: np.ndarray,
+) -> np.ndarray:
+    """Learn J from all sweeps of a step, and return the next guess. Sums are in the order of the terms."""
+    jacobian[:] = earlier
+    largest = max(_sum(r / s * (r / s) for r, s in zip(x, sizes, strict=True)) for x in residuals)
+    basis = list[np.ndarray]()
+    for k in range(len(residuals) - 1, 0, -1):
+        direction = residuals[k] / sizes - residuals[k - 1] / sizes
+        square = _dot(direction, direction)
+        if len(basis) == len(sizes) or not square > NOISE * NOISE * largest:
+            continue
+        for other in basis:
+            direction = direction - _dot(other, direction) / _dot(other, other) * other
+        rest = _dot(direction, direction)
+        if not rest > FILTER * FILTER * square:
+            continue
+        basis.append(direction)
+        unexplained = _minus(answers[k] - answers[k - 1], jacobian, residuals[k] - residuals[k - 1])
+        for i, value in enumerate(unexplained):
+            jacobian[i] += value / rest * direction / sizes
+    return _minus(answers[-1], jacobian, residuals[-1])
+
+
+def _sum(terms: Any) -> float:
+    total = 0.0
+    for term in terms:
+        total += float(term)
+    return total
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    return _sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return answer - J residual, one term after the other."""
+    found = answer.copy()
+    for j, value in enumerate(residual):
+        found = found - jacobian[:, j] * value
+    return found
+
+
+class PlainSteps(Stepping):
+    """Steps of one length by the plain stepper."""
+
+    def __init__(self, algorithm: OperationTableAlgorithm, times: CommunicationPoints) -> None:
+        super().__init__(algorithm, times)
+        self.stepper: PlainStepper | None = None
+
+    @property
+    def time(self) -> float:
+        return self.times.point(self.algorithm.steps)
+
+    @property
+    def steps(self) -> int:
+        return self.algorithm.steps
+
+    @property
+    def finished(self) -> bool:
+        return self.steps >= self.times.steps
+
+    def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
+        algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
+        assert isinstance(algorithm, OperationTableAlgorithm)
+        self.stepper = self.stepper or PlainStepper(algorithm)
+        ahead = math.floor((min(until, times.stop) - times.start) / times.step + ROUNDING)
+        for k in range(self.steps, min(self.steps + most, times.steps, ahead)):
+            self.stepper.step(times.point(k), times.span(k, 1), times)
+            if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
+                algorithm.steps = k
+                raise failure
+            if (k + 1) % rows.every == 0:
+                self.record(rows, algorithm.network.observer.is_due(k + 1))
+            if clock.monotonic() > ends:
+                return
+
+    def close(self) -> None:
+        if self.stepper is not None:
+            self.stepper.close()
+
+
+class PlainStepSize(StepSizeControl):
+    """The step-size control of `PlainSteps`, for the option of this name of a run."""
+
+    is_regular = True
+
+    def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
+        return PlainSteps(algorithm, request.times)
