@@ -1,7 +1,7 @@
 """The stepper in C on random systems, programs and failing FMUs, in a host without Python, under sanitizers.
 
-stepper_host.c and events_host.c say what is done and checked. Everything depends on fixed seeds; a failure says
-which one to repeat. With other seeds than those of CI:
+stepper_host.c and events_host.c say what is done and checked. Everything depends on fixed seeds; a failure
+says which one to repeat. With other seeds than those of CI:
 
     EMLA_FUZZ_SEED=100000 EMLA_FUZZ_SEEDS=50000 pytest -m "slow or nightly" tests/interop/test_stepper_fuzz.py
 """
