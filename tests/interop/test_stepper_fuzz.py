@@ -1,7 +1,7 @@
 """The stepper in C on random systems, programs and failing FMUs, in a host without Python, under sanitizers.
 
-stepper_host.c says what is done and checked. Everything depends on fixed seeds; a failure says which one to
-repeat. With other seeds than those of CI:
+stepper_host.c and events_host.c say what is done and checked. Everything depends on fixed seeds; a failure
+says which one to repeat. With other seeds than those of CI:
 
     EMLA_FUZZ_SEED=100000 EMLA_FUZZ_SEEDS=50000 pytest -m "slow or nightly" tests/interop/test_stepper_fuzz.py
 """
@@ -37,6 +37,7 @@ _COMPILERS = {
 }
 
 
+@pytest.mark.parametrize(("program", "good"), [("stepper_host", "DONE"), ("events_host", "NO_PROBLEM")])
 @pytest.mark.parametrize(
     ("optimization", "first", "seeds"),
     [
@@ -45,8 +46,10 @@ _COMPILERS = {
     ],
     ids=["few", "many"],
 )
-def test_random_systems_do_no_harm(optimization: str, first: int, seeds: int, tmp_path: Path) -> None:
-    host, source = tmp_path / "stepper_host", SUPPORT / "c_host" / "stepper_host.c"
+def test_random_systems_do_no_harm(
+    optimization: str, first: int, seeds: int, program: str, good: str, tmp_path: Path
+) -> None:
+    host, source = tmp_path / program, SUPPORT / "c_host" / f"{program}.c"
     flags = [*_FLAGS, optimization, "-g", *SANITIZERS["address"], *_HEADERS, "-I", str(_NATIVE)]
     _compile("cc", *flags, str(source), "-o", str(host), "-lm")
     output = run_program(host, str(first), str(seeds))
@@ -55,7 +58,7 @@ def test_random_systems_do_no_harm(optimization: str, first: int, seeds: int, tm
     counts = dict(zip(words[::2], map(int, words[1::2]), strict=True))
     # systems in which nothing fails, or nothing happens, would prove nothing
     assert [name for name, count in counts.items() if count == 0] == []
-    assert counts["DONE"] > seeds // 5
+    assert counts[good] > seeds // 5
 
 
 @pytest.mark.slow

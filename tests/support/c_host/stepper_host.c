@@ -31,6 +31,9 @@ static time_t read_wall_clock(time_t *result);
 #include "stepper.c"
 #undef time
 
+#define HOST "stepper_host"
+#include "fuzz_basics.h"
+
 #include "stepper_toys.h"
 
 #include "stepper_systems.h"
