@@ -4,6 +4,7 @@ That they have the bits of one thread is shown in test_matrix.py and, for any sc
 test_compiled_code.py.
 """
 
+import dataclasses
 import json
 import re
 import subprocess
@@ -31,11 +32,12 @@ from emla_cosim.master.algorithms.tasks import StepTask
 from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping import kernel, sharing
+from emla_cosim.master.stepping import lanes as choice
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.thread_schedule import ThreadSchedule, schedule_tasks
+from emla_cosim.master.stepping.schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.run.options import read_threads
+from emla_cosim.stepper.library import load_stepper
 from tests.support.faulty_systems import line_with_a_fault, open_system
 from tests.support.hand_written_fmus import Fault
 from tests.support.lanes import in_lanes
@@ -167,33 +169,12 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
         assert ended(failing(times), kind(), seed) == expected
 
 
-def no_thread(*_: Any) -> None:
-    raise RuntimeError("can't start new thread")
-
-
-def no_compiler(*_: Any) -> None:
-    raise ImportError("No module named 'numba'")
-
-
-@pytest.mark.parametrize(
-    ("place", "failure", "words"),
-    [
-        ("threading.Thread.start", no_thread, "cannot start 2 threads for FMUs: can't start new thread"),
-        # a machine that has compiled the loop of one thread alone may have no compiler any more
-        (
-            "emla_cosim.master.stepping.machine_code.load",
-            no_compiler,
-            "cannot be compiled: No module named 'numba'",
-        ),
-    ],
-)
-def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
-    place: str, failure: Callable[..., None], words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_threads_that_cannot_be_used_end_a_run_that_requests_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a request, the run goes on in one thread, and reports why."""
-    kernel._advance_lane.cache_clear()
-    monkeypatch.setattr(place, failure)
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    no_threads = dataclasses.replace(load_stepper(), start_lanes=lambda *_: None)
+    monkeypatch.setattr("emla_cosim.master.stepping.compilation.load_stepper", lambda: no_threads)
+    monkeypatch.setattr(choice, "count_cores", lambda: 2)
+    words = "the system cannot start 2 threads for FMUs. Set fewer threads."
     times = make_communication_points(60.0, 1.0)
     alone, two = (
         FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=threads)
@@ -201,7 +182,7 @@ def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
     )
     recorded(alone)
     assert alone.steps == 60 and alone.report()["threads"] == 1
-    assert words.rpartition(": ")[2] in alone.report()["refused"]
+    assert alone.report()["why_one_thread"] == words
     with pytest.raises(ec.RunError, match=words):
         recorded(two)
 
@@ -246,7 +227,7 @@ def test_heavy_steps_are_tried_in_threads(
     kind: type[OperationTableAlgorithm], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two chains that need nothing of each other; how fast they are is up to the machine."""
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    monkeypatch.setattr(choice, "count_cores", lambda: 2)
     times = make_communication_points(100.0, 1.0)
     links = [(0, 1), (2, 3)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
@@ -256,7 +237,7 @@ def test_heavy_steps_are_tried_in_threads(
     assert found.tobytes() == expected.tobytes()
     assert sorted(name for lane in report["lanes"] for name in lane) == ["s0", "s1", "s2", "s3"]
     assert all(report["lanes"]) and report["threads"] in (1, 2)
-    assert min(report[f"{x}_us"] for x in ("handover", "step_in_threads", "step_in_one_thread")) > 0.0
+    assert min(report[f"{x}_us"] for x in ("step_in_threads", "step_in_one_thread")) > 0.0
 
 
 # ---- FMUs that do not run beside others --------------------------------------------------------

@@ -142,7 +142,7 @@ class Run:
             self._first = (self.stepping.steps, self.stepping.time)
             self._has_first_row = True
             if self._profiler is not None:
-                self._profiler.restart()
+                self._profiler.restart(self.stepping)
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
         """Step to a time in s, or until a failure.

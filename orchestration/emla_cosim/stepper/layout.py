@@ -102,6 +102,7 @@ INSTANCE = _record(
     orders=_ADDRESS,
     end=_ADDRESS,
     state=_ADDRESS,
+    effort=_ADDRESS,
 )
 
 INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
@@ -133,6 +134,14 @@ GROUP = _record(
     is_saved=_WHOLE,
     is_halved=_WHOLE,
 )
+
+EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
+
+WAIT = _record(lane=_WHOLE, tasks=_WHOLE)
+
+TASK = _record(waits=_ADDRESS, wait_count=_WHOLE, operation=_WHOLE)
+
+LANE = _record(tasks=_ADDRESS, activity=_ADDRESS, task_count=_CODE)
 
 _POINTER, _INT, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int64, ctypes.c_double
 
@@ -187,5 +196,9 @@ class Stepper(ctypes.Structure):
 SIZES = (
     *(t.itemsize for t in (CALL, INSTANCE, INPUT, SIGNAL, OPERATION, COMBINATION, TERM, GROUP)),
     ctypes.sizeof(Stepper),
+    EFFORT.itemsize,
 )
 """Sizes of the records, in the order of `stepper_sizes` in C."""
+
+LANES_SIZES = tuple(t.itemsize for t in (WAIT, TASK, LANE))
+"""Sizes of the records, in the order of `lanes_sizes` in C."""

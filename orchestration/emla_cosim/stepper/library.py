@@ -13,14 +13,19 @@ from fmublock.platforms import TARGETS, host_platform
 
 from ..base.errors import RunError
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
-from .layout import SIZES
+from .layout import LANES_SIZES, SIZES
 
-_MAIN = "library.c"
+_MAINS = ("library.c", "system.c")
 
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
+    "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "lanes_end": ((_POINTER,), None),
+    "effort_clock": ((), ctypes.c_int64),
+    "effort_cost": ((_POINTER, _NUMBER), ctypes.c_int64),
     "interrupts_catch": ((_POINTER,), None),
     "interrupts_release": ((), None),
     "rows_reduce": ((_POINTER, _NUMBER, _NUMBER, _POINTER, _POINTER, _POINTER), None),
@@ -39,6 +44,13 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of threads.
+            Returns the lanes; None if there are too few threads.
+        run_lanes: Does steps in lanes, as `run` does.
+        end_lanes: Ends the threads.
+        clock: Returns the time in ns that EFFORT counts.
+        measure_cost: Measures calls that do nothing: address of an EFFORT, and number of calls. Returns the ns
+            that all of it took.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
         reduce_rows: See `rows.py`.
@@ -46,6 +58,11 @@ class StepperLibrary:
     """
 
     run: Any
+    start_lanes: Any
+    run_lanes: Any
+    end_lanes: Any
+    clock: Any
+    measure_cost: Any
     catch_interrupts: Any
     release_interrupts: Any
     reduce_rows: Any
@@ -96,6 +113,11 @@ def load_stepper() -> StepperLibrary:
     return replace(_build_elsewhere(name, sources, platform), why_not_kept=why)
 
 
+def address_of_clock(library: StepperLibrary) -> int:
+    """Return the address of the clock, for EFFORT records."""
+    return ctypes.cast(library.clock, ctypes.c_void_p).value or 0
+
+
 _temporary = ExitStack()
 """Owner of the folder of a library that could not be kept."""
 
@@ -122,21 +144,25 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
 
     content = {f"sources/{name}": text for name, text in sources.items()}
     try:
-        (library,) = compile_libraries("stepper", [_MAIN], content, [platform]).values()
+        (library,) = compile_libraries("stepper", _MAINS, content, [platform]).values()
     except BuildError as error:
         raise StepperBuildError(str(error)) from error
     return library
 
 
+def _read_sizes(library: ctypes.CDLL, name: str, expected: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple((ctypes.c_size_t * len(expected)).in_dll(library, name))
+
+
 def _bind(path: Path) -> StepperLibrary:
     try:
         library = ctypes.CDLL(str(path))  # which releases the interpreter's lock during calls
-        sizes = tuple((ctypes.c_size_t * len(SIZES)).in_dll(library, "stepper_sizes"))
+        sizes = _read_sizes(library, "stepper_sizes", SIZES), _read_sizes(library, "lanes_sizes", LANES_SIZES)
         functions = [getattr(library, name) for name in _FUNCTIONS]
     except (AttributeError, OSError, ValueError) as error:
         raise StepperBuildError(f"'{path}' cannot be loaded: {error}") from error
-    if sizes != SIZES:
-        raise StepperBuildError(f"the records in C have sizes {sizes}, not {SIZES}.")
+    if sizes != (SIZES, LANES_SIZES):
+        raise StepperBuildError(f"the records in C have sizes {sizes}, not {(SIZES, LANES_SIZES)}.")
     for function, (arguments, result) in zip(functions, _FUNCTIONS.values(), strict=True):
         function.argtypes, function.restype = arguments, result
     return StepperLibrary(*functions)

@@ -1,7 +1,6 @@
 """Compile the steps of an algorithm, if this host can."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from ...base.errors import RunError
@@ -15,8 +14,7 @@ from .forwarding import forward_typed
 from .python_calls import list_entry_points
 
 if TYPE_CHECKING:
-    from .kernel import Kernel
-    from .switching_loop import SwitchingLoop
+    from .native_loop import NativeLoop
     from .trial_kernel import TrialKernel
 
 _K = TypeVar("_K")
@@ -25,27 +23,29 @@ COMPILED = (Explicit, Strong)
 """Base classes of algorithms whose steps numba can compile."""
 
 
-def make_loop(algorithm: OperationTableAlgorithm) -> "SwitchingLoop":
+def make_loop(algorithm: OperationTableAlgorithm) -> "NativeLoop":
     """Return what does fixed steps.
 
     Raises:
         RunError: The C code cannot be built on this machine.
     """
     from .native_loop import NativeLoop
-    from .switching_loop import SwitchingLoop
 
     try:
         library = load_stepper()
     except StepperBuildError as error:
         raise RunError(f"the C code that steps FMUs cannot be built on this machine: {error}") from error
-    known = list_entry_points(algorithm)
-    native = NativeLoop(algorithm, known, library)
-    return SwitchingLoop(native, partial(_make_kernel, algorithm, known), _is_compilable(algorithm, known))
+    return NativeLoop(algorithm, list_entry_points(algorithm), library)
 
 
 def compile_trials(algorithm: Algorithm) -> "TrialKernel | None":
-    """Return the compiled trials of error control for an algorithm; None as for `_compile`."""
+    """Return the compiled trials of error control for an algorithm; None as for `_compile`.
+
+    They are None as well if a profiler measures the methods of the instances.
+    """
     if not isinstance(algorithm, OperationTableAlgorithm):
+        return None
+    if any("do_step" in vars(x) or "begin_step" in vars(x) for x in algorithm.network.instances):
         return None
     known = list_entry_points(algorithm)
 
@@ -64,17 +64,6 @@ def _is_compilable(algorithm: Algorithm, known: Sequence[EntryPoints]) -> bool:
     if algorithm.network.opaque_links or any(p.calls is not None for p in known):
         return False
     return not any(p.setters is not None and p.step_end is None for p in known)
-
-
-def _make_kernel(algorithm: Algorithm, known: Sequence[EntryPoints]) -> "Kernel | None":
-    """Return numba's loop for an algorithm; None as for `_compile`."""
-
-    def make(points: Sequence[EntryPoints]) -> "Kernel":
-        from .kernel import Kernel
-
-        return Kernel(algorithm, points)  # type: ignore[arg-type]
-
-    return _compile(algorithm, known, make)
 
 
 def _compile(

@@ -3,15 +3,23 @@
 import ctypes
 import math
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...stepper.layout import Failure
-from ...stepper.library import StepperLibrary
+from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.program import Call
+from ..algorithms.tasks import StepTask
 from ..instances.fmu_instance import EntryPoints
+from ..instances.measured_calls import KINDS, Calls
+from .lane_threads import LaneThreads
 from .loop_errors import check_room, left_exception_error
 from .stepper_tables import StepperTables
 from .timing import Clock
@@ -47,6 +55,10 @@ class NativeLoop:
         algorithm: The algorithm.
         points: Addresses of the FMI functions, per instance.
         library: The functions in C.
+
+    Attributes:
+        is_shared: Whether `run` uses all threads, after `share_out` among several.
+        seconds_beside: Wall time in s that further threads took for steps.
     """
 
     def __init__(
@@ -60,6 +72,8 @@ class NativeLoop:
         self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
+        self._threads: LaneThreads | None = None
+        self.is_shared, self.seconds_beside = False, 0.0
 
     def why_not_kept(self) -> str:
         """Return why the stepper could not be kept in the cache; empty if it was."""
@@ -92,7 +106,7 @@ class NativeLoop:
         if is_main:
             library.catch_interrupts(ctypes.addressof(self._stop))
         try:
-            failure = library.run(ctypes.addressof(stepper), first, count, every, rows.ctypes.data)
+            failure = self._run(first, count, every, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
             raise left_exception_error(
@@ -110,6 +124,95 @@ class NativeLoop:
         algorithm.sweeps_elsewhere += stepper.sweeps
         return int(stepper.recorded), self._error(Failure(failure), clock)
 
+    def _run(self, first: int, count: int, every: int, rows: int) -> int:
+        """Do steps in one thread, or in all."""
+        if not self.is_shared or self._threads is None:
+            return self._library.run(ctypes.addressof(self._stepper), first, count, every, rows)
+        start = time.perf_counter()
+        try:
+            return self._threads.run(first, count, every, rows)
+        finally:
+            self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
+
+    @property
+    def threads(self) -> int:
+        """Number of threads in `run`."""
+        return len(self._threads.lanes) if self.is_shared and self._threads is not None else 1
+
+    @property
+    def why_one_thread(self) -> str:
+        """Return why threads cannot share the steps; empty if they can."""
+        if len(self._calls) < 2:
+            return "there is one component"
+        if not self._algorithm.is_plain:
+            return "the program of the algorithm combines vectors, or solves loops between other calls"
+        if self._tables.passing is not None:
+            return "Strings or Binary values are passed on in Python"
+        if self._algorithm.split_steps:
+            return "FMUs in other processes already step at the same time"
+        return ""
+
+    @property
+    def first_lane_only(self) -> set[int]:
+        """Instances that only the thread that calls `run` may call: others must not run beside them."""
+        instances = self._algorithm.network.instances
+        return {
+            i
+            for i, (instance, calls) in enumerate(zip(instances, self._calls, strict=True))
+            if calls is not None or not instance.runs_beside_others
+        }
+
+    def share_out(self, tasks: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
+        """Share the steps among threads, one per lane, from now on; see `LaneThreads`.
+
+        Raises:
+            RunError: The system provides too few threads.
+        """
+        if self._threads is None or self._threads.lanes != [list(lane) for lane in lanes]:
+            self._end_threads()
+            if len(lanes) > 1:
+                self._threads = LaneThreads(self._library, self._stepper, tasks, lanes)
+        self.is_shared = self._threads is not None
+
+    def _end_threads(self) -> None:
+        if self._threads is not None:
+            self._threads.close()
+        self._threads, self.is_shared = None, False
+
+    def measure(self, positions: Iterable[int]) -> None:
+        """Measure the calls of the instances at these positions from now on, and of no others."""
+        efforts, places = self.efforts, self._tables.instances["effort"]
+        efforts["now"] = address_of_clock(self._library)
+        places[:] = 0
+        for i in positions:
+            places[i] = efforts.ctypes.data + i * efforts.itemsize
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Which instances are measured, shape (instances,)."""
+        return self._tables.instances["effort"][: len(self._calls)] != 0
+
+    @property
+    def efforts(self) -> Any:
+        """The calls so far while they were measured, as EFFORT records, shape (instances,)."""
+        return self._tables.efforts
+
+    def start_profile(self) -> None:
+        """Measure from now on the calls of all instances, except for those that call their methods in Python."""
+        self.efforts["counts"] = self.efforts["nanoseconds"] = 0
+        self.measure(i for i, calls in enumerate(self._calls) if calls is None)
+
+    def profile(self) -> list[dict[str, Calls]]:
+        """Return these calls by what they do, per instance."""
+        return [
+            {
+                kind: Calls(int(count), 1e-9 * float(nanoseconds))
+                for kind, count, nanoseconds in zip(KINDS, effort["counts"], effort["nanoseconds"], strict=True)
+                if calls is None
+            }
+            for effort, calls in zip(self.efforts, self._calls, strict=True)
+        ]
+
     def allow_way_back(self) -> None:
         """Tell FMUs in each step that a state from before it may be restored."""
         self._tables.instances["has_no_way_back"] = 0
@@ -121,7 +224,8 @@ class NativeLoop:
         self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
 
     def close(self) -> None:
-        """Free saved states; never raises."""
+        """Free saved states and end threads; never raises."""
+        self._end_threads()
         instances = self._algorithm.network.instances
         for instance, calls, state in zip(instances, self._calls, self._tables.states, strict=True):
             if calls is not None:

@@ -2,11 +2,12 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
+from ..instances.measured_calls import Calls
 from .timing import CommunicationPoints
 
 ROUNDING = 1e-6
@@ -91,6 +92,13 @@ class Stepping(ABC):
     def report(self) -> dict[str, Any]:
         """Return how the steps were made, as plain data for run.json."""
         return {"steps": self.steps, **self.algorithm.report()}
+
+    def measure_calls(self) -> None:  # noqa: B027 - most make no calls but through methods
+        """Measure from now on the calls of instances that are not made through their methods."""
+
+    def measured_calls(self) -> Sequence[Mapping[str, Calls]]:
+        """Return these calls by what they do, per instance."""
+        return []
 
     def remarks(self) -> list[str]:
         """Return notes on the steps that a reader of the results needs."""

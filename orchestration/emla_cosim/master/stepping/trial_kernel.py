@@ -16,9 +16,28 @@ from ..algorithms.scale import Scale
 from ..algorithms.strong import Strong
 from ..instances.fmu_instance import EntryPoints
 from .controlled_signals import ControlledSignals, TrialState
-from .kernel import Kernel, c_address, compiled_address
-from .loop_errors import check_room
-from .record_layout import BLOCK, CONTROL, Failure
+from .compiled_functions import compiled_address
+from .loop_errors import check_room, left_exception_error
+from .record_layout import BLOCK, CONTROL, LOOP, Failure
+from .records import (
+    add_undo,
+    group_records,
+    input_records,
+    instance_records,
+    lane_records,
+    observed_records,
+    operation_records,
+)
+
+_CALL_NAMES = {
+    Failure.SET_REAL: "setReal",
+    Failure.SET_DERIVATIVES: "setRealInputDerivatives",
+    Failure.GET_REAL: "getReal",
+    Failure.GET_STATE: "getFMUstate",
+    Failure.SET_STATE: "setFMUstate",
+    Failure.OBSERVE: "getting recorded variables",
+}
+
 
 WATCHED = 500
 """Largest number of steps in a call if `Stepping.watch` gets each of them."""
@@ -49,13 +68,19 @@ class Trials:
     failure: RunError | None = None
 
 
-class TrialKernel(Kernel):
+class TrialKernel:
     """The compiled trials for one algorithm, after its `setup`."""
 
     def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
         """Fill the records, and load the loop from the cache or compile it; ImportError without numba."""
         self._try_steps = _try_steps()
-        super().__init__(algorithm, entry_points)
+        self._algorithm = algorithm
+        self._held: list[Any] = [entry_points]  # owners of memory whose addresses are in the records
+        self._states = np.zeros(len(entry_points), dtype=np.uintp)
+        """Addresses of the saved states of instances."""
+        self._loop = self._whole(entry_points)
+        self._lane_records = lane_records([[]], self._keep)
+        self._loop["lanes"], self._loop["lane_count"] = self._lane_records.ctypes.data, 1
         self._instance_records["no_way_back"] = 0  # each step may be repeated
         self._control = np.zeros((), CONTROL)
         self._saved = np.zeros(len(entry_points), dtype=np.uintp)
@@ -134,11 +159,11 @@ class TrialKernel(Kernel):
             per_unit: Whether the error per unit step is controlled.
             target: Time to reach exactly, in s, whether it is an event, and a time in s at which to return.
             most: Largest number of trials.
-            rows: Output: a row for each accepted step, as in `Kernel.run`; None for no rows.
+            rows: Output: a row for each accepted step; None for no rows.
             watches: Whether to return time and signals of each accepted step.
 
         Raises:
-            PythonExceptionError: As for `Kernel.run`.
+            PythonExceptionError: An FMU left an exception of Python.
         """
         if rows is not None:
             check_room(self._algorithm.network, rows, 1)
@@ -198,11 +223,57 @@ class TrialKernel(Kernel):
 
     def close(self) -> None:
         """Free saved states; never raises."""
-        for instance, state in zip(self._algorithm.network.instances, self._saved, strict=True):
-            if state:
-                instance.forget(ctypes.c_void_p(int(state)))
-        self._saved[:] = 0
-        super().close()
+        for states in (self._saved, self._states):
+            for instance, state in zip(self._algorithm.network.instances, states, strict=True):
+                if state:
+                    instance.forget(ctypes.c_void_p(int(state)))
+            states[:] = 0
+
+    def _keep(self, values: Any) -> Any:
+        self._held.append(values)
+        return values
+
+    def _whole(self, points: Sequence[EntryPoints]) -> Any:
+        algorithm, network, loop, keep = (
+            self._algorithm,
+            self._algorithm.network,
+            np.zeros((), LOOP),
+            self._keep,
+        )
+        operations, inputs = keep(operation_records(algorithm)), keep(input_records(algorithm))
+        groups, scale = [], None
+        if isinstance(algorithm, Strong):
+            groups, scale = algorithm.groups, algorithm.scale
+            loop["tolerance"], loop["largest"] = algorithm.coupling_tolerance, scale.largest.ctypes.data
+        saved = {i for group in groups if group.start is not None for i in group.members}
+        instances = keep(instance_records(algorithm, points, inputs, self._states, saved))
+        add_undo(instances, keep)
+        self._instance_records = instances
+        loop["groups"] = keep(group_records(algorithm, groups, scale, keep)).ctypes.data
+        loop["group_count"] = len(groups)
+        loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
+        loop["instances"] = instances.ctypes.data
+        loop["seconds"] = _seconds()
+        loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
+        observer = network.observer
+        observed = keep(observed_records(network, keep))
+        loop["observed"], loop["observed_count"] = observed.ctypes.data, len(observed)
+        loop["others"], loop["other_count"] = observer.values.ctypes.data, len(observer.values)
+        loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
+        return loop
+
+    def _call_error(self, failure: Failure, time: float) -> RunError:
+        """Return the error of a call that failed, in a step that begins at a time in s."""
+        lane = self._lane_records[0]
+        instance, status = self._algorithm.network.instances[int(lane["instance"])], int(lane["status"])
+        call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
+        return instance.error(call, status)
+
+    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
+        """Return the error for an exception of Python that an FMU left between two times in s."""
+        lane, network = self._lane_records[0], self._algorithm.network
+        failed = int(lane["instance"]), int(lane["status"])
+        return left_exception_error(network, error, begin, end, *failed)
 
     def _trial_error(self, failure: Failure) -> RunError | None:
         if failure in (Failure.NONE, Failure.LATE, Failure.NOT_IN_ONE):
@@ -238,3 +309,14 @@ def _try_steps() -> Callable[..., int]:
 def _power() -> int:
     """Return the address of the C function `pow`, which Python uses too."""
     return c_address("ucrtbase" if os.name == "nt" else None, "pow")
+
+
+@cache
+def _seconds() -> int:
+    """Return the address of the C function `time`: it takes far less time than finer clocks."""
+    return c_address(*(("msvcrt", "_time64") if os.name == "nt" else (None, "time")))
+
+
+def c_address(library: str | None, name: str) -> int:
+    """Return the address of a C function of the system."""
+    return ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value or 0

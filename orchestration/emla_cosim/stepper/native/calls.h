@@ -8,6 +8,8 @@
 #define RARE
 #endif
 
+#include "effort.h"
+
 /* Whether a status is worse than a warning, or not in the standard. */
 static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
 
@@ -151,11 +153,13 @@ OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) 
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     if (s->activity != NULL) s->activity->time = time;
+    const int64_t start = start_clock(instance->effort);
     const int32_t status =
         instance->is_version_3
             ? step_3(instance, time, length)
             : (int32_t)((fmi2DoStepTYPE *)instance->do_step)(instance->component, time, length,
                                                              instance->has_no_way_back ? fmi2True : fmi2False);
+    stop_clock(instance->effort, STEP_CALLS, start);
     if (!is_bad(status)) return DONE;
     s->time = time;
     s->length = length;
@@ -189,13 +193,17 @@ static int wants_end(const Stepper *s, int32_t i) {
 static int32_t save_state(Stepper *s, int32_t i) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, instance->state);
+    stop_clock(instance->effort, STATE_CALLS, start);
     return is_bad(status) ? fail(s, SAVE_FAILED, i, status) : DONE;
 }
 
 static int32_t restore_state(Stepper *s, int32_t i) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, *instance->state);
+    stop_clock(instance->effort, STATE_CALLS, start);
     return is_bad(status) ? fail(s, RESTORE_FAILED, i, status) : DONE;
 }

@@ -52,6 +52,13 @@ typedef struct {
     double reached;
 } StepEnd;
 
+/* What the calls of an instance took; the last member keeps those of two threads apart in their caches. */
+enum { INPUT_CALLS, STEP_CALLS, OUTPUT_CALLS, STATE_CALLS, RECORDING_CALLS, N_KINDS };
+typedef struct {
+    int64_t (*now)(void); /* a monotonic clock in ns */
+    int64_t counts[N_KINDS], nanoseconds[N_KINDS], unused[N_KINDS];
+} Effort;
+
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
 typedef struct { /* first what each step reads */
@@ -74,6 +81,7 @@ typedef struct { /* first what each step reads */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
     void **state; /* the place of its saved state */
+    Effort *effort; /* NULL if its calls are not measured */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
@@ -184,7 +192,7 @@ typedef struct {
     int32_t failure, instance, status, group, group_sweeps;
 } Stepper;
 
-extern STEPPER_API const size_t stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper */
+extern STEPPER_API const size_t stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Effort */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
