@@ -21,6 +21,6 @@ def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
         place = chance.choice(possible)
         through.add(place)
         lanes[lane_of[work[place].instances[0]]].append(place)
-    loop.share_out(work, lanes)
+    loop.share_out(lanes)
     assert loop.threads == count
     return stepping

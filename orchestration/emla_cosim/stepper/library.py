@@ -44,13 +44,13 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
-        start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of threads.
-            Returns the lanes; None if there are too few threads.
+        start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of
+            threads. Returns the lanes; None if there are too few threads.
         run_lanes: Does steps in lanes, as `run` does.
         end_lanes: Ends the threads.
         clock: Returns the time in ns that EFFORT counts.
-        measure_cost: Measures calls that do nothing: address of an EFFORT, and number of calls. Returns the ns
-            that all of it took.
+        measure_cost: Measures calls that do nothing: address of an EFFORT, and number of calls. Returns the
+            ns that all of it took.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
         reduce_rows: See `rows.py`.

@@ -31,6 +31,7 @@ static time_t read_wall_clock(time_t *result);
 #include "stepper.c"
 #undef time
 
+#define HOST "stepper_host"
 #include "stepper_toys.h"
 
 #include "stepper_systems.h"

@@ -358,7 +358,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def runs_beside_others(self) -> bool:
         """Whether other threads may call other instances at the same time, as far as the FMU's files show.
 
-        FMUs that use Python share the lock of one interpreter, and leave exceptions in the thread that calls them.
+        FMUs that use Python share the lock of one interpreter, and leave exceptions in the thread that
+        calls them.
         """
         shared = ("canBeInstantiatedOnlyOncePerProcess", "needsExecutionTool")
         return not any(map(self.file.has_capability, shared)) and not uses_python(self.file.library)
@@ -557,4 +558,3 @@ def _python_value(variable: ModelVariable, value: Any) -> Any:
     if variable.type == BINARY:
         return bytes(value or b"")
     return bool(value) if variable.type == "Boolean" else value
-

@@ -20,8 +20,8 @@ class LaneThreads:
         library: The functions in C.
         stepper: The record of the stepper. Its program has one operation per task.
         tasks: The tasks of a step.
-        lanes: Places of the tasks of each lane. Each task is in one lane, after the tasks of this lane that it
-            depends on.
+        lanes: Places of the tasks of each lane. Each task is in one lane, after the tasks of this lane that
+            it depends on.
 
     Raises:
         RunError: The system provides too few threads.

@@ -6,8 +6,6 @@ Results have the same bits either way, so a run can switch at any step.
 from collections.abc import Generator, Sequence
 from typing import Any
 
-import numpy as np
-
 from ...base.errors import RunError
 from ...sandbox.black_box import THREADS
 from ...sandbox.processes import count_cores
@@ -38,7 +36,7 @@ _Course = Generator[tuple[float, int], tuple[int, float], None]
 
 
 class LaneChoice:
-    """Measure the steps of a loop, and share them among threads.
+    """Share the steps of a loop among threads, as their measured times suggest.
 
     For each stretch, ask `next` for the number of steps, do them, and pass the time that they took to `did`.
 
@@ -108,11 +106,11 @@ class LaneChoice:
         """Do steps in one thread for some time, and return the seconds per step that each instance takes."""
         loop, before = self._loop, self._loop.measured
         loop.is_shared = False
-        loop.measure(range(len(before)))
+        loop.measure(range(len(loop.efforts)))
         start = loop.efforts["nanoseconds"].sum(axis=1)
-        steps, _ = yield seconds, int(np.clip(self._algorithm.multiples.max(), _LEAST, _MOST))
+        steps, _ = yield seconds, min(max(_LEAST, int(self._algorithm.multiples.max())), _MOST)
         costs = (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps)
-        loop.measure(np.flatnonzero(before))
+        loop.measure(before)
         return costs.tolist()
 
     def _find_schedule(self, costs: Sequence[float]) -> ThreadSchedule | None:
@@ -129,12 +127,14 @@ class LaneChoice:
         return best if total - length >= WORTH else None
 
     def _schedule(self, costs: Sequence[float], count: int) -> ThreadSchedule:
-        return schedule_tasks(self._algorithm.tasks(), costs, count, self._loop.first_lane_only)
+        return schedule_tasks(self._loop.tasks, costs, count, self._loop.first_lane_only)
 
     def _share(self, schedule: ThreadSchedule) -> None:
-        tasks, instances = self._algorithm.tasks(), self._algorithm.network.instances
-        self._loop.share_out(tasks, schedule.lanes)
-        members = [dict.fromkeys(i for place in lane for i in tasks[place].instances) for lane in schedule.lanes]
+        tasks, instances = self._loop.tasks, self._algorithm.network.instances
+        self._loop.share_out(schedule.lanes)
+        members = [
+            dict.fromkeys(i for place in lane for i in tasks[place].instances) for lane in schedule.lanes
+        ]
         self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 
     def _use_faster(self) -> _Course:
@@ -145,9 +145,6 @@ class LaneChoice:
             steps, seconds = yield _PROBE, 1
             measured[way].append(seconds / steps)
         shared, alone = min(measured[True]), min(measured[False])
-        self._report |= {"step_in_threads_us": _us(shared), "step_in_one_thread_us": _us(alone)}
+        for name, seconds in {"step_in_threads_us": shared, "step_in_one_thread_us": alone}.items():
+            self._report[name] = round(1e6 * seconds, 3)
         self._loop.is_shared = shared < BETTER * alone
-
-
-def _us(seconds: float) -> float:
-    return round(1e6 * seconds, 3)

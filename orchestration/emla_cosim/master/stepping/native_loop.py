@@ -5,10 +5,10 @@ import math
 import threading
 import time
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
@@ -142,8 +142,6 @@ class NativeLoop:
     @property
     def why_one_thread(self) -> str:
         """Return why threads cannot share the steps; empty if they can."""
-        if len(self._calls) < 2:
-            return "there is one component"
         if not self._algorithm.is_plain:
             return "the program of the algorithm combines vectors, or solves loops between other calls"
         if self._tables.passing is not None:
@@ -152,7 +150,12 @@ class NativeLoop:
             return "FMUs in other processes already step at the same time"
         return ""
 
-    @property
+    @cached_property
+    def tasks(self) -> list[StepTask]:
+        """The tasks of a step, one for each operation in C, if threads can share them."""
+        return self._algorithm.tasks()
+
+    @cached_property
     def first_lane_only(self) -> set[int]:
         """Instances that only the thread that calls `run` may call: others must not run beside them."""
         instances = self._algorithm.network.instances
@@ -162,7 +165,7 @@ class NativeLoop:
             if calls is not None or not instance.runs_beside_others
         }
 
-    def share_out(self, tasks: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
+    def share_out(self, lanes: Sequence[Sequence[int]]) -> None:
         """Share the steps among threads, one per lane, from now on; see `LaneThreads`.
 
         Raises:
@@ -171,7 +174,7 @@ class NativeLoop:
         if self._threads is None or self._threads.lanes != [list(lane) for lane in lanes]:
             self._end_threads()
             if len(lanes) > 1:
-                self._threads = LaneThreads(self._library, self._stepper, tasks, lanes)
+                self._threads = LaneThreads(self._library, self._stepper, self.tasks, lanes)
         self.is_shared = self._threads is not None
 
     def _end_threads(self) -> None:
@@ -188,9 +191,9 @@ class NativeLoop:
             places[i] = efforts.ctypes.data + i * efforts.itemsize
 
     @property
-    def measured(self) -> NDArray[np.bool_]:
-        """Which instances are measured, shape (instances,)."""
-        return self._tables.instances["effort"][: len(self._calls)] != 0
+    def measured(self) -> list[int]:
+        """Positions of the instances that are measured."""
+        return np.flatnonzero(self._tables.instances["effort"]).tolist()
 
     @property
     def efforts(self) -> Any:
@@ -198,7 +201,7 @@ class NativeLoop:
         return self._tables.efforts
 
     def start_profile(self) -> None:
-        """Measure from now on the calls of all instances, except for those that call their methods in Python."""
+        """Measure from now on the calls of all instances but those whose methods Python calls."""
         self.efforts["counts"] = self.efforts["nanoseconds"] = 0
         self.measure(i for i, calls in enumerate(self._calls) if calls is None)
 
@@ -207,7 +210,9 @@ class NativeLoop:
         return [
             {
                 kind: Calls(int(count), 1e-9 * float(nanoseconds))
-                for kind, count, nanoseconds in zip(KINDS, effort["counts"], effort["nanoseconds"], strict=True)
+                for kind, count, nanoseconds in zip(
+                    KINDS, effort["counts"], effort["nanoseconds"], strict=True
+                )
                 if calls is None
             }
             for effort, calls in zip(self.efforts, self._calls, strict=True)

@@ -21,8 +21,8 @@ PACING = "waiting for real time"
 class Profiler:
     """Measure the calls of all instances, and further activities, of one run.
 
-    Without it nothing is measured: it replaces methods of the instances, and lets the stepping measure what is
-    called in C. `close` puts the methods back.
+    Without it nothing is measured: it replaces methods of the instances, and lets the stepping measure what
+    is called in C. `close` puts the methods back.
 
     Args:
         instances: The instances of a network, before the algorithm's `setup`.

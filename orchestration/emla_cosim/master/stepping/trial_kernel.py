@@ -15,8 +15,8 @@ from ..algorithms.explicit import Explicit
 from ..algorithms.scale import Scale
 from ..algorithms.strong import Strong
 from ..instances.fmu_instance import EntryPoints
-from .controlled_signals import ControlledSignals, TrialState
 from .compiled_functions import compiled_address
+from .controlled_signals import ControlledSignals, TrialState
 from .loop_errors import check_room, left_exception_error
 from .record_layout import BLOCK, CONTROL, LOOP, Failure
 from .records import (

@@ -105,7 +105,6 @@ static void note_failure(Lane *lane, int32_t operation, int32_t failure) {
     while (operation < earliest &&
            !__atomic_compare_exchange_n(first, &earliest, operation, 0, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED)) {
     }
-    if (operation > lane->failed) return;
     lane->failed = operation;
     lane->failure = failure;
 }
