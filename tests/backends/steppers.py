@@ -296,6 +296,10 @@ STEPPERS: dict[str, Stepper] = {
     "three threads": Stepper(
         partial(run, threads=3), by_default=[("two loops", "strong, lines"), ("lift", "jacobi")]
     ),
+    "eight threads": Stepper(
+        partial(run, threads=8),
+        by_default=[("multirate", "gauss-seidel, lines"), ("discarded steps", "strong, lines")],
+    ),
     "profiled": Stepper(
         partial(run, profile=True),
         lacks={"failure", "types of FMI 2.0"},
