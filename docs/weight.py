@@ -16,8 +16,6 @@ PARTS = {
         "attrs",
         "fmpy",
         "numpy",
-        "numba",
-        "llvmlite",
         "psutil",
         "filelock",
         "platformdirs",

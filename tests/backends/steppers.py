@@ -10,16 +10,14 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import fmpy
 import numpy as np
 
 import emla_cosim as ec
-from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
-from emla_cosim.master.stepping.stepping_base import Stepping
 from tests.backends.systems import FAILING, SYSTEMS, Entry, Parts
 from tests.support.generated_c import Code
+from tests.support.plain_error_control import PlainErrorControlledStepSize
 from tests.support.plain_stepper import PlainStepSize
 
 
@@ -67,14 +65,6 @@ ALGORITHMS: dict[str, Algorithm] = {
     "error control, strong": controlled(1e-2, "strong", interval=1),
     "error control, strong, middles": controlled(1e-2, "strong", "master"),
 }
-
-
-class InPython(ErrorControlledStepSize):
-    """Error control in Python."""
-
-    def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
-        with mock.patch("emla_cosim.master.stepping.error_control.compile_trials", lambda algorithm: None):
-            return super().stepping(algorithm, request)
 
 
 @dataclass(frozen=True)
@@ -160,8 +150,8 @@ class Bench:
     def _reference(self, task: Task) -> Outcome:
         if "fixed steps" in ALGORITHMS[task.algorithm].has:
             return run(self, task, step_size_control=PlainStepSize())
-        control = InPython(error_tolerance=ALGORITHMS[task.algorithm].options["error_tolerance"])
-        return run(self, task, step_size_control=control)
+        tolerance = ALGORITHMS[task.algorithm].options["error_tolerance"]
+        return run(self, task, step_size_control=PlainErrorControlledStepSize(error_tolerance=tolerance))
 
     def path(self, name: str) -> Path:
         """Return a path that has not been used."""
@@ -192,7 +182,7 @@ def run(bench: Bench, task: Task, kind: int | str = 2, flavour: str = "native", 
     prepare = bench.prepare if "fatal" in task.entry.has else bench.simulation
     simulation = prepare(task.system, kind, flavour)
     options = task.options() | options
-    if isinstance(options.get("step_size_control"), InPython):
+    if isinstance(options.get("step_size_control"), PlainErrorControlledStepSize):
         del options["error_tolerance"]
     return outcome_of(simulation.attempt(recorders=[ec.TimeSeries()], **options))
 

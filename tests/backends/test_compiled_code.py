@@ -238,7 +238,7 @@ def test_without_a_compiler_there_is_one_message(faulty_fmu: Path, monkeypatch: 
     def fail() -> None:
         raise StepperBuildError("there is no compiler for the platform 'riscv'.")
 
-    monkeypatch.setattr("emla_cosim.master.stepping.compilation.load_stepper", fail)
+    monkeypatch.setattr("emla_cosim.stepper.library.load_stepper", fail)
     with (
         open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly,
         pytest.raises(RunError, match="steps FMUs cannot be built on this machine: there is no compiler"),
@@ -259,15 +259,15 @@ system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:
     rows = simulated(assembly.network, Jacobi(), make_communication_points(1.0, 0.1))
 assert abs(rows[-1, 1] - 1.0) < 1e-12
-print(*(name in sys.modules for name in ("fmublock.compiling", "numba", "networkx")))
+print(*(name in sys.modules for name in ("fmublock.compiling", "networkx")))
 """
 
 
 @pytest.mark.slow
 def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
-    """None needs numba, nor the library for loops of links, of which there are none."""
+    """Nor the library for loops of links, of which there are none."""
     environment = {**os.environ, "EMLA_COSIM_CACHE": str(tmp_path)}
-    for imported in ("True False False", "False False False"):
+    for imported in ("True False", "False False"):
         done = subprocess.run(
             [sys.executable, "-c", _START, str(faulty_fmu)],
             capture_output=True,

@@ -3,10 +3,9 @@
 That compiled code does the same is shown in test_matrix.py; here only rules that no system there needs.
 """
 
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,21 +19,24 @@ from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping import error_control, step_size_control
-from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
-from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
+from emla_cosim.master.stepping import step_size_control
+from emla_cosim.master.stepping.control_tables import SMALLEST
+from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.timing import make_clock, make_communication_points
 from emla_cosim.run.options import Options
 from tests.support.faulty_systems import line_with_a_fault, open_system
 from tests.support.hand_written_fmus import Fault
 from tests.support.linear import LinearSlave, Whole, connected
+from tests.support.plain_error_control import PlainErrorControl, PlainErrorControlledStepSize
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
+from tests.support.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
 from tests.support.tiers import mostly_slow
 from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
 
@@ -220,11 +222,13 @@ def test_ten_times_fewer_steps_than_fixed_ones(name: str, extrapolation: str, to
 def everything(stepping: ErrorControl, slaves: list[LinearSlave]) -> dict[str, bytes]:
     """All that a rejected step must leave as it was."""
     algorithm = stepping.algorithm
-    found = {name: value.tobytes() for name, value in algorithm.memory().items()}
-    for learned in [n for n in found if n.startswith("jacobian") or n == "sweeps"]:
-        del found[learned]
+    assert isinstance(algorithm, OperationTableAlgorithm)
     states = [x.tobytes() for slave in slaves for x in slave.save()]
-    return found | {"states": b"".join(states), "signals": algorithm.network.signals.tobytes()}
+    return {
+        "states": b"".join(states),
+        "memory": algorithm.restored.tobytes(),
+        "steps": bytes(algorithm.steps),
+    }
 
 
 @pytest.mark.parametrize(("name", "extrapolation"), EXTRAPOLATED)
@@ -236,6 +240,8 @@ def test_a_rejected_step_leaves_everything_as_it_was(name: str, extrapolation: s
     stepping.advance(table, 3)
     for step in (0.5, 2.0):
         stepping.control.step = step
+        sizes = algorithm.scale.largest  # which the trial updates first
+        sizes[:] = np.maximum(sizes, np.abs(algorithm.network.signals))
         before, time, accepted = everything(stepping, slaves), stepping.time, stepping.steps
         stepping.advance(table, 1)
         assert stepping.steps == accepted
@@ -277,7 +283,7 @@ def test_rejected_large_values_do_not_loosen_the_tolerance_of_a_loop() -> None:
     stepping = controlled(network, algorithm, 1.0, 1.0, 0.1)
     recorded(stepping)
     assert stepping.control.rejected > 0
-    assert algorithm.memory()["strong/largest"].max() < 10.0
+    assert algorithm.scale.largest.max() < 10.0
 
 
 def test_a_slave_that_discards_every_step_ends_the_run_with_its_message() -> None:
@@ -331,7 +337,7 @@ def test_an_infinite_value_does_not_make_every_later_error_small(infinity: float
         )
         stepping = controlled(Network([spring], []), Jacobi(), 1.0, 1e-3, 1e-3)
         assert np.isfinite(recorded(stepping)[1:]).all()
-        assert np.isfinite(stepping.memory()["control/largest"]).all()
+        assert np.isfinite(stepping.algorithm.scale.largest).all()
         return stepping.steps
 
     assert steps(infinity) == pytest.approx(steps(0.0), rel=0.1)
@@ -420,40 +426,36 @@ def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
         controlled(ending(0.0, True), make("none", {"clock": multiple}), 1.0, 0.1, 1e-3)
 
 
-# ---- rules in compiled code ---------------------------------------------------------------------
+# ---- rules for errors ---------------------------------------------------------------------------
+
+
+def shuffle(stepping: ErrorControl, seed: int) -> Any:
+    """Give the signals random roles, so that every rule applies to some."""
+    random, tables = np.random.default_rng(seed), stepping._tables
+    for role in ("is_instant", "is_unread", "is_beside", "is_judged"):
+        tables.signals[role] = random.random(len(tables.signals)) < 0.3
+    tables.signals["is_judged"] = random.random(len(tables.signals)) < 0.8
+    jumped = random.random(len(tables.signals)) < 0.5
+    tables._flags["jumped"][:] = jumped
+    if isinstance(stepping, PlainErrorControl):
+        stepping.jumped = jumped
+    stepping._control_error(per_unit=bool(random.random() < 0.5))
+    return stepping
 
 
 class Shuffled(ErrorControl):
-    """Error control whose signals have random roles, so that every rule applies to some."""
-
     seed = 0
-    rules: ClassVar[Counter[str]] = Counter()
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        random = np.random.default_rng(self.seed)
-        for flags in (self._instant, self._unread, self._beside, self._looked_at):
-            flags[:] = random.random(len(flags)) < 0.3
-        self._looked_at[:] = random.random(len(self._looked_at)) < 0.8
-        self._jumped[:] = random.random(len(self._jumped)) < 0.5
-        self._per_unit = bool(random.random() < 0.5)
-        if self._kernel is not None:
-            self._kernel.use(self._controlled())
+        shuffle(self, self.seed)
 
-    def _jumps(self, step: float, errors: Any, allowed: float) -> Any:
-        found = super()._jumps(step, errors, allowed)
-        self.rules["jump"] += int(found.any())
-        self.rules["beside"] += int(step < error_control.UNREAD * self.times.step)
-        return found
 
-    def _bends(self, step: float, errors: Any) -> Any:
-        found = super()._bends(step, errors)
-        self.rules["bend"] += int(found.any())
-        return found
+class PlainShuffled(PlainErrorControlledStepSize):
+    seed = 0
 
-    def _judge_each_step(self) -> None:
-        self.rules["crawl"] += self._kernel is None
-        super()._judge_each_step()
+    def stepping(self, algorithm: Any, request: Any) -> Any:
+        return shuffle(super().stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
 
 
 SHUFFLED = [
@@ -470,50 +472,49 @@ def test_every_rule_for_errors_is_the_same(
 ) -> None:
     monkeypatch.setattr(step_size_control, "ErrorControl", Shuffled)
     monkeypatch.setattr(Shuffled, "seed", seed)
-    monkeypatch.setattr(Shuffled, "rules", Counter())
+    monkeypatch.setattr(PlainShuffled, "seed", seed)
+    tolerance = [1e-3, 1e-5][seed % 2]
     scenario = ec.load(
         "lift",
         stop_time=0.0003,
-        error_tolerance=[1e-3, 1e-5][seed % 2],
         fmus=fmu_folder,
-        largest_step=2e-4,
         algorithm=["jacobi", "gauss-seidel", "strong"][seed],
         extrapolation=["none", "fmu", "none"][seed],
     )
+    plain = PlainShuffled(error_tolerance=tolerance, largest_step=2e-4)
+    ways: list[dict[str, Any]] = [
+        {"error_tolerance": tolerance, "largest_step": 2e-4},
+        {"step_size_control": plain},
+    ]
     found = []
-    for compiled in (True, False):
-        if not compiled:
-            monkeypatch.setattr(error_control, "compile_trials", lambda algorithm: None)
+    for way in ways:
         with scenario.prepare() as simulation:
-            found.append(simulation.attempt(recorders=[ec.TimeSeries()]))
+            found.append(simulation.attempt(recorders=[ec.TimeSeries()], **way))
     fast, here = found
-    assert [result.stepping["compiled"] for result in found] == [True, False]
     names = ["time", *here.names]
     assert all(
         x.tobytes() == y.tobytes() for x, y in zip(*(r.read(names).values() for r in found), strict=True)
     )
     assert (fast.problem, fast.steps, fast.end_s) == (here.problem, here.steps, here.end_s)
-    assert {**fast.stepping, "compiled": False} == here.stepping
-    assert {rule for rule, count in Shuffled.rules.items() if count} == rules
+    assert fast.stepping == here.stepping
+    assert set(plain.made.rules) == rules
     assert (here.problem is not None) == fails
 
 
 def test_events_and_watched_steps_are_the_same(faulty_fmu: Path) -> None:
     """Steps end at each event, and the history of lines begins anew there."""
 
-    def run(compiled: bool) -> tuple[list[list[float]], list[list[float]], int]:
+    def run(kind: type[ErrorControl]) -> tuple[list[list[float]], list[list[float]], int]:
         seen: list[list[float]] = []
         with open_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)) as assembly:
             times = make_communication_points(1.0, 0.1)
             algorithm = begun(assembly.network, GaussSeidel("fmu"), times)
-            events = [0.31, 0.5, 0.77]
-            stepping = ErrorControl(algorithm, times, 1e-3, 0.25, events=events, compiled=compiled)
-            assert stepping.is_compiled == compiled
+            stepping = kind(algorithm, times, 1e-3, 0.25, events=[0.31, 0.5, 0.77])
             stepping.watch = lambda time, signals: seen.append([time, *signals])
             rows = recorded(stepping).tolist()
             return rows, seen, stepping.report()["rejected_steps"]
 
-    rows, seen, rejected = run(compiled=True)
-    assert (rows, seen, rejected) == run(compiled=False)
+    rows, seen, rejected = run(ErrorControl)
+    assert (rows, seen, rejected) == run(PlainErrorControl)
     assert [row[0] for row in rows] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert {0.31, 0.5, 0.77} <= {row[0] for row in seen}

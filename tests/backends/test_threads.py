@@ -177,7 +177,7 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
 def test_threads_that_cannot_be_used_end_a_run_that_requests_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a request, the run goes on in one thread, and reports why."""
     no_threads = dataclasses.replace(load_stepper(), start_lanes=lambda *_: None)
-    monkeypatch.setattr("emla_cosim.master.stepping.compilation.load_stepper", lambda: no_threads)
+    monkeypatch.setattr("emla_cosim.master.stepping.compilation.require_stepper", lambda: no_threads)
     monkeypatch.setattr(choice, "count_cores", lambda: 2)
     words = "the system cannot start 2 threads for FMUs. Set fewer threads."
     times = make_communication_points(60.0, 1.0)

@@ -13,7 +13,6 @@ from emla_cosim.inputs.events import input_events, row_distance
 from emla_cosim.inputs.input import Input
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.error_control import REMARK_THRESHOLD, ErrorControl, default_largest_step
-from emla_cosim.master.stepping.step_control import LARGEST_GROWTH
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.study.schedules import scheduled_times
@@ -22,6 +21,7 @@ from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault as FmuFault
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import begun, recorded
+from tests.support.step_control import LARGEST_GROWTH
 from tests.support.tiers import mostly_slow
 from tests.support.two_masses import Part, elastic_load, rigid_load
 

@@ -110,7 +110,7 @@ def test_the_citation_is_of_this_version() -> None:
 
 HEAVY = {
     *("bokeh", "casadi", "cma", "dask", "jinja2", "lief"),
-    *("matplotlib", "networkx", "numba", "pandas", "scipy"),
+    *("matplotlib", "networkx", "pandas", "scipy"),
 }
 """Packages that take long to import, or much memory."""
 

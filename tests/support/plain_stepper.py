@@ -37,7 +37,8 @@ class PlainStepper:
         """Do one step, in s. With step multiples, `times` has the points of the long steps."""
         algorithm, reached = self.algorithm, self.algorithm.steps + 1
         self.network.pass_opaque_values()
-        algorithm.scale.see()
+        if algorithm.groups:
+            self.see()
         groups = iter(algorithm.groups)
         for each in algorithm.program:
             if isinstance(each, Combine):
@@ -50,6 +51,11 @@ class PlainStepper:
                 begin, span = (time, length) if times is None else times.stretch(reached, multiple)
                 self.call(each, begin, span, time + length)
         algorithm.steps = reached
+
+    def see(self) -> None:
+        """Update the largest values with the present signals."""
+        sizes, largest = np.abs(self.network.signals), self.algorithm.scale.largest
+        np.fmax(largest, sizes, out=largest, where=np.isfinite(sizes))
 
     def vector(self, name: str) -> np.ndarray:
         own = {SIGNALS: self.network.signals, PREVIOUS: self.history.previous}
@@ -114,13 +120,13 @@ class PlainStepper:
         history = self.history
         kept = [self.network.signals, history.previous, history.at, history.before]
         copies = [values.copy() for values in kept]
-        can_repeat = group.start is not None
+        can_repeat = group.is_saved
         if can_repeat:
             self.save(group)
         try:
             self.iterate(group, time, length)
         except (DiscardedStepError, NoAgreementError) as failure:
-            if not can_repeat or not group.halves or not halvings:
+            if not can_repeat or not group.is_halved or not halvings:
                 if isinstance(failure, NoAgreementError):
                     raise group.disagreement_error(time, length, *failure.args) from failure
                 raise
@@ -154,7 +160,7 @@ class PlainStepper:
         guess = np.array([self.predict(signal, time + length) for signal in which])
         for i in group.members:
             self.shift(i, time + length)
-        if group.start is None or not len(which):
+        if not group.is_saved or not len(which):
             self.sweep(group, time, length)
             return
         sizes, jacobian = group.scale.sizes(which), group.jacobian
@@ -164,10 +170,10 @@ class PlainStepper:
                 self.restore(group)
             signals[which] = guess
             self.sweep(group, time, length)
-            self.algorithm.sweeps_elsewhere += 1
+            self.algorithm.sweeps += 1
             answers.append(signals[which].copy())
             residuals.append(answers[-1] - guess)
-            agreed = bool((np.abs(residuals[-1]) / sizes <= group.tolerance).all())
+            agreed = bool((np.abs(residuals[-1]) / sizes <= self.algorithm.coupling_tolerance).all())
             if not np.isfinite(residuals[-1]).all():
                 break
             if 0 < k <= len(which) or not agreed:

@@ -1,19 +1,20 @@
 """Values of the command line, which are converted only if they need it.
 
 typer converts each value with pydantic, also one that is missing. To import pydantic takes a tenth of the
-time of a short run, and most options are missing or plain texts: `commands/options.py` reads these itself.
+time of a short run, and most options are missing, texts or paths: `commands/options.py` reads these itself.
 """
 
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from typer.core import TyperCommand
 
 
 class PlainCommand(TyperCommand):
-    """A command whose parameters load their converter at the first value that is not a plain text."""
+    """A command whose parameters load their converter at the first value that is no plain text or path."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, with that of `--help`."""
@@ -32,26 +33,25 @@ def _convert_late(parameter: Any) -> None:
     """
     load, described = parameter.get_runtime_param, parameter.type_descriptor
     takes_several = parameter.multiple or parameter.nargs == -1
-    is_text = described.annotation == (list[str] if takes_several else str)
+    plain = {(list[kind] if takes_several else kind): kind for kind in (str, Path)}
     has_parser = described.parameter_info.parser is not None
+    kind = None if has_parser else plain.get(described.annotation)
     if not isinstance(load, partial):  # else it was replaced before
-        parameter.get_runtime_param = partial(
-            _LateConverter, load, takes_several, takes_text=is_text and not has_parser
-        )
+        parameter.get_runtime_param = partial(_LateConverter, load, takes_several, kind)
 
 
 class _LateConverter:
     """Converter of a parameter, in place of the one that `load` returns."""
 
-    def __init__(self, load: Callable[[], Any], takes_several: bool, takes_text: bool) -> None:
-        self._load, self._takes_several, self._takes_text = load, takes_several, takes_text
+    def __init__(self, load: Callable[[], Any], takes_several: bool, plain: type[str | Path] | None) -> None:
+        self._load, self._takes_several, self._plain = load, takes_several, plain
 
     def coerce(self, value: Any, **more: Any) -> Any:
         """Return the value as typer's converter does."""
         if value is None:
             return () if self._takes_several else None
-        if self._takes_text and _is_text(value, self._takes_several):
-            return list(value) if self._takes_several else value
+        if self._plain is not None and _is_text(value, self._takes_several):
+            return [self._plain(one) for one in value] if self._takes_several else self._plain(value)
         return self._load().coerce(value, **more)
 
 

@@ -140,7 +140,7 @@ def plan_container(
         CommandError: The system cannot be one FMU.
         RunError: It cannot be initialized.
     """
-    if not isinstance(algorithm, OperationTableAlgorithm) or algorithm.has_own_step:
+    if not isinstance(algorithm, OperationTableAlgorithm):
         raise CommandError(f"an FMU cannot step with {type(algorithm).__name__}; choose another algorithm.")
     with Assembly(system, fmus) as assembly:
         _refuse_what_does_not_fit(assembly)
@@ -216,9 +216,9 @@ def _plan(
         Group(
             members=g.members,
             coupling=g.coupling_variables.tolist(),
-            saved=g.start is not None,
-            halves=g.halves,
-            values=g.newton.jacobian.ravel().copy(),
+            saved=g.is_saved,
+            halves=g.is_halved,
+            values=g.jacobian.ravel().copy(),
         )
         for g in algorithm.groups
     ]

@@ -1,5 +1,6 @@
 """Clocks of FMI 3.0 FMUs: which ones tick at times, and which ones are triggered."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,16 @@ def is_triggered_input(variable: ModelVariable) -> bool:
 def clocks_of(variable: ModelVariable) -> list[int]:
     """Return the value references of the clocks of a variable; fmpy replaces them by variables."""
     return [int(getattr(clock, "valueReference", clock)) for clock in variable.clocks or ()]
+
+
+def is_clocked(variable: ModelVariable) -> bool:
+    """Return whether a variable belongs to clocks."""
+    return bool(variable.clocks)
+
+
+def belongs(variable: ModelVariable, clocks: Collection[int]) -> bool:
+    """Return whether a variable belongs to one of these clocks, by value reference."""
+    return any(clock in clocks for clock in clocks_of(variable))
 
 
 def read_input_clocks(folder: Path, path: Path) -> list[InputClock]:

@@ -18,7 +18,16 @@ PROTOTYPES = {
     "setFMUState": (_POINTER, _POINTER),
 }
 OF_KIND = {
-    CO_SIMULATION: {"doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER)},
+    CO_SIMULATION: {
+        "doStep": (_POINTER, _DOUBLE, _DOUBLE, _BOOL, _POINTER, _POINTER, _POINTER, _POINTER),
+        "enterEventMode": (_POINTER,),
+        "enterStepMode": (_POINTER,),
+        "updateDiscreteStates": 7 * (_POINTER,),
+        "setClock": (_POINTER, _POINTER, _SIZE, _POINTER),
+        "getClock": (_POINTER, _POINTER, _SIZE, _POINTER),
+        "getIntervalDecimal": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
+        "getShiftDecimal": (_POINTER, _POINTER, _SIZE, _POINTER),
+    },
     MODEL_EXCHANGE: {
         "completedIntegratorStep": (_POINTER, _BOOL, _POINTER, _POINTER),
         "getContinuousStateDerivatives": (_POINTER, _POINTER, _SIZE),

@@ -44,7 +44,8 @@ class Perturbation:
         self._begin()
         stepping = simulation.stepping
         algorithm = stepping.algorithm
-        slow = isinstance(algorithm, OperationTableAlgorithm) and (algorithm.multiples > 1).any()
+        assert isinstance(algorithm, OperationTableAlgorithm)
+        slow = (algorithm.multiples > 1).any()
         if not isinstance(stepping, FixedSteps) or slow:
             raise CommandError(
                 "a frequency response needs steps of one length for all components; leave out step-size "

@@ -95,8 +95,7 @@ class Network:
         self.input_parts = _parts([len(s.inputs) for s in instances])
         self.signals: Vector = np.zeros(sum(len(s.outputs) for s in instances))
         self.inputs: Vector = np.zeros(sum(len(s.inputs) for s in instances))
-        for instance, written, taken in zip(instances, self.parts, self.input_parts, strict=True):
-            instance.bind(self.inputs[taken], self.signals[written])
+        self.use_signals(self.signals)
         self.names = list(names) or [f"{s.name}[{i}]" for s in instances for i in range(len(s.outputs))]
         self.sources: list[Indices] = [np.full(len(s.inputs), -1, dtype=np.intp) for s in instances]
         self.factors: list[Vector] = [np.ones(len(s.inputs)) for s in instances]
@@ -116,6 +115,12 @@ class Network:
         self.observer = Observer({})
         self.opaque_links: list[OpaqueLink] = []
         self._use_order(order_with_followers(len(instances), links, followers))
+
+    def use_signals(self, memory: Vector) -> None:
+        """Keep the signals in this memory, shape (signals,)."""
+        self.signals = memory
+        for instance, written, taken in zip(self.instances, self.parts, self.input_parts, strict=True):
+            instance.bind(self.inputs[taken], memory[written])
 
     def _use_order(self, order: list[int]) -> None:
         self.order = order

@@ -24,7 +24,7 @@ PYTHON = "python"
 COMPLETED = "completed"
 """Status of a run that reached its stop time."""
 
-_PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
+_PACKAGES = ("emla-cosim", "fmpy", "numpy", "casadi", "ziglang", "pythonfmu")
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class Failure(IntEnum):
     OBSERVE = 9
     LATE = 10
     INTERRUPTED = 11
+    TOO_SHORT = 12
 
 
 OUT_OF_RANGE = -(2**31)
@@ -102,8 +103,11 @@ INSTANCE = _record(
     orders=_ADDRESS,
     end=_ADDRESS,
     state=_ADDRESS,
+    events=_ADDRESS,
     effort=_ADDRESS,
 )
+
+SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
 
 INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
 
@@ -193,9 +197,67 @@ class Stepper(ctypes.Structure):
     )
 
 
+CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_beside=_WHOLE, is_judged=_WHOLE, is_instant=_WHOLE)
+
+
+class Control(ctypes.Structure):
+    """Error control: its tables, its memory, where to go, and what came out."""
+
+    _fields_ = (
+        ("controlled", _POINTER),
+        ("tolerance", _DOUBLE),
+        ("divisor", _DOUBLE),
+        ("start", _DOUBLE),
+        ("first_step", _DOUBLE),
+        ("leap_limit", _DOUBLE),
+        ("unread_limit", _DOUBLE),
+        ("short_limit", _DOUBLE),
+        ("crawling_limit", _DOUBLE),
+        ("shortest", _DOUBLE),
+        ("longest", _DOUBLE),
+        ("controlled_count", _INT),
+        ("instance_count", _INT),
+        ("states", _POINTER),
+        ("memory", _POINTER),
+        ("copy", _POINTER),
+        ("memory_count", _LONG),
+        ("whole", _POINTER),
+        ("errors", _POINTER),
+        ("judged", _POINTER),
+        ("total", _POINTER),
+        ("first_errors", _POINTER),
+        ("last_errors", _POINTER),
+        ("jumps", _POINTER),
+        ("jumped", _POINTER),
+        ("time", _DOUBLE),
+        ("step", _DOUBLE),
+        ("last_error", _DOUBLE),
+        ("exponent", _DOUBLE),
+        ("first_rejected", _DOUBLE),
+        ("last_rejected", _DOUBLE),
+        ("accepted", _LONG),
+        ("rejected", _LONG),
+        ("short_steps", _LONG),
+        ("is_per_unit", _INT),
+        ("is_event", _INT),
+        ("point", _DOUBLE),
+        ("enough", _DOUBLE),
+        ("watched_rows", _POINTER),
+        ("watch_room", _LONG),
+        ("watched_count", _LONG),
+        ("tried", _LONG),
+        ("end", _DOUBLE),
+        ("is_met", _INT),
+        ("worst", _INT),
+    )
+
+
 SIZES = (
     *(t.itemsize for t in (CALL, INSTANCE, INPUT, SIGNAL, OPERATION, COMBINATION, TERM, GROUP)),
     ctypes.sizeof(Stepper),
+    CONTROLLED.itemsize,
+    ctypes.sizeof(Control),
+    SAVED_STATE.itemsize,
     EFFORT.itemsize,
 )
 """Sizes of the records, in the order of `stepper_sizes` in C."""

@@ -13,14 +13,16 @@ from fmublock.platforms import TARGETS, host_platform
 
 from ..base.errors import RunError
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
+from .event_layout import EVENT_SIZES
 from .layout import LANES_SIZES, SIZES
 
 _MAINS = ("library.c", "system.c")
 
-_POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
+_POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
     "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "lanes_end": ((_POINTER,), None),
@@ -28,6 +30,10 @@ _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "effort_cost": ((_POINTER, _NUMBER), ctypes.c_int64),
     "interrupts_catch": ((_POINTER,), None),
     "interrupts_release": ((), None),
+    "events_start": ((_POINTER, _POINTER, _REAL), ctypes.c_int32),
+    "events_enter": ((_POINTER, _POINTER), ctypes.c_int32),
+    "events_leave": ((_POINTER, _POINTER), ctypes.c_int32),
+    "events_step": ((_POINTER, _POINTER, _REAL, _REAL, ctypes.c_int32), ctypes.c_int32),
     "rows_reduce": ((_POINTER, _NUMBER, _NUMBER, _POINTER, _POINTER, _POINTER), None),
 }
 """Arguments and result of each function."""
@@ -44,6 +50,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
+            number of rows, and their address or None. Returns a `Failure`.
         start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of
             threads. Returns the lanes; None if there are too few threads.
         run_lanes: Does steps in lanes, as `run` does.
@@ -53,11 +61,17 @@ class StepperLibrary:
             ns that all of it took.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
+        start_events: Starts the clocks of an instance, in initialization mode. This and the following get the
+            addresses of an `Activity` and of `Events`, and return a `Problem`.
+        enter_events: Enters event mode.
+        leave_events: Updates the discrete states and enters step mode.
+        step_events: Does a step with its events.
         reduce_rows: See `rows.py`.
         why_not_kept: Why it was not kept in the cache; empty if it was.
     """
 
     run: Any
+    control: Any
     start_lanes: Any
     run_lanes: Any
     end_lanes: Any
@@ -65,6 +79,10 @@ class StepperLibrary:
     measure_cost: Any
     catch_interrupts: Any
     release_interrupts: Any
+    start_events: Any
+    enter_events: Any
+    leave_events: Any
+    step_events: Any
     reduce_rows: Any
     why_not_kept: str = ""
 
@@ -82,6 +100,18 @@ def find_stepper() -> StepperLibrary | None:
         return load_stepper()
     except StepperBuildError:
         return None
+
+
+def require_stepper() -> StepperLibrary:
+    """Return the functions in C.
+
+    Raises:
+        RunError: They cannot be built or loaded on this machine.
+    """
+    try:
+        return load_stepper()
+    except StepperBuildError as error:
+        raise RunError(f"the C code that steps FMUs cannot be built on this machine: {error}") from error
 
 
 @cache
@@ -150,19 +180,16 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
     return library
 
 
-def _read_sizes(library: ctypes.CDLL, name: str, expected: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple((ctypes.c_size_t * len(expected)).in_dll(library, name))
-
-
 def _bind(path: Path) -> StepperLibrary:
     try:
         library = ctypes.CDLL(str(path))  # which releases the interpreter's lock during calls
-        sizes = _read_sizes(library, "stepper_sizes", SIZES), _read_sizes(library, "lanes_sizes", LANES_SIZES)
+        expected = {"stepper_sizes": SIZES, "lanes_sizes": LANES_SIZES, "events_sizes": EVENT_SIZES}
+        sizes = {n: tuple((ctypes.c_size_t * len(s)).in_dll(library, n)) for n, s in expected.items()}
         functions = [getattr(library, name) for name in _FUNCTIONS]
     except (AttributeError, OSError, ValueError) as error:
         raise StepperBuildError(f"'{path}' cannot be loaded: {error}") from error
-    if sizes != (SIZES, LANES_SIZES):
-        raise StepperBuildError(f"the records in C have sizes {sizes}, not {(SIZES, LANES_SIZES)}.")
+    if sizes != expected:
+        raise StepperBuildError(f"the records in C have sizes {sizes}, not {expected}.")
     for function, (arguments, result) in zip(functions, _FUNCTIONS.values(), strict=True):
         function.argtypes, function.restype = arguments, result
     return StepperLibrary(*functions)

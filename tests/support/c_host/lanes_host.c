@@ -115,7 +115,7 @@ typedef struct {
     double taken[MOST_INSTANCES * MOST_INPUTS], taken_at[MOST_INSTANCES * MOST_INPUTS];
     double at[MOST_INSTANCES], before[MOST_INSTANCES];
     double *stores[2];
-    void *states[MOST_INSTANCES];
+    SavedState states[MOST_INSTANCES];
     int32_t read[MOST_SIGNALS];
     Activity activities[MOST_LANES];
     int32_t stop, n_instances, every[MOST_INSTANCES];

@@ -502,8 +502,8 @@ static System *build_system(uint64_t seed) {
     present_system = system;
     system->n_instances = between(&system->dice, 1, MOST_INSTANCES);
     system->toys = own(system, (size_t)system->n_instances, sizeof(Toy));
-    system->states = own(system, (size_t)system->n_instances, sizeof(void *));
-    for (int32_t i = 0; i < system->n_instances; i++) system->states[i] = NULL;
+    system->states = own(system, (size_t)system->n_instances, sizeof(SavedState));
+    for (int32_t i = 0; i < system->n_instances; i++) system->states[i] = (SavedState){NULL, NULL};
     draw_times(system);
     s->sweeps = between(&system->dice, 1, 8);
     s->halvings = below(&system->dice, 4);
@@ -528,7 +528,7 @@ static System *build_system(uint64_t seed) {
 
 static void free_system(System *system) {
     for (int32_t i = 0; i < system->n_instances; i++)
-        if (system->states[i] != NULL) free_state_of_toy(&system->toys[i], &system->states[i]);
+        if (system->states[i].state != NULL) free_state_of_toy(&system->toys[i], &system->states[i].state);
     REQUIRE(system->n_saved == 0, "a saved state is lost");
     for (size_t n = 0; n < system->n_owned; n++) free(system->owned[n]);
     free(system);

@@ -174,7 +174,7 @@ struct System {
     Fault faults[MOST_FAULTS];
     Activity *activity;
     int32_t *stop;
-    void **states; /* the places of saved states */
+    SavedState *states; /* the places of saved states */
     int32_t n_instances, n_faults, n_stores;
     int32_t is_lost;    /* a run has failed: times and values are anything from now on */
     int32_t has_halves; /* whether a step was shorter than usual */
@@ -467,7 +467,7 @@ static void check_knowledge(Toy *toy) {
 static int32_t save_toy(Toy *toy, void **state) {
     const Fault *fault = next_fault(toy, SAVING);
     check_activity(toy, code_of(toy, SAVING));
-    REQUIRE(state == &toy->system->states[toy->instance], "the place of the state is wrong");
+    REQUIRE(state == &toy->system->states[toy->instance].state, "the place of the state is wrong");
     check_knowledge(toy);
     if (fault != NULL && toy->instance % 2) return answer(toy, SAVING, fault); /* with or without a state */
     if (*state == NULL) {
@@ -481,7 +481,7 @@ static int32_t save_toy(Toy *toy, void **state) {
 static int32_t restore_toy(Toy *toy, void *state) {
     const Fault *fault = next_fault(toy, RESTORING);
     check_activity(toy, code_of(toy, RESTORING));
-    REQUIRE(state != NULL && state == toy->system->states[toy->instance], "the state is another one");
+    REQUIRE(state != NULL && state == toy->system->states[toy->instance].state, "the state is another one");
     memcpy(&toy->state, state, sizeof(State));
     occurred[STATES_RESTORED]++;
     return answer(toy, RESTORING, fault);

@@ -390,7 +390,7 @@ def test_replacement_is_a_text_a_path_or_a_table(fmu_folder: Path) -> None:
 
 
 UNKNOWN = ["run", "nothing.toml", "--set", "a.b=1", "--stop-time", "10 ms", "--no-plots", "--threads", "auto"]
-HEAVY = {"matplotlib", "casadi", "numba", "networkx", "polars"}
+HEAVY = {"matplotlib", "casadi", "networkx", "polars"}
 
 
 @pytest.mark.slow

@@ -1,11 +1,9 @@
 """The interface of all co-simulation algorithms."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
@@ -15,17 +13,13 @@ from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 
-Span = Callable[[int], tuple[float, float]]
-"""Maps a number of steps, counted back from the end of the present one, to their begin and length in s."""
-
 
 @dataclass(eq=False)
 class Algorithm(ABC):
     """Base class of co-simulation algorithms: advances a network by communication steps.
 
     Fields made with `option` are options of the algorithm. The master calls `setup` and `initialize` once for
-    each run, then `step` for each step. All of them may raise RunError; the algorithm is then not used any
-    more, except that a discarded step may be repeated from an earlier state.
+    each run. Both may raise RunError; the algorithm is then not used any more.
 
     Args:
         extrapolation: values of inputs during a step: none (held), or extrapolated by the master or the FMU.
@@ -74,22 +68,6 @@ class Algorithm(ABC):
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 
-    def step(self, time: float, step: float, span: Span | None = None) -> None:
-        """Advance all FMU instances; the signals then have their values at the end of the step.
-
-        Strings and Binary values pass along their connections before it.
-
-        Args:
-            time: start of the step, in s.
-            step: step size in s.
-            span: returns start and length, in s, of so many steps up to the end of this one. Default:
-                multiples of `step`.
-        """
-        if self.network.opaque_links:
-            self.network.pass_opaque_values()
-        self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
-        self.steps += 1
-
     @abstractmethod
     def late(self) -> list[Link]:
         """Return the links whose target gets values of its source one step late, or extrapolated."""
@@ -104,32 +82,21 @@ class Algorithm(ABC):
         report: dict[str, Any] = {"late_connections": [link.name for link in self.late()]}
         return report | ({"integrated_together": together} if together else {})
 
+    @abstractmethod
     def memory(self) -> dict[str, Vector]:
-        """Return what the algorithm keeps besides the signals, as arrays by name."""
-        return self.kept | {"steps": np.array([float(self.steps)])}
+        """Return what steps have changed, as arrays by name."""
 
+    @abstractmethod
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Continue from what `memory` returned in an algorithm of the same class."""
-        self.steps = int(memory["steps"][0])
-        for name, present in self.kept.items():
-            present[:] = memory[name]
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Free what the algorithm holds of the FMU instances; never raises."""
-
-    @abstractmethod
-    def _step(self, time: float, step: float, span: Span) -> None:
-        """Do one step."""
 
     @property
     def accuracy(self) -> int:
         """Order of accuracy in the step size, for states in smooth motion."""
         return self.exchange.accuracy
-
-    @property
-    def kept(self) -> dict[str, Vector]:
-        """Arrays by name that a repeated step restores; they are changed in place."""
-        return vars(self.exchange.history)
 
 
 def require(instances: Sequence[FmuInstance], ability: str, flag: str, purpose: str) -> None:

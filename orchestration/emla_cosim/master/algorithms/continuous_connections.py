@@ -85,7 +85,7 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     groups = algorithm.groups if isinstance(algorithm, OperationTableAlgorithm) else ()
     for number, group in enumerate(groups):
         count = len(group.coupling_variables)
-        missing = group.newton.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
+        missing = group.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
         if not count or np.array_equal(missing, -RELAXATION * np.eye(count)):
             continue
         try:

@@ -39,9 +39,6 @@ class Mode(IntEnum):
     LINE = 2
 
 
-_HOLD, _MIDDLE, _LINE = (int(mode) for mode in Mode)  # integers compare faster
-
-
 @dataclass
 class History:
     """Earlier values of the signals, and their times.
@@ -62,7 +59,7 @@ class History:
 
 
 class Exchange:
-    """Pass signals to the instances, extrapolated or held.
+    """How signals pass to the instances: extrapolated or held.
 
     With `fmu`, an instance without support for input derivatives gets the value in the middle of the line.
     Discrete signals and discrete inputs are always held.
@@ -85,8 +82,8 @@ class Exchange:
     @property
     def accuracy(self) -> int:
         """Order of accuracy of the exchange with respect to the step size, in smooth motion."""
-        behind = any(link.direct and self.modes[link.target] == _MIDDLE for link in self.network.links)
-        return 1 if behind or _HOLD in self.modes else 2
+        behind = any(link.direct and self.modes[link.target] == Mode.MIDDLE for link in self.network.links)
+        return 1 if behind or Mode.HOLD in self.modes else 2
 
     def sample(self, instances: Collection[int]) -> None:
         """Treat these instances as sampled: others hold their outputs, and lines span their long steps."""
@@ -100,68 +97,13 @@ class Exchange:
         for taken, sources in zip(self.network.input_parts, self.network.sources, strict=True):
             self.history.taken[taken] = self.network.signals[sources]
 
-    def pass_inputs(self, i: int, time: float, step: float) -> None:
-        """Set the inputs of instance i for the step from `time` of length `step`, both in s."""
-        mode = self.modes[i]
-        if mode == _HOLD:
-            self.network.pass_inputs(i)
-            return
-        instance, sources = self.network.instances[i], self.network.sources[i]
-        slopes = self.derivatives[self.network.input_parts[i]]
-        rates = self._rates_since_taken(i) if self.rare[i] else self._rates(sources)
-        slopes[:] = np.where(instance.continuous_inputs, rates, 0.0)
-        ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == _MIDDLE else 0.0)
-        instance.inputs[:] = self.network.signals[sources] + ahead * slopes
-        if self.network.transforms[i]:
-            self.network.transform(i)
-            slopes *= self.network.factors[i]
-        instance.set_inputs()
-        if mode == _LINE:
-            instance.set_input_derivatives(slopes)
-
     def shares(self, i: int) -> Vector:
         """Return how much instance i's inputs change per change of the signals at the end of a step."""
         follows = self.network.factors[i].copy()
-        if self.modes[i] == _MIDDLE:
+        if self.modes[i] == Mode.MIDDLE:
             moves = self.smooth[self.network.sources[i]] & self.network.instances[i].continuous_inputs
             follows[moves] *= 0.5
         return follows
-
-    def predict(self, which: Indices, time: float) -> Vector:
-        """Return these signals, extrapolated to `time` in s."""
-        ahead = time - self.history.at[self.owners[which]]
-        return self.network.signals[which] + ahead * self._rates(which)
-
-    def _rates(self, which: Indices) -> Vector:
-        """Return the last slopes of these signals, per s; 0 for discrete or unknown ones."""
-        return self._slopes(which, self.history.previous[which], self.history.before[self.owners[which]])
-
-    def _rates_since_taken(self, i: int) -> Vector:
-        """Return the slopes of instance i's signals since it last read them, and record the new reading."""
-        history, which, part = self.history, self.network.sources[i], self.network.input_parts[i]
-        before = history.before[self.owners[which]]
-        older = history.taken_at[part] < before
-        earlier = np.where(older, history.taken[part], history.previous[which])
-        rates = self._slopes(which, earlier, np.where(older, history.taken_at[part], before))
-        history.taken[part], history.taken_at[part] = (
-            self.network.signals[which],
-            history.at[self.owners[which]],
-        )
-        return rates
-
-    def _slopes(self, which: Indices, earlier: Vector, then: Vector) -> Vector:
-        """Return the slopes from earlier values at the times `then` to the present ones."""
-        span = self.history.at[self.owners[which]] - then
-        change = self.network.signals[which] - earlier
-        rates = np.zeros(len(which))
-        return np.divide(change, span, out=rates, where=self.smooth[which] & (span > 0.0))
-
-    def shift(self, i: int, time: float) -> None:
-        """Move instance i's signals to the history, before it writes those of `time` in s."""
-        history, part = self.history, self.network.parts[i]
-        history.previous[part] = self.network.signals[part]
-        history.before[i] = history.at[i]
-        history.at[i] = time
 
 
 def _mode(extrapolation: str, interpolates: bool) -> Mode:

@@ -12,15 +12,13 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, join_names
 from ...base.option import STEPPED, option
 from ..network import Network
-from .algorithm import Algorithm, Span, require
+from .algorithm import Algorithm, require
 from .group import CoupledGroup, loop_derivatives
 from .overlap import find_split_steps
-from .overlapped_steps import OverlappedSteps
 from .program import PREVIOUS, SIGNALS, Call, Combine, Instruction, Operation, Solve
-from .quasi_newton import QuasiNewton
+from .quasi_newton import estimate_jacobian
 from .scale import Scale
-from .snapshot import Snapshot
-from .tasks import Perform, StepTask, perform, perform_again, plan_tasks
+from .tasks import StepTask, plan_tasks
 
 MOST = 2**31
 """The largest step multiple."""
@@ -54,12 +52,14 @@ class OperationTableAlgorithm(Algorithm):
     """The calls of the program outside of groups."""
     groups: list[CoupledGroup] = field(init=False, repr=False)
     """The groups of `Solve`, in order."""
-    done: set[int] = field(init=False, repr=False)
-    """Numbers of the groups that have finished the present step."""
-    sweeps_elsewhere: int = field(init=False, repr=False)
-    """Sweeps over loops that compiled code did, or a run before its checkpoint."""
+    sweeps: int = field(init=False, repr=False)
+    """Sweeps over loops so far."""
     stores: dict[str, Vector] = field(init=False, repr=False)
     """Vectors of the program by name, without the signals and the previous ones."""
+    block: Vector = field(init=False, repr=False)
+    """All that steps change, in one piece of memory; checkpoints have it."""
+    restored: Vector = field(init=False, repr=False)
+    """The part of it that a repeated step restores: all but what is learned of loops."""
 
     def setup(self, network: Network) -> None:
         """Prepare for a run; CommandError if a step multiple is invalid."""
@@ -79,7 +79,7 @@ class OperationTableAlgorithm(Algorithm):
                 right = "at least 1" if least else f"at most {MOST}"
                 raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
-        self.scale, self.done, self.sweeps_elsewhere = Scale(network), set(), 0
+        self.scale, self.sweeps = Scale(network), 0
 
     def use(self, program: Sequence[Instruction]) -> None:
         """Use this program; call it in `setup`.
@@ -95,10 +95,29 @@ class OperationTableAlgorithm(Algorithm):
             self._sample(each)
         self.stores = self._make_stores([x for x in program if isinstance(x, Combine)])
         self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
-        self._apart = self._overlapped(self.operations) if self.is_plain else None
-        # calls at the end of a plain program need not be told apart, which takes as long as a call
-        self._dispatched = self.program[: len(self.groups)] if self.is_plain else self.program
-        self._calls = [(int(o.call), o.instance, int(self.multiples[o.instance])) for o in self.operations]
+        self._gather_memory()
+
+    def _gather_memory(self) -> None:
+        """Move all that steps change into one block."""
+        history = vars(self.exchange.history)
+        parts = [self.network.signals, *history.values(), self.scale.largest, *self.stores.values()]
+        count, place = sum(part.size for part in parts), 0
+        self.block = np.zeros(count + sum(group.jacobian.size for group in self.groups))
+        self.restored = self.block[:count]
+
+        def move(values: Vector) -> Vector:
+            nonlocal place
+            moved = self.block[place : place + values.size].reshape(values.shape)
+            moved[:], place = values, place + values.size
+            return moved
+
+        self.network.use_signals(move(self.network.signals))
+        for name, values in history.items():
+            history[name] = move(values)
+        self.scale.largest = move(self.scale.largest)
+        self.stores = {name: move(store) for name, store in self.stores.items()}
+        for group in self.groups:
+            group.jacobian = move(group.jacobian)
 
     def _check(self, instruction: Instruction) -> None:
         """Raise CommandError for what is no instruction, and for instances that do not exist."""
@@ -160,11 +179,6 @@ class OperationTableAlgorithm(Algorithm):
         return found.union(*(find_split_steps(self.exchange, group.operations) for group in self.groups))
 
     @property
-    def has_own_step(self) -> bool:
-        """Whether a subclass does steps in Python instead of writing a program."""
-        return type(self)._step is not OperationTableAlgorithm._step
-
-    @property
     def is_plain(self) -> bool:
         """Whether the program solves groups first, and then calls instances with the present signals."""
         count = len(self.groups)
@@ -180,25 +194,15 @@ class OperationTableAlgorithm(Algorithm):
         cut = self.network.find_coupling_variables(members)
         if len(cut):
             require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
-        start = Snapshot(self, members) if all(s.rolls_back for s in instances) else None
         return CoupledGroup(
             exchange=self.exchange,
             scale=self.scale,
-            tolerance=self.coupling_tolerance,
             members=members,
             coupling_variables=cut,
-            newton=QuasiNewton(len(cut)),
-            start=start,
-            halves=all(s.varies_step for s in instances),
-            overlapped=self._overlapped([Operation(c, i) for i in members for c in Call], perform_again),
+            jacobian=estimate_jacobian(len(cut)),
+            is_saved=all(s.rolls_back for s in instances),
+            is_halved=all(s.varies_step for s in instances),
         )
-
-    def _overlapped(
-        self, operations: Sequence[Operation], perform: Perform = perform
-    ) -> OverlappedSteps | None:
-        """Return what overlaps the steps of a table; None if it has less than two that can overlap."""
-        apart = sum(self.network.instances[o.instance].steps_apart for o in operations if o.call == Call.STEP)
-        return OverlappedSteps(self.exchange, operations, self.multiples, perform) if apart > 1 else None
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
         """Initialize all FMU instances, and get the derivatives of loops where FMUs have them."""
@@ -206,17 +210,12 @@ class OperationTableAlgorithm(Algorithm):
         for store in self.stores.values():
             store[:] = self.network.signals
         for group in self.groups:
-            if len(group.coupling_variables):
-                group.newton.forget(loop_derivatives(self.exchange, group))
+            if count := len(group.coupling_variables):
+                group.jacobian[:] = estimate_jacobian(count, loop_derivatives(self.exchange, group))
 
     def tasks(self) -> list[StepTask]:
         """Return the tasks of a step of a plain program: each group as a whole, then the operations."""
         return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
-
-    @property
-    def sweeps(self) -> int:
-        """Sweeps over loops so far."""
-        return self.sweeps_elsewhere + sum(group.sweeps for group in self.groups)
 
     @property
     def loops(self) -> list[list[int]]:
@@ -230,67 +229,11 @@ class OperationTableAlgorithm(Algorithm):
         names = [[self.network.instances[i].name for i in loop] for loop in self.loops]
         return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
 
-    @property
-    def kept(self) -> dict[str, Vector]:
-        """Arrays by name that a repeated step restores, with the sizes of the signals."""
-        sizes = {"strong/largest": self.scale.largest} if self.groups else {}
-        return super().kept | sizes | {f"store/{name}": store for name, store in self.stores.items()}
-
     def memory(self) -> dict[str, Vector]:
-        """Return what the algorithm keeps besides the signals, with the derivatives of the loops."""
-        learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self.groups)}
-        sweeps = {"sweeps": np.array([float(self.sweeps)])} if self.groups else {}
-        return super().memory() | learned | sweeps
+        """Return what steps have changed, as arrays by name."""
+        return {"block": self.block, "counts": np.array([self.steps, self.sweeps], dtype=float)}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Continue from what `memory` returned for the same network."""
-        super().remember(memory)
-        for i, group in enumerate(self.groups):
-            group.newton.jacobian[:] = memory[f"jacobian/{i}"]
-            group.sweeps = 0
-        self.sweeps_elsewhere = int(memory["sweeps"][0]) if self.groups else 0
-
-    def close(self) -> None:
-        """Free the saved states."""
-        for group in getattr(self, "groups", ()):
-            if group.start is not None:
-                group.start.close()
-
-    def _step(self, time: float, step: float, span: Span) -> None:
-        if self.groups and not self.done:
-            self.scale.see()
-        done, self.done = self.done, set()
-        reached, groups, calls = self.steps + 1, enumerate(self.groups), iter(self._calls)
-        for each in self._dispatched:
-            if isinstance(each, Operation):
-                call, i, multiple = next(calls)
-                if reached % multiple:
-                    continue
-                if each.store == SIGNALS:
-                    begin, length = (time, step) if multiple == 1 else span(multiple)
-                    perform(self.exchange, call, i, begin, length, time + step)
-                else:
-                    self.network.pass_inputs(i, self._vector(each.store))
-            elif isinstance(each, Combine):
-                self._combine(each)
-            else:
-                number, group = next(groups)
-                if number not in done:
-                    group.advance(time, step, reached)
-        if self._apart is not None:
-            self._apart.operate(time, step, span, reached)
-            return
-        for call, i, multiple in calls:
-            if reached % multiple == 0:
-                begin, length = (time, step) if multiple == 1 else span(multiple)
-                perform(self.exchange, call, i, begin, length, time + step)
-
-    def _vector(self, name: str) -> Vector:
-        if name == SIGNALS:
-            return self.network.signals
-        return self.exchange.history.previous if name == PREVIOUS else self.stores[name]
-
-    def _combine(self, combination: Combine) -> None:
-        part = self.network.parts[combination.instance]
-        terms = [factor * self._vector(name)[part] for name, factor in combination.terms.items()]
-        self._vector(combination.into)[part] = sum(terms[1:], terms[0])
+        """Continue from what `memory` returned in an algorithm of the same class, for the same network."""
+        self.block[:] = memory["block"]
+        self.steps, self.sweeps = (int(count) for count in memory["counts"])

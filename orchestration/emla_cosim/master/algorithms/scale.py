@@ -19,15 +19,9 @@ class Scale:
     """
 
     def __init__(self, network: Network) -> None:
-        self._signals = network.signals
         nominals = [instance.nominals for instance in network.instances]
         self.floor: Vector = np.fmax(NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals]), TINY)
         self.largest: Vector = np.zeros(len(network.signals))
-
-    def see(self) -> None:
-        """Update the largest values with the present signals."""
-        sizes = np.abs(self._signals)
-        np.fmax(self.largest, sizes, out=self.largest, where=np.isfinite(sizes))
 
     def sizes(self, which: Indices) -> Vector:
         """Return the sizes of these signals."""

@@ -29,7 +29,6 @@ class Strong(InOrder, OperationTableAlgorithm):
 
     Attributes:
         sweeps: number of times that a loop was stepped.
-        done: numbers of the groups that have already done the current step.
 
     Examples:
         >>> import emla_cosim as ec

@@ -1,33 +1,10 @@
 """Split a step into tasks, with the dependencies between them."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from .extrapolation import Exchange
 from .program import Call, Operation
-
-_SET, _STEP = int(Call.SET), int(Call.STEP)  # integers compare faster
-
-
-def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, end: float) -> None:
-    """Do one call of instance i. Its step is from `begin` of this length, its outputs are of `end`, in s."""
-    if call not in (_SET, _STEP):
-        exchange.shift(i, end)
-    perform_again(exchange, call, i, begin, length, end)
-
-
-def perform_again(exchange: Exchange, call: int, i: int, begin: float, length: float, end: float) -> None:
-    """Do one call of a step that is repeated: the history already ends before it. See `perform`."""
-    if call == _SET:
-        exchange.pass_inputs(i, begin, length)
-    elif call == _STEP:
-        exchange.network.instances[i].do_step(begin, length)
-    else:
-        exchange.network.instances[i].get_outputs()
-
-
-Perform = Callable[[Exchange, int, int, float, float, float], None]
-"""A function such as `perform`."""
 
 
 @dataclass(frozen=True)

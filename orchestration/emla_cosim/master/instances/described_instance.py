@@ -48,8 +48,11 @@ class DescribedInstance(FmuInstance):
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
         self.lost_values: list[LostValue] = []
         """Start values that the FMU did not have at the end of its last initialization."""
-        self.violations: list[str] = []
-        """What the FMU did in this run against the standard, and was accepted."""
+
+    @property
+    def violations(self) -> list[str]:
+        """Return what the FMU did in this run against the standard, and was accepted."""
+        return []
 
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""

@@ -1,11 +1,27 @@
 """Update the discrete states of an FMU in event mode, for both kinds and both versions."""
 
 import math
+from typing import NamedTuple
 
 from ...fmu.elements import is_version_3
-from .event_stepping import DiscreteUpdate
 from .fmu_instance import InstanceError
 from .in_process_instance import InProcessInstance
+
+
+class DiscreteUpdate(NamedTuple):
+    """What an FMU says about one update of its discrete states.
+
+    Attributes:
+        needs_more: whether it needs another update.
+        ends: whether it wants the run to end.
+        has_new_nominals: whether the nominal values of its states have changed.
+        next_event: time of its next time event in s; infinite without one.
+    """
+
+    needs_more: bool
+    ends: bool
+    has_new_nominals: bool
+    next_event: float
 
 
 def update_discrete_states(instance: InProcessInstance, time: float) -> DiscreteUpdate:

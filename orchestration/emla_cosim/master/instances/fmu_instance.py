@@ -100,7 +100,10 @@ class ObservedGroup:
 
 
 class GroupCall(NamedTuple):
-    """A FMI 3.0 function for values of one type, by address, and its arguments."""
+    """A FMI 3.0 function for values of one type, by address, and its arguments.
+
+    Without a function, 0, the values are only copied from their memory.
+    """
 
     function: int
     group: "TypeGroup"
@@ -134,6 +137,7 @@ class EntryPoints:
         getters: calls that get `outputs`, likewise.
         get_status: `fmi2GetBooleanStatus`; 0 without it.
         end_step: waits for the end of a step that `do_step` only begins; 0 without it.
+        events: tables of event mode, clocks and early returns, for the stepper in C; 0 without these.
         calls: what makes the calls in Python; None if the functions are those of an FMU.
         kept: owner of memory.
     """
@@ -154,6 +158,7 @@ class EntryPoints:
     getters: Sequence[GroupCall] | None = None
     get_status: int = 0
     end_step: int = 0
+    events: int = 0
     calls: "PythonCalls | None" = None
     kept: Any = None
 

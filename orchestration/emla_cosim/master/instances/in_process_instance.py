@@ -44,7 +44,7 @@ from .fmu_instance import (
     PythonExceptionError,
 )
 from .start_values import StartValues
-from .typed_values import TypedValues, ValueRangeError, start_memory
+from .typed_values import TypedValues, TypeGroup, ValueRangeError, start_memory
 
 _POINTER = ctypes.c_void_p
 _ONE, _REAL, _INTEGER, _TEXT = (
@@ -141,6 +141,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Return the values of structural parameters that it gets right after instantiation."""
         return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
 
+    @property
+    def _address(self) -> int:
+        """Return the address of the FMU's instance."""
+        return ctypes.cast(self._component, _POINTER).value or 0
+
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
         """Convert any exception to CommandError, because fmpy raises bare ones."""
@@ -214,7 +219,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
         """
-        self.violations.clear()
         if str(self.file.description.generationTool).endswith(_RESETS):
             super().reset()
         else:
@@ -313,20 +317,25 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def observed_groups(self) -> list[ObservedGroup]:
         """Return what compiled code needs to read the observed variables."""
-        is_version_3 = self._library.is_version_3
+        is_version_3, address = self._library.is_version_3, self._library.addresses
         return [
             ObservedGroup(
                 call=group.call,
-                function=self._library.addresses[group.call],
-                component=ctypes.cast(self._component, _POINTER).value or 0,
+                function=address.get(group.call, 0),
+                component=self._address,
                 references=group.references,
                 values=group.values,
                 boolean=group.boolean,
                 targets=group.elements,
-                group=GroupCall(self._library.addresses[group.call], group) if is_version_3 else None,
+                group=GroupCall(address.get(group.call, 0), group) if is_version_3 else None,
             )
-            for group in self._observed[0].groups
+            for group in self._observed_types
         ]
+
+    @property
+    def _observed_types(self) -> Sequence[TypeGroup]:
+        """Return what reads the observed variables, by type."""
+        return self._observed[0].groups
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
@@ -415,7 +424,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def entry_points(self) -> EntryPoints | None:
         """Return the addresses of the FMU's functions."""
         address, names = self._library.addresses, CallNames()
-        component = ctypes.cast(self._component, _POINTER).value or 0
         setters, getters = None, None
         if self._typed is not None:
             setters, getters = ([GroupCall(address[g.call], g) for g in t.groups] for t in self._typed)
@@ -424,7 +432,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             set_, get = ("setFloat64", "getFloat64") if self._typed is None else _TYPED_CALLS.values()
             names = CallNames(set_, get, "getFMUState", "setFMUState")
         return EntryPoints(
-            component=component,
+            component=self._address,
             set_real=address["setFloat64" if is_3 else "setReal"],
             get_real=address["getFloat64" if is_3 else "getReal"],
             do_step=address["doStep"],

@@ -65,6 +65,7 @@ class IsolatedInstance(DescribedInstance):
         self._observed: Vector = np.empty(0)
         self._end: InstanceError | None = None
         self._under_way = False
+        self._violations = list[str]()
         self._present, self._number = black_box.current_activity(), number
         try:
             with contextlib.ExitStack() as resources:
@@ -75,6 +76,11 @@ class IsolatedInstance(DescribedInstance):
             raise CommandError(f"the process of {name} cannot start: {error.strerror}.") from error
         self._owner = os.getpid()
         self._send(Request("start", (name, file, list(inputs), list(outputs))))
+
+    @property
+    def violations(self) -> list[str]:
+        """Return what the FMU did in this run against the standard, and was accepted."""
+        return self._violations
 
     def ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
@@ -105,7 +111,7 @@ class IsolatedInstance(DescribedInstance):
         """Return to the state right after instantiation."""
         self._inputs_to_set = self._slopes_to_set = None
         self._ask("reset")
-        self.violations.clear()
+        self._violations = []
         self.inputs[:] = self.input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
@@ -155,10 +161,10 @@ class IsolatedInstance(DescribedInstance):
         """Wait until the step is done."""
         self._under_way = False
         try:
-            self._outputs_of_step, self._observed_of_step, self.violations = self._receive(call="doStep")
+            self._outputs_of_step, self._observed_of_step, self._violations = self._receive(call="doStep")
         except RunError:
             with contextlib.suppress(InstanceError):  # they often explain why it failed
-                self.violations = self._ask("violations")
+                self._violations = self._ask("violations")
             raise
 
     def directional_derivative(self, direction: Vector) -> Vector | None:

@@ -99,6 +99,7 @@ class TypedValues:
         functions: The FMI functions by their short names.
         arrays: The memory of the arrays that are set, by value reference. All setters of an instance share
             it, because FMI sets whole arrays only.
+        elements: The positions of the variables in the vector, by default in their order.
     """
 
     def __init__(
@@ -107,8 +108,10 @@ class TypedValues:
         variables: Sequence[ModelVariable],
         functions: Mapping[str, Callable[..., int]],
         arrays: dict[int, NDArray[Any]] | None = None,
+        elements: NDArray[np.intp] | None = None,
     ) -> None:
         self.groups = list[TypeGroup]()
+        elements = np.arange(len(variables)) if elements is None else elements
         for type_, members, references, places, size in plan_calls(access, variables):
             first = variables[members[0]]
             values = np.zeros(size, dtype=value_type(first))
@@ -119,7 +122,7 @@ class TypedValues:
             self.groups.append(
                 TypeGroup(
                     call=f"{access}{type_}",
-                    elements=np.array(members, dtype=np.intp),
+                    elements=elements[members],
                     references=references,
                     values=values,
                     places=slice(None) if np.array_equal(places, np.arange(size)) else places,

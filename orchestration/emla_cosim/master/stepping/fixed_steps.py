@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
-from ..instances.measured_calls import Calls
 from .compilation import make_loop
 from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
@@ -37,7 +35,7 @@ class FixedSteps(Stepping):
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
         assert isinstance(algorithm, OperationTableAlgorithm)
-        self._loop = make_loop(algorithm)
+        self.loop = self._loop = make_loop(algorithm)
         self._choice = None if threads == 1 else LaneChoice(self._loop, algorithm, threads)
 
     @property
@@ -54,11 +52,6 @@ class FixedSteps(Stepping):
     def finished(self) -> bool:
         """Whether the stop time is reached."""
         return self.algorithm.steps >= self.times.steps
-
-    @property
-    def seconds_beside(self) -> float:
-        """Wall time in s that further threads took for steps."""
-        return self._loop.seconds_beside
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
@@ -97,17 +90,8 @@ class FixedSteps(Stepping):
         """Add the use of threads to the report."""
         found = super().report()
         found |= self._choice.report() if self._choice is not None else {"threads": 1}
-        if reason := self._loop.why_not_kept():
-            found["compiled_code_not_kept"] = reason
-        return found
-
-    def measure_calls(self) -> None:
-        """Measure from now on the calls of instances that the C code makes itself."""
-        self._loop.start_profile()
-
-    def measured_calls(self) -> Sequence[Mapping[str, Calls]]:
-        """Return these calls by what they do, per instance."""
-        return self._loop.profile()
+        reason = self._loop.why_not_kept()
+        return found | ({"compiled_code_not_kept": reason} if reason else {})
 
     def close(self) -> None:
         """Free the saved states."""
@@ -119,14 +103,13 @@ class FixedSteps(Stepping):
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
     def _advance(self, rows: RowSink, last: int) -> None:
-        first, times, every = self.algorithm.steps, self.times, rows.every
-        observer = self.algorithm.network.observer
-        if observer.strings:  # C code cannot read texts
+        first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        if observer.strings:  # C cannot read texts
             last = min(last, observer.next_due(first))
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
-        recorded, failure = self._loop.run(first, count, times.clock, every, block)
+        recorded, failure = self._loop.run(first, count, self.times.clock, every, block)
         if recorded and failure is None and observer.is_due(self.algorithm.steps):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values

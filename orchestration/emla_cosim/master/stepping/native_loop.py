@@ -5,14 +5,14 @@ import math
 import threading
 import time
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...stepper.layout import Failure
+from ...stepper.layout import Control, Failure
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.program import Call
@@ -21,6 +21,7 @@ from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls
 from .lane_threads import LaneThreads
 from .loop_errors import check_room, left_exception_error
+from .saved_states import SavedStates
 from .stepper_tables import StepperTables
 from .timing import Clock
 
@@ -66,13 +67,13 @@ class NativeLoop:
     ) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
-        self._calls = [p.calls for p in points]
+        self._points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
         self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
-        self._threads: LaneThreads | None = None
+        self._lanes: LaneThreads | None = None
         self.is_shared, self.seconds_beside = False, 0.0
 
     def why_not_kept(self) -> str:
@@ -99,45 +100,66 @@ class NativeLoop:
                 nothing shows after which of its steps that happened.
         """
         check_room(self._algorithm.network, rows, (first + count) // every - first // every)
-        stepper, algorithm, library = self._stepper, self._algorithm, self._library
+        stepper, algorithm = self._stepper, self._algorithm
         stepper.clock[:] = clock
+        alone, start = partial(self._library.run, ctypes.addressof(stepper)), time.perf_counter()
+        run = self._lanes.run if self._lanes is not None and self.is_shared else alone
+        try:
+            failure = self._call(run, first, count, every, rows.ctypes.data)
+        except SystemError as error:
+            end = min(stepper.reached + 1, first + count)
+            raise self._python_error(error, clock.point(first), clock.point(end)) from error
+        self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
+        algorithm.steps += stepper.reached - first
+        return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
+
+    def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
+        """Try steps under error control.
+
+        Args:
+            control: Where to go and what is allowed, and what came out.
+            most: Largest number of trials.
+            rows: Output: a row for each accepted step, as for `run`; None for no rows.
+
+        Returns:
+            Why it ended, and the error of the last trial; None without one.
+
+        Raises:
+            PythonExceptionError: As for `run`.
+        """
+        place, room = (None, 0) if rows is None else (rows.ctypes.data, len(rows))
+        if rows is not None:
+            check_room(self._algorithm.network, rows, 1)
+        began, accepted = control.time, control.accepted
+        try:
+            addresses = ctypes.addressof(self._stepper), ctypes.addressof(control)
+            failure = self._call(self._library.control, *addresses, most, room, place)
+        except SystemError as error:
+            raise self._python_error(error, began, control.end) from error
+        self._algorithm.steps += 2 * (control.accepted - accepted)
+        return failure, None if failure == Failure.TOO_SHORT else self._error(failure, control.end)
+
+    def _call(self, function: Any, *arguments: Any) -> Failure:
+        """Call a function of the stepper, which ends with a signal such as Ctrl-C."""
         self._stop.value = 0
         is_main = threading.current_thread() is threading.main_thread()
         if is_main:
-            library.catch_interrupts(ctypes.addressof(self._stop))
+            self._library.catch_interrupts(ctypes.addressof(self._stop))
         try:
-            failure = self._run(first, count, every, rows.ctypes.data)
-        except SystemError as error:
-            end = min(stepper.reached + 1, first + count)
-            raise left_exception_error(
-                algorithm.network,
-                error,
-                clock.point(first),
-                clock.point(end),
-                stepper.instance,
-                stepper.status,
-            ) from error
+            return Failure(function(*arguments))
         finally:
             if is_main:
-                library.release_interrupts()
-        algorithm.steps += stepper.reached - first
-        algorithm.sweeps_elsewhere += stepper.sweeps
-        return int(stepper.recorded), self._error(Failure(failure), clock)
+                self._library.release_interrupts()
+            self._algorithm.sweeps += self._stepper.sweeps
 
-    def _run(self, first: int, count: int, every: int, rows: int) -> int:
-        """Do steps in one thread, or in all."""
-        if not self.is_shared or self._threads is None:
-            return self._library.run(ctypes.addressof(self._stepper), first, count, every, rows)
-        start = time.perf_counter()
-        try:
-            return self._threads.run(first, count, every, rows)
-        finally:
-            self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
+    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
+        network, stepper = self._algorithm.network, self._stepper
+        return left_exception_error(network, error, begin, end, stepper.instance, stepper.status)
 
     @property
     def threads(self) -> int:
         """Number of threads in `run`."""
-        return len(self._threads.lanes) if self.is_shared and self._threads is not None else 1
+        return len(self._lanes.lanes) if self.is_shared and self._lanes is not None else 1
 
     @property
     def why_one_thread(self) -> str:
@@ -171,16 +193,16 @@ class NativeLoop:
         Raises:
             RunError: The system provides too few threads.
         """
-        if self._threads is None or self._threads.lanes != [list(lane) for lane in lanes]:
-            self._end_threads()
+        if self._lanes is None or self._lanes.lanes != [list(lane) for lane in lanes]:
+            self._end_lanes()
             if len(lanes) > 1:
-                self._threads = LaneThreads(self._library, self._stepper, self.tasks, lanes)
-        self.is_shared = self._threads is not None
+                self._lanes = LaneThreads(self._library, self._stepper, self.tasks, lanes)
+        self.is_shared = self._lanes is not None
 
-    def _end_threads(self) -> None:
-        if self._threads is not None:
-            self._threads.close()
-        self._threads, self.is_shared = None, False
+    def _end_lanes(self) -> None:
+        if self._lanes is not None:
+            self._lanes.close()
+        self._lanes, self.is_shared = None, False
 
     def measure(self, positions: Iterable[int]) -> None:
         """Measure the calls of the instances at these positions from now on, and of no others."""
@@ -228,22 +250,25 @@ class NativeLoop:
         place = network.input_parts[i].start + j
         self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
 
+    @property
+    def recorded(self) -> int:
+        """Number of rows of the last call."""
+        return int(self._stepper.recorded)
+
     def close(self) -> None:
         """Free saved states and end threads; never raises."""
-        self._end_threads()
-        instances = self._algorithm.network.instances
-        for instance, calls, state in zip(instances, self._calls, self._tables.states, strict=True):
-            if calls is not None:
-                calls.close(instance)
-            elif state:
-                instance.forget(ctypes.c_void_p(int(state)))
-        self._tables.states[:] = 0
+        self._end_lanes()
+        self._tables.states.free(self._algorithm.network.instances)
 
-    def _error(self, failure: Failure, clock: Clock) -> RunError | None:
-        """Return the error of a run, or raise an exception that is none."""
+    def make_states(self) -> SavedStates:
+        """Return further places for states that C saves; the caller frees the states."""
+        return SavedStates(self._points)
+
+    def _error(self, failure: Failure, end: float) -> RunError | None:
+        """Return the error of a run whose last step ends at `end` s, or raise an exception that is none."""
         if failure in _ENDS:
             return None
-        error = self._find_python_error(failure) or self._describe(failure, clock)
+        error = self._find_python_error(failure) or self._describe(failure, end)
         if error is not None and not isinstance(error, RunError):
             raise error
         return error
@@ -264,10 +289,10 @@ class NativeLoop:
                 error, place = late, began
         return error
 
-    def _describe(self, failure: Failure, clock: Clock) -> RunError | None:
+    def _describe(self, failure: Failure, end: float) -> RunError | None:
         stepper, network = self._stepper, self._algorithm.network
         if failure == Failure.NOT_FINITE:
-            return network.find_nonfinite_signal(clock.point(stepper.reached + 1))
+            return network.find_nonfinite_signal(end)
         if failure == Failure.NO_AGREEMENT:
             group, n = self._algorithm.groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]

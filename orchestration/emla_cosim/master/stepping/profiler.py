@@ -12,7 +12,7 @@ from ...stepper.library import address_of_clock, load_stepper
 from ..instances.fmu_instance import FmuInstance
 from ..instances.isolated_instance import IsolatedInstance
 from ..instances.measured_calls import Calls, Effort, MeasuredCalls, OwnCost, measure_own_cost
-from .stepping_base import Stepping
+from .native_loop import NativeLoop
 
 PACING = "waiting for real time"
 """The activity of a run that is slower than it could be."""
@@ -30,7 +30,7 @@ class Profiler:
 
     def __init__(self, instances: Sequence[FmuInstance]) -> None:
         self._instances = list(instances)
-        self._stepping: Stepping | None = None
+        self._loop: NativeLoop | None = None
         self._activities = dict[str, float]()
         self._inner = 0.0
         self._inside = dict[str, Effort | None]()
@@ -63,10 +63,11 @@ class Profiler:
 
         return watched
 
-    def restart(self, stepping: Stepping) -> None:
-        """Forget everything measured so far, and measure the calls that this stepping makes in C, too."""
-        self._stepping = stepping
-        stepping.measure_calls()
+    def restart(self, loop: NativeLoop | None) -> None:
+        """Forget everything measured so far, and measure the calls that this loop makes in C, too."""
+        self._loop = loop
+        if loop is not None:
+            loop.start_profile()
         self._activities = dict.fromkeys(self._activities, 0.0)
         for measured in self._measured:
             measured.restart()
@@ -86,14 +87,14 @@ class Profiler:
                 self._inside[instance.name] = instance.effort()
                 instance.measure(False)
 
-    def report(self, wall_s: float, seconds_beside: float) -> dict[str, Any]:
+    def report(self, wall_s: float) -> dict[str, Any]:
         """Return where the time went, as plain data for run.json.
 
         Args:
             wall_s: Wall time of the run in s.
-            seconds_beside: Wall time in s that further threads took for steps.
         """
-        total, spent = wall_s + seconds_beside, [self._spent(i) for i in range(len(self._instances))]
+        total = wall_s + (0.0 if self._loop is None else self._loop.seconds_beside)
+        spent = [self._spent(i) for i in range(len(self._instances))]
         here = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
         waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in here)
         measured = sum(spent[i].seconds for i in here) + waited + sum(self._activities.values())
@@ -134,8 +135,7 @@ class Profiler:
         return effort
 
     def _measured_in_c(self, i: int) -> Mapping[str, Calls]:
-        calls = [] if self._stepping is None else self._stepping.measured_calls()
-        return calls[i] if calls else {}
+        return {} if self._loop is None else self._loop.profile()[i]
 
 
 @cache

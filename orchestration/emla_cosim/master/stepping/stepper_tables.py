@@ -30,9 +30,10 @@ from ..algorithms.group import HALVINGS, SWEEPS
 from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
+from ..instances.call_records import fill_typed_call
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
-from ..instances.typed_values import TypeGroup
 from .python_calls import PythonCalls
+from .saved_states import SavedStates
 
 
 class StepperTables:
@@ -44,7 +45,7 @@ class StepperTables:
 
     Attributes:
         stepper: The record that the functions in C get.
-        states: Addresses of the saved states, per instance.
+        states: The places of the states that groups save.
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
@@ -56,7 +57,7 @@ class StepperTables:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
-        self.states = np.zeros(len(points), dtype=np.uintp)
+        self.states = SavedStates(points)
         self.efforts = np.zeros(len(points), EFFORT)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
@@ -143,16 +144,17 @@ class StepperTables:
 
     def _instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
-        saved = {i for group in self._algorithm.groups if group.start is not None for i in group.members}
+        saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
         records, every = np.zeros(len(points), INSTANCE), range(len(points))
-        for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step"):
+        for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step", "events"):
             records[name] = [getattr(p, name) for p in points]
         records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
         records["references"] = [p.input_references.ctypes.data for p in points]
         records["orders"] = [p.derivative_orders.ctypes.data for p in points]
         records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
         records["is_version_3"] = [p.step_end is not None for p in points]
-        records["state"] = self.states.ctypes.data + self.states.itemsize * np.arange(len(points))
+        places = self.states.records
+        records["state"] = places.ctypes.data + places.itemsize * np.arange(len(points))
         records["code"], numbers = [code_of(i, "") for i in every], {name: n for n, name in enumerate(CALLS)}
         records["code_derivatives"] = numbers["setRealInputDerivatives"]
         records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
@@ -206,21 +208,11 @@ class StepperTables:
     def _typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
         records = np.zeros(len(calls), CALL)
         for record, (function, group) in zip(records, calls, strict=True):
-            self._fill_typed(record, group, function, first)
+            fill_typed_call(record, group, function, self._keep, first)
         records["component"], records["instance"] = points.component, i
         records["is_version_3"] = points.step_end is not None
         records["code"] = [code_of(i, group.call) for _, group in calls]
         return records
-
-    def _fill_typed(self, record: Any, group: TypeGroup, function: int, first: int) -> None:
-        places = np.arange(len(group.values)) if isinstance(group.places, slice) else group.places
-        record["function"] = function
-        record["references"], record["reference_count"] = group.references.ctypes.data, len(group.references)
-        record["values"], record["value_count"] = self._keep(group.values), len(group.values)
-        record["items"] = self._keep((group.elements + first).astype(np.int32))
-        record["places"], record["item_count"] = self._keep(places.astype(np.int32)), len(group.elements)
-        is_truth = group.boolean and group.values.dtype.name != "bool"
-        record["type"] = TRUTH_OF_FMI_2 if is_truth else TYPES.index(group.values.dtype.name)
 
     def _observers(self) -> Any:
         """Return the CALL records that get the observed variables."""
@@ -244,7 +236,7 @@ class StepperTables:
     def _fill_observed(self, record: Any, group: ObservedGroup, first: int) -> None:
         self._held.append(group)
         if group.group is not None:
-            self._fill_typed(record, group.group.group, group.function, first)
+            fill_typed_call(record, group.group.group, group.function, self._keep, first)
             record["is_version_3"] = True
             return
         count, kind = len(group.targets), group.values.dtype.name
@@ -264,7 +256,7 @@ class StepperTables:
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
             rows = np.array(self._rows(group.operations), dtype=OPERATION)
             record["operations"], record["operation_count"] = self._keep(rows), len(rows)
-            record["jacobian"] = self._keep(group.newton.jacobian)
+            record["jacobian"] = self._keep(group.jacobian)
             record["residuals"] = self._keep(residuals)
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
             room["answers"] = SWEEPS * n
@@ -272,5 +264,5 @@ class StepperTables:
             for name, size in room.items():
                 record[name] = self._keep(np.zeros(size))
             record["member_count"], record["coupling_count"] = len(group.members), n
-            record["is_saved"], record["is_halved"] = group.start is not None, group.halves
+            record["is_saved"], record["is_halved"] = group.is_saved, group.is_halved
         return records

@@ -2,12 +2,12 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
-from ..instances.measured_calls import Calls
+from .native_loop import NativeLoop
 from .timing import CommunicationPoints
 
 ROUNDING = 1e-6
@@ -48,6 +48,8 @@ class Stepping(ABC):
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         self.algorithm = algorithm
+        self.loop: NativeLoop | None = None
+        """The stepper in C, if it does the steps."""
         self.times = times
         self.watch: Callable[[float, Vector], None] | None = None
         """Called with time in s and signals at every point, if the stepping does not record all points."""
@@ -66,11 +68,6 @@ class Stepping(ABC):
     @abstractmethod
     def finished(self) -> bool:
         """Whether the stop time is reached."""
-
-    @property
-    def seconds_beside(self) -> float:
-        """Wall time in s that further threads took for steps."""
-        return 0.0
 
     def reached(self, until: float) -> bool:
         """Return whether a time in s is reached, except for rounding, or the run is at its end."""
@@ -92,13 +89,6 @@ class Stepping(ABC):
     def report(self) -> dict[str, Any]:
         """Return how the steps were made, as plain data for run.json."""
         return {"steps": self.steps, **self.algorithm.report()}
-
-    def measure_calls(self) -> None:  # noqa: B027 - most make no calls but through methods
-        """Measure from now on the calls of instances that are not made through their methods."""
-
-    def measured_calls(self) -> Sequence[Mapping[str, Calls]]:
-        """Return these calls by what they do, per instance."""
-        return []
 
     def remarks(self) -> list[str]:
         """Return notes on the steps that a reader of the results needs."""

@@ -10,6 +10,8 @@
 
 #include "effort.h"
 
+#include "event_tables.h"
+
 /* Whether a status is worse than a warning, or not in the standard. */
 static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
 
@@ -118,7 +120,7 @@ OFTEN static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, 
 RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n, double *vector) {
     int32_t worst = fmi2OK;
     for (int32_t k = 0; k < n; k++) {
-        const int32_t status = exchange(s, &calls[k]);
+        const int32_t status = calls[k].function == NULL ? fmi2OK : exchange(s, &calls[k]);
         if (calls[k].n_items > 0) convert_from(&calls[k], vector);
         if (badness(status) > badness(worst)) worst = status;
     }
@@ -149,13 +151,17 @@ RARE static int32_t step_3(const Instance *instance, double time, double length)
     return end->needs_event || end->is_early ? fmi2Error : status;
 }
 
+static int32_t step_with_events(const Stepper *s, Events *events, double time, double length, int32_t has_no_way_back);
+
 OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     if (s->activity != NULL) s->activity->time = time;
     const int64_t start = start_clock(instance->effort);
     const int32_t status =
-        instance->is_version_3
+        instance->events != NULL
+            ? step_with_events(s, instance->events, time, length, instance->has_no_way_back)
+        : instance->is_version_3
             ? step_3(instance, time, length)
             : (int32_t)((fmi2DoStepTYPE *)instance->do_step)(instance->component, time, length,
                                                              instance->has_no_way_back ? fmi2True : fmi2False);
@@ -189,21 +195,29 @@ static int wants_end(const Stepper *s, int32_t i) {
     return status == fmi2OK && answer != fmi2False;
 }
 
+static void copy_memory(double *to, const double *from, const Events *events) {
+    memcpy(to, from, (size_t)events->n_memory * sizeof(double));
+}
+
 /* Both versions of FMI have the same arguments and statuses for states. */
-static int32_t save_state(Stepper *s, int32_t i) {
+static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
     const int64_t start = start_clock(instance->effort);
-    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, instance->state);
+    const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, &saved->state);
     stop_clock(instance->effort, STATE_CALLS, start);
-    return is_bad(status) ? fail(s, SAVE_FAILED, i, status) : DONE;
+    if (is_bad(status)) return fail(s, SAVE_FAILED, i, status);
+    if (instance->events != NULL) copy_memory(saved->events, instance->events->memory, instance->events);
+    return DONE;
 }
 
-static int32_t restore_state(Stepper *s, int32_t i) {
+static int32_t restore_state(Stepper *s, int32_t i, const SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
     const int64_t start = start_clock(instance->effort);
-    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, *instance->state);
+    const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, saved->state);
     stop_clock(instance->effort, STATE_CALLS, start);
-    return is_bad(status) ? fail(s, RESTORE_FAILED, i, status) : DONE;
+    if (is_bad(status)) return fail(s, RESTORE_FAILED, i, status);
+    if (instance->events != NULL) copy_memory(instance->events->memory, saved->events, instance->events);
+    return DONE;
 }

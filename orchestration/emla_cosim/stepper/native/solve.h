@@ -17,7 +17,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
         const int32_t i = group->members[m];
         const Instance *instance = &s->instances[i];
         const size_t size = (size_t)instance->n_outputs * sizeof(double);
-        const int32_t failure = save_state(s, i);
+        const int32_t failure = save_state(s, i, instance->state);
         if (failure != DONE) return failure;
         if (size > 0) {
             memcpy(kept, now + instance->first_output, size);
@@ -32,7 +32,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
 
 static int32_t restore_states(Stepper *s, const Group *group) {
     for (int32_t m = 0; m < group->n_members; m++) {
-        const int32_t failure = restore_state(s, group->members[m]);
+        const int32_t i = group->members[m], failure = restore_state(s, i, s->instances[i].state);
         if (failure != DONE) return failure;
     }
     return DONE;

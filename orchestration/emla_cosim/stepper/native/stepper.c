@@ -7,6 +7,10 @@
 
 #include "calls.h"
 
+#include "clocks.h"
+
+#include "events.h"
+
 #include "exchange.h"
 
 #define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */
@@ -19,7 +23,8 @@
 
 /* Sizes of the records, for those who fill them in another language. */
 const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
-                                sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper), sizeof(Effort)};
+                                sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
+                                sizeof(Controlled), sizeof(Control), sizeof(SavedState), sizeof(Effort)};
 
 static double point(const Clock *clock, int64_t k) {
     return (clock->first + (double)k * clock->per_step) / clock->denominator;
@@ -45,19 +50,26 @@ OFTEN static int32_t operate(Stepper *s, const Operation *operation, int64_t k, 
     }
 }
 
-static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
+/* Do step k, from `time` of this length. */
+OFTEN static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
     if (s->n_groups > 0) see(s);
     for (int32_t o = 0; o < s->n_operations; o++) {
         const int32_t failure = operate(s, &s->operations[o], k, time, length);
         if (failure != DONE) return failure;
     }
+    return DONE;
+}
+
+static int32_t step(Stepper *s, int64_t k, double time, double length) {
+    const int32_t failure = work_through(s, k, time, length);
+    if (failure != DONE) return failure;
     announce(s, 0);
     return are_finite(s) ? DONE : NOT_FINITE;
 }
 
 int32_t stepper_step(Stepper *s, int64_t k) {
     const double time = point(&s->clock, k);
-    return s->failure = work_through(s, k, time, point(&s->clock, k + 1) - time);
+    return s->failure = step(s, k, time, point(&s->clock, k + 1) - time);
 }
 
 /* Fill the next row. */
@@ -112,9 +124,11 @@ OFTEN static int32_t run_steps(Stepper *s, Work *work, void *worker, int64_t fir
 }
 
 static int32_t step_alone(void *stepper, int64_t k, double time, double length) {
-    return work_through(stepper, k, time, length);
+    return step(stepper, k, time, length);
 }
 
 int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, double *rows) {
     return run_steps(s, step_alone, s, first, count, every, rows);
 }
+
+#include "control.h"

@@ -32,7 +32,7 @@ typedef struct {
 
 /* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
 typedef struct {
-    Function function;
+    Function function; /* NULL if it only copies numbers from `values` */
     void *component;
     const fmi2ValueReference *references;
     void *values; /* what the FMI function gets or sets */
@@ -59,6 +59,14 @@ typedef struct {
     int64_t counts[N_KINDS], nanoseconds[N_KINDS], unused[N_KINDS];
 } Effort;
 
+typedef struct Events Events; /* event_tables.h */
+
+/* The place of a saved state: that of the FMU, and a copy of the memory of its events. */
+typedef struct {
+    void *state;
+    double *events;
+} SavedState;
+
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
 typedef struct { /* first what each step reads */
@@ -80,7 +88,8 @@ typedef struct { /* first what each step reads */
     const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
-    void **state; /* the place of its saved state */
+    SavedState *state; /* the place of the one that its group saves */
+    Events *events; /* NULL without event mode, clocks and early returns */
     Effort *effort; /* NULL if its calls are not measured */
 } Instance;
 
@@ -153,7 +162,8 @@ enum {
     NO_AGREEMENT,
     OBSERVE_FAILED,
     LATE,
-    INTERRUPTED
+    INTERRUPTED,
+    TOO_SHORT /* the error is too large with the shortest step */
 };
 
 #define OUT_OF_RANGE INT32_MIN /* a status: a value does not fit into the type of its input */
@@ -192,7 +202,51 @@ typedef struct {
     int32_t failure, instance, status, group, group_sweeps;
 } Stepper;
 
-extern STEPPER_API const size_t stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Effort */
+/* A signal whose error is controlled. */
+typedef struct {
+    int32_t signal;
+    int32_t is_unread;  /* by any instance */
+    int32_t is_beside;  /* unread, but others of its instance are read */
+    int32_t is_judged;  /* whether its error can reject a step */
+    int32_t is_instant; /* it depends directly on an extrapolated input: its errors do not add up */
+} Controlled;
+
+/* Error control of all instances; errors are relative to the sizes of signals. */
+typedef struct {
+    /* tables */
+    Controlled *controlled;
+    double tolerance, divisor, start, first_step;
+    double leap_limit, unread_limit, short_limit, crawling_limit; /* steps from which on rules hold */
+    double shortest, longest;
+    int32_t n_controlled, n_instances;
+
+    /* memory */
+    SavedState *states;     /* of the instances at the start of a trial */
+    double *memory, *copy;  /* what a trial changes besides */
+    int64_t n_memory;
+    double *whole, *errors, *judged, *total;
+    double *first_errors, *last_errors; /* of the first and the last step that were rejected at this time */
+    int32_t *jumps, *jumped;            /* signals that jump in this step, and in the last one */
+    double time, step, last_error, exponent;
+    double first_rejected, last_rejected; /* steps; NaN without one */
+    int64_t accepted, rejected, short_steps;
+    int32_t is_per_unit; /* whether the error per unit step is controlled */
+
+    /* where to go */
+    int32_t is_event;     /* at `point` */
+    double point, enough; /* times to reach exactly, and at which to return */
+    double *watched_rows; /* time and signals of each step, for who watches them all */
+    int64_t watch_room;
+
+    /* what came out */
+    int64_t n_watched, tried;
+    double end; /* of the last trial */
+    int32_t is_met; /* whether `point` is reached */
+    int32_t worst;  /* signal with the largest error */
+} Control;
+
+extern STEPPER_API const size_t
+    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
@@ -200,5 +254,9 @@ STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
 /* Do `count` steps from step `first` on, and fill rows of time, signals and observed variables after every
  * `every`-th step. Returns why it ended: at the latest with the present second of wall time. */
 STEPPER_API int32_t stepper_run(Stepper *stepper, int64_t first, int64_t count, int64_t every, double *rows);
+
+/* Try at most `most` steps to a point of time, and fill a row after each that is accepted; `room` rows at most, none
+ * if `rows` is NULL. Returns why it ended, as stepper_run does. */
+STEPPER_API int32_t stepper_control(Stepper *stepper, Control *control, int64_t most, int64_t room, double *rows);
 
 #endif

@@ -8,9 +8,8 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from ...base.wording import format_count
-from ...fmu.clocks import PERIODIC, InputClock
+from ...fmu.clocks import PERIODIC, InputClock, belongs
 from ...fmu.instance import FINE
-from ...master.instances.clocked_variables import belongs
 from ..check import check
 from ..host.experiment import make_experiment, span
 from ..host.hosted_instance import CallError, HostedInstance

@@ -9,12 +9,12 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
+from ...fmu.clocks import belongs, is_clocked
 from ...fmu.instance import ERROR
-from ...master.instances.clock_schedule import SIZE, ClockSchedule
-from ...master.instances.clocked_variables import belongs, is_clocked
-from ...master.instances.event_stepping import NEXT, DiscreteUpdate, EventStepping
+from ...master.instances.discrete_states import DiscreteUpdate
 from ..subject import Subject
 from ..verdict import Clause, NotRunError, fmi3
+from .clock_schedule import SIZE, ClockSchedule
 
 EARLY = fmi3(
     "4.2.1",
@@ -28,6 +28,15 @@ _NEXT_EVENT = fmi3(
     "2.3.5",
     "When nextEventTimeDefined = fmi3True, the next time event is known and nextEventTime has a valid value.",
 )
+
+_SAME_TIME = 1e-9
+"""Times that differ by less than this part of a step are the same."""
+
+_MOST_UPDATES = 1000
+"""The largest number of updates of discrete states at one time, and of returns from `fmi3DoStep`."""
+
+_NEXT, _END, _SCHEDULE = 0, 1, 2
+"""Positions in the memory: the next time event in s; the time in s when the FMU asked for the end, or NaN."""
 
 
 class SteppedInstance(Protocol):
@@ -72,8 +81,11 @@ class EventState(NamedTuple):
     values: dict[str, Any]
 
 
-class HostedEvents(EventStepping):
+class HostedEvents:
     """Steps an instance. Discrete inputs wait for event mode, clocked variables for their clocks.
+
+    A step ends at the time that was asked for: after an event before it, the rest follows as another step of
+    the FMU. This is independent of the steps of a run, which are done in C.
 
     Attributes:
         is_stepping: Whether the instance is in step mode.
@@ -94,11 +106,11 @@ class HostedEvents(EventStepping):
         """
         subject = instance.subject
         self.fmu: Any = instance.fmu
-        self.varies_step = subject.has_capability("canHandleVariableCommunicationStepSize")
+        self._varies_step = subject.has_capability("canHandleVariableCommunicationStepSize")
         self._instance, self._has_mode, self._may_return = instance, has_mode, early
         clocks = subject.input_clocks if has_mode else []
-        self._memory = np.empty(2 + SIZE * len(clocks))
-        self._schedule = ClockSchedule(clocks, self._memory[2:])
+        self._memory = np.empty(_SCHEDULE + SIZE * len(clocks))
+        self._schedule = ClockSchedule(clocks, self._memory[_SCHEDULE:])
         self._clocked = [v for v in subject.variables.values() if has_mode and is_clocked(v)]
         self._output_clocks = subject.output_clocks if has_mode else []
         self.steps = self.events = self.returns = 0
@@ -110,7 +122,7 @@ class HostedEvents(EventStepping):
         """Forget the run."""
         self.is_stepping = False
         self._memory[:] = math.nan
-        self._memory[NEXT] = math.inf
+        self._memory[_NEXT] = math.inf
         self._time = math.nan
         self._pending: dict[str, Any] = {}
         self._passed: dict[str, Any] = {}
@@ -140,7 +152,23 @@ class HostedEvents(EventStepping):
             RunEndedError: The FMU asked to end the run.
         """
         self.steps += 1
-        self._step_with_events(time, length, bool(self._pending))
+        self._time, end = time, time + length
+        near = max(_SAME_TIME * length, 4.0 * math.ulp(end))
+        self._check_end()
+        if self._pending:
+            self._handle_event(near)
+        standing = 0
+        while True:
+            reached, has_event = self._advance(self._next_stop(end, near) - self._time)
+            standing = standing + 1 if reached <= self._time + near else 0
+            if standing > _MOST_UPDATES:
+                raise self._stuck("fmi3DoStep", standing)
+            self._time = end if reached >= end - near else reached
+            if has_event or self._time >= self._next_event() - near:
+                self._handle_event(near)
+            if self._time == end:
+                return
+            self._check_end()
 
     def list_idle_clocks(self) -> list[str]:
         """Return the names of the input clocks that did not tick."""
@@ -195,10 +223,51 @@ class HostedEvents(EventStepping):
             raise self._instance.violation(f"{at} returned early at t = {reached:.9g} s.", _REACHED)
         return reached, bool(event) and self._has_mode
 
-    def _enter_event_mode(self) -> None:
+    def _check_end(self) -> None:
+        """Raise RunEndedError if the FMU has asked for the end."""
+        if not math.isnan(self._memory[_END]):
+            raise RunEndedError
+
+    def _next_stop(self, end: float, near: float) -> float:
+        """Return the time to which the next step of the FMU goes."""
+        tick, following = self._schedule.next(), self._next_event()
+        if tick < end - near and not self._varies_step:
+            raise NotRunError(
+                f"A Clock ticks at t = {tick:.9g} s, within a step, and the FMU cannot vary its step size: "
+                "its default experiment needs a step size that divides the interval of the Clock."
+            )
+        return following if self._varies_step and self._time + near < following < end - near else end
+
+    def _next_event(self) -> float:
+        """Return the time of the next time event or tick, in s."""
+        return min(float(self._memory[_NEXT]), self._schedule.next())
+
+    def _handle_event(self, near: float) -> None:
+        """Pass the discrete inputs, tick clocks up to `near` s after now, and compute the discrete states."""
         if self._has_mode:
             with self._instance.calling():
                 self.fmu.enterEventMode()
+        self._pass_discrete_inputs()
+        self._update_discrete_states(near)
+        self._leave_event_mode()
+
+    def _update_discrete_states(self, near: float) -> None:
+        """Tick clocks, and update the discrete states until the FMU needs no more of it."""
+        found = list[int]()
+        for _ in range(_MOST_UPDATES):
+            due = [*self._schedule.due(self._time + near)]
+            self._tick([self._schedule.clocks[i].reference for i in due], found)
+            update = self._update()
+            self._memory[_NEXT] = update.next_event
+            if update.ends:
+                self._memory[_END] = self._time
+            with self._instance.calling():
+                self._check(self._schedule.advance, self.fmu, due, self._time)
+            if update.needs_more or len(self._schedule.due(self._time + near)):
+                found = []
+            elif not (found := self._find_output_ticks()):  # an FMU may set them as late as in the update
+                return
+        raise self._stuck("fmi3GetClock" if found else "fmi3UpdateDiscreteStates", _MOST_UPDATES)
 
     def _leave_event_mode(self) -> None:
         with self._instance.calling():
@@ -238,10 +307,6 @@ class HostedEvents(EventStepping):
             raise self._instance.violation(said, _NEXT_EVENT)
         return DiscreteUpdate(bool(more), bool(ends), bool(nominals), following if has_next else math.inf)
 
-    def _find_ticks(self, ticked: Sequence[int]) -> None:
-        with self._instance.calling():
-            self._check(self._schedule.advance, self.fmu, ticked, self._time)
-
     def _check(self, find: Any, *arguments: Any) -> None:
         """Find ticks; raise CallError for an interval that is not valid."""
         try:
@@ -250,18 +315,8 @@ class HostedEvents(EventStepping):
             said = f"At t = {self._time:.9g} s, {error}."
             raise self._instance.violation(said, _INTERVAL) from error
 
-    def _missed(self, tick: float) -> Exception:
-        return NotRunError(
-            f"A Clock ticks at t = {tick:.9g} s, within a step, and the FMU cannot vary its step size: its "
-            "default experiment needs a step size that divides the interval of the Clock."
-        )
-
-    def _end(self, call: str, time: float) -> Exception:
-        return RunEndedError(call, time)
-
-    def _stuck(self, what: str, times: int) -> Exception:
-        call = what.split()[0]
-        name = f"fmi3{call[0].upper()}{call[1:]} at t = {self._time:.9g} s, called {times} times in a row,"
+    def _stuck(self, function: str, times: int) -> Exception:
+        name = f"{function} at t = {self._time:.9g} s, called {times} times in a row,"
         return self._instance.error(name, ERROR)
 
 

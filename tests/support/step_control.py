@@ -1,9 +1,9 @@
-"""Propose step sizes, and accept or reject steps by their error."""
+"""Propose step sizes, and accept or reject steps by their error: the oracle for `control.h`."""
 
 import math
 from dataclasses import dataclass
 
-from ...base.errors import RunError
+from emla_cosim.base.errors import RunError
 
 SAFETY = 0.9
 LARGEST_GROWTH, LARGEST_CUT = 2.0, 0.2

@@ -1,0 +1,216 @@
+/* Error control: a step is done as a whole, and again in two halves. Their difference, divided by 2^p - 1 for an
+ * algorithm of order p, is the error of the halves, which are kept. error_control.py says which signals are
+ * controlled, and how large an error may be.
+ *
+ * The step size follows a PI controller: K. Gustafsson: Control theoretic techniques for stepsize selection in
+ * explicit Runge-Kutta methods, ACM Trans. Math. Softw. 17 (1991), doi:10.1145/210232.210242.
+ */
+
+/* The error of a step describes what happened within it. A step of twice the length looks just as far ahead. A
+   longer one could pass over something that begins there, such as a valve that opens after a rest. */
+#define LARGEST_GROWTH 2.0
+#define LARGEST_CUT 0.2
+#define SAFETY 0.9
+
+/* Errors below this fraction of a signal are rounding errors. Shorter steps do not reduce them. */
+#define ROUNDING_ERROR 1e-12
+
+/* Number of first steps that is added to the elapsed time when the tolerance is shared among steps. */
+#define EARLY 10.0
+
+/* Fraction of the tolerance for the error of a step over a bend, and for errors that do not add up. */
+#define BENT 0.1
+
+/* Number of successive short steps that show a jump at every point. */
+#define CRAWLING_STEPS 200
+
+#define LEAST_ERROR 1e-10 /* relative to the allowed one: the step grows no faster below it */
+
+/* Save what a trial changes. */
+static int32_t take(Stepper *s, const Control *c) {
+    for (int32_t i = 0; i < c->n_instances; i++) {
+        const int32_t failure = save_state(s, i, &c->states[i]);
+        if (failure != DONE) return failure;
+    }
+    memcpy(c->copy, c->memory, (size_t)c->n_memory * sizeof(double));
+    return DONE;
+}
+
+static int32_t put_back(Stepper *s, const Control *c) {
+    for (int32_t i = 0; i < c->n_instances; i++) {
+        const int32_t failure = restore_state(s, i, &c->states[i]);
+        if (failure != DONE) return failure;
+    }
+    memcpy(c->memory, c->copy, (size_t)c->n_memory * sizeof(double));
+    return DONE;
+}
+
+/* Do the step to `end` as a whole and in halves, and compute the errors relative to the sizes of the signals. */
+static int32_t try_doubled_step(Stepper *s, Control *c, double end) {
+    const double *now = s->stores[SIGNALS];
+    const double time = c->time, middle = time + 0.5 * (end - time);
+    int32_t failure = work_through(s, 0, time, end - time);
+    if (failure != DONE) return failure;
+    for (int32_t j = 0; j < c->n_controlled; j++) c->whole[j] = now[c->controlled[j].signal];
+    failure = put_back(s, c);
+    if (failure == DONE) failure = work_through(s, 0, time, middle - time);
+    if (failure == DONE) failure = work_through(s, 0, middle, end - middle);
+    if (failure != DONE) return failure;
+    for (int32_t j = 0; j < c->n_controlled; j++) {
+        const int32_t signal = c->controlled[j].signal;
+        const double difference = (now[signal] - c->whole[j]) / c->divisor;
+        const double error = fabs(difference) / (s->largest[signal] + s->signals[signal].floor);
+        c->errors[j] = c->controlled[j].is_unread && !isfinite(error) ? 0.0 : error; /* it may be infinite */
+    }
+    return DONE;
+}
+
+/* Compare the errors with what is allowed, and return the largest quotient; NaN if one is. */
+static double compare_errors(Control *c, double step) {
+    const double passed = c->time - c->start + step + EARLY * c->first_step;
+    const double allowed = c->is_per_unit ? fmax(c->tolerance * step / passed, ROUNDING_ERROR) : c->tolerance;
+    const double bent = fmax(BENT * c->tolerance, allowed);
+    const int can_jump = step <= 0.5 * c->first_rejected; /* not if it is NaN */
+    double largest = 0.0;
+    c->worst = 0;
+    for (int32_t j = 0; j < c->n_controlled; j++) {
+        const Controlled *signal = &c->controlled[j];
+        const double error = c->errors[j];
+        /* A signal jumps if its error is as large as in a much longer step, but not twice in a row: an unstable
+           coupling would look the same. */
+        c->jumps[j] = (can_jump && error > allowed && error > 0.9 * c->first_errors[j] && !c->jumped[j]) ||
+                      (step < c->unread_limit && signal->is_beside);
+        c->judged[j] = c->jumps[j] || !signal->is_judged ? 0.0 : error;
+        /* Inputs were extrapolated over a bend if the error is proportional to the step. */
+        const int bends = error > 0.6 * step / c->last_rejected * c->last_errors[j]; /* not if it is NaN */
+        const double share = c->judged[j] / (bends || signal->is_instant || step < c->short_limit ? bent : allowed);
+        if (share > largest || isnan(share)) { /* nothing is larger than NaN */
+            largest = share;
+            c->worst = signal->signal;
+        }
+    }
+    return largest;
+}
+
+/* Propose the next step, stretched if it would leave a sliver. */
+static double propose(const Control *c) {
+    const double remaining = c->point - c->time, step = fmin(c->step, c->longest);
+    if (step >= remaining * (1.0 - 1e-9)) return remaining;
+    return 2.0 * step > remaining ? 0.5 * remaining : step;
+}
+
+static int32_t shrink(Control *c, double step, double factor) {
+    c->step = step * fmax(LARGEST_CUT, fmin(factor, SAFETY));
+    c->rejected++;
+    return c->step < c->shortest ? TOO_SHORT : DONE;
+}
+
+static void grow(Control *c, double step, double error) {
+    double growth = SAFETY * pow(error, -c->exponent);
+    if (step >= c->step) { /* else it was cut to end at a given point: its small error is no trend */
+        growth = SAFETY * pow(error, -0.7 * c->exponent) * pow(c->last_error, 0.4 * c->exponent);
+        c->last_error = error;
+    }
+    double next = fmax(step * fmin(LARGEST_GROWTH, fmax(LARGEST_CUT, growth)), c->shortest);
+    next = fmin(next, fmax(c->longest, step));
+    /* a step that was cut very short says little about the next one */
+    c->step = step >= 0.5 * c->step ? next : fmax(next, c->step);
+}
+
+static void accept(Control *c, double step) {
+    c->accepted++;
+    c->first_rejected = c->last_rejected = NAN;
+    for (int32_t j = 0; j < c->n_controlled; j++) {
+        c->jumped[j] = c->jumps[j] && !c->controlled[j].is_beside;
+        if (!(c->controlled[j].is_instant && c->is_per_unit)) c->total[j] += c->judged[j];
+    }
+    c->short_steps = step < c->crawling_limit ? c->short_steps + 1 : 0;
+}
+
+static int32_t reject(Stepper *s, Control *c, double step, double error) {
+    const size_t size = (size_t)c->n_controlled * sizeof(double);
+    const double factor = error < INFINITY ? SAFETY * pow(error, -c->exponent) : LARGEST_CUT; /* NaN, too */
+    const int32_t failure = shrink(c, step, factor);
+    if (failure != DONE) return failure;
+    memcpy(c->last_errors, c->errors, size);
+    if (isnan(c->first_rejected)) {
+        memcpy(c->first_errors, c->errors, size);
+        c->first_rejected = step;
+    }
+    c->last_rejected = step;
+    return put_back(s, c);
+}
+
+static int all_errors_are_finite(const Control *c) {
+    for (int32_t j = 0; j < c->n_controlled; j++)
+        if (!isfinite(c->errors[j])) return 0;
+    return 1;
+}
+
+/* Try a step to `end`. Whether it was accepted shows in the number of these; otherwise all is as before it. */
+static int32_t try_step(Stepper *s, Control *c, double step, double end, int is_leap) {
+    see(s);
+    int32_t failure = take(s, c);
+    if (failure == DONE) failure = try_doubled_step(s, c, end);
+    if (failure == STEP_FAILED && s->status == fmi2Discard && !wants_end(s, s->instance)) {
+        const int32_t restored = put_back(s, c);
+        if (restored != DONE) return restored;
+        return shrink(c, step, 0.5) == DONE ? DONE : failure;
+    }
+    if (failure != DONE) return failure;
+    if (is_leap && all_errors_are_finite(c)) {
+        c->first_rejected = c->last_rejected = NAN;
+        c->accepted++;
+        return DONE;
+    }
+    double error = compare_errors(c, step);
+    if (error < LEAST_ERROR) error = LEAST_ERROR;
+    if (!(error <= 1.0)) return reject(s, c, step, error); /* NaN, too */
+    grow(c, step, error);
+    accept(c, step);
+    return DONE;
+}
+
+/* Keep time and signals of a step for who watches all of them. */
+static void show(const Stepper *s, Control *c) {
+    double *row = c->watched_rows + c->n_watched * (1 + s->n_signals);
+    row[0] = c->time;
+    memcpy(row + 1, s->stores[SIGNALS], (size_t)s->n_signals * sizeof(double));
+    c->n_watched++;
+}
+
+int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, double *rows) {
+    const time_t second = time(NULL);
+    s->recorded = 0;
+    s->sweeps_done = 0;
+    s->status = fmi2OK;
+    s->failure = DONE;
+    c->n_watched = 0;
+    c->tried = 0;
+    c->is_met = 0;
+    while (c->tried < most) {
+        const int64_t accepted = c->accepted;
+        const double step = propose(c);
+        const int is_met = step == c->point - c->time;
+        const double end = is_met ? c->point : c->time + step;
+        c->end = end;
+        c->tried++;
+        s->failure = try_step(s, c, step, end, c->is_event && is_met && step <= c->leap_limit);
+        announce(s, 0);
+        if (s->failure != DONE) return s->failure;
+        if (c->accepted > accepted) {
+            if (!are_finite(s)) return s->failure = NOT_FINITE;
+            c->time = end;
+            c->is_met = is_met;
+            if (c->watch_room > 0) show(s, c);
+            if (rows != NULL && (s->failure = record(s, end, rows)) != DONE) return s->failure;
+            const int crawls = c->is_per_unit && c->short_steps == CRAWLING_STEPS;
+            if (is_met || crawls || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
+                (c->watch_room > 0 && c->n_watched == c->watch_room))
+                return DONE;
+        }
+        if (s->stop != NULL && *s->stop) return s->failure = INTERRUPTED;
+        if (time(NULL) != second) return s->failure = LATE;
+    }
+    return DONE;
+}

@@ -1,0 +1,168 @@
+"""Error control in plain Python, as an oracle for the one in C; see `plain_stepper.py`."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.base.errors import RunError
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
+from emla_cosim.master.algorithms.snapshot import Snapshot
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
+from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT, UNREAD
+from emla_cosim.master.stepping.error_control import CRAWLING_STEPS, ErrorControl
+from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
+from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
+from tests.support.plain_stepper import PlainStepper
+from tests.support.step_control import StepControl
+
+EARLY, BENT, ROUNDING_ERROR, CRAWLING = 10.0, 0.1, 1e-12, 1e-2
+
+
+class PlainErrorControl(ErrorControl):
+    """The same points, rows and reports, with trials in Python."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        assert isinstance(self.algorithm, OperationTableAlgorithm)
+        self.stepper, self.start = PlainStepper(self.algorithm), Snapshot(self.algorithm)
+        self.first: tuple[float, np.ndarray] | None = None
+        self.last: tuple[float, np.ndarray] | None = None
+        self.jumped = np.zeros(len(self._tables.signals), dtype=bool)
+        self.rules = Counter[str]()
+        """How often each rule for errors has applied."""
+
+    def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
+        control, step_size = self.control, self.times.step
+        point, output, is_event = self._next_point(until)
+        step = self.sizes().propose(point - self.time)
+        is_met = step == point - self.time
+        end = point if is_met else self.time + step
+        is_leap = is_event and is_met and step <= 2.0 * JUST_BEFORE * step_size
+        if not self.try_step(step, end, is_leap):
+            return 1
+        self.algorithm.network.check_finite(end)
+        control.time = end
+        if self.watch is not None:
+            self.watch(end, self.algorithm.network.signals)
+        if is_met:
+            self._points += output
+            if is_event:
+                self.algorithm.exchange.begin(end)
+        if self._output is None or (is_met and output):
+            self.record(rows)
+        return 1
+
+    def try_step(self, step: float, end: float, is_leap: bool) -> bool:
+        """Try a step. Return whether it was accepted; otherwise all is as before."""
+        control, tables, sizes = self.control, self._tables, self.sizes()
+        self.stepper.see()
+        self.start.take()
+        try:
+            errors = self.try_doubled_step(end)
+        except DiscardedStepError as discarded:
+            self.start.restore()
+            try:
+                self.use(sizes, sizes.discard, step)
+            except RunError:
+                raise discarded from None
+            return False
+        if is_leap and np.isfinite(errors).all():
+            self.first = self.last = None
+            control.accepted += 1
+            return True
+        signals, allowed = tables.signals, self.tolerance
+        if control.is_per_unit:
+            passed = self.time - self.times.start + step + EARLY * self.times.step
+            allowed = max(self.tolerance * step / passed, ROUNDING_ERROR)
+        jumps = np.zeros(len(errors), dtype=bool)
+        if self.first is not None and step <= 0.5 * self.first[0]:
+            jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & ~self.jumped
+            self.rules["jump"] += int(jumps.any())
+        is_beside, is_instant = signals["is_beside"] != 0, signals["is_instant"] != 0
+        if step < UNREAD * self.times.step:
+            jumps |= is_beside
+            self.rules["beside"] += 1
+        judged = np.where(jumps | (signals["is_judged"] == 0), 0.0, errors)
+        once = is_instant | (step < SHORT * self.times.step)
+        if self.last is not None:
+            bends = errors > 0.6 * step / self.last[0] * self.last[1]
+            self.rules["bend"] += int(bends.any())
+            once |= bends
+        shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
+        try:
+            is_accepted = self.use(sizes, sizes.judge, step, float(shares.max(initial=0.0)))
+        except RunError:
+            control.worst, control.end = int(signals["signal"][shares.argmax()]), end
+            raise self._too_short_error() from None
+        if not is_accepted:
+            self.first, self.last = self.first or (step, errors), (step, errors)
+            self.start.restore()
+            return False
+        self.first, self.last, self.jumped = None, None, jumps & ~is_beside
+        tables.total += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
+        control.short_steps = control.short_steps + 1 if step < CRAWLING * self.times.step else 0
+        if control.is_per_unit and control.short_steps == CRAWLING_STEPS:
+            self.rules["crawl"] += 1
+            self._judge_each_step()
+        return True
+
+    def sizes(self) -> StepControl:
+        """Return the controller of the step size in its present state."""
+        control = self.control
+        return StepControl(
+            control.step,
+            round(1.0 / control.exponent),
+            control.shortest,
+            control.longest,
+            control.accepted,
+            control.rejected,
+            control.last_error,
+        )
+
+    def use(self, sizes: StepControl, call: Any, *arguments: float) -> Any:
+        """Call a method of the controller, and keep its new state."""
+        control = self.control
+        try:
+            return call(*arguments)
+        finally:
+            control.step, control.last_error = sizes.step, sizes.last_error
+            control.accepted, control.rejected = sizes.accepted, sizes.rejected
+
+    def try_doubled_step(self, end: float) -> np.ndarray:
+        """Do a step as a whole, restore, and do it in halves. Return the errors relative to the sizes."""
+        signals, time = self.algorithm.network.signals, self.time
+        controlled, middle = self._tables.signals, time + 0.5 * (end - time)
+        which = controlled["signal"]
+        self.stepper.step(time, end - time)
+        whole = signals[which]
+        self.start.restore()
+        self.stepper.step(time, middle - time)
+        self.stepper.step(middle, end - middle)
+        with np.errstate(invalid="ignore"):  # infinity minus infinity
+            difference = (signals[which] - whole) / self.control.divisor
+        errors = self.stepper.algorithm.scale.relative(difference, which)
+        errors[(controlled["is_unread"] != 0) & ~np.isfinite(errors)] = 0.0
+        return errors
+
+    def close(self) -> None:
+        self.start.close()
+        self.stepper.close()
+        super().close()
+
+
+class PlainErrorControlledStepSize(ErrorControlledStepSize):
+    """The step-size control of `PlainErrorControl`, for the option of this name of a run."""
+
+    def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
+        assert self.error_tolerance is not None
+        self.made = PlainErrorControl(
+            algorithm,
+            request.times,
+            self.error_tolerance,
+            request.interval,
+            self.largest_step,
+            events=request.events(),
+            sampled=request.sampled,
+        )
+        return self.made
