@@ -29,7 +29,7 @@ from ...fmu.python_exceptions import (
 )
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...stepper.layout import OUT_OF_RANGE
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
@@ -87,7 +87,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             inputs: Variables of the input vector.
             outputs: Variables of the output vector.
             log: Collects the FMU's messages.
-            number: Number of the instance in `black_box`, which records the present call.
+            number: Number of the instance in `crash_page`, which records the present call.
 
         Raises:
             CommandError: The library of the FMU cannot be loaded.
@@ -102,7 +102,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._log = log
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
-        self._present = black_box.current_activity()
+        self._present = crash_page.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
         with self._report_failed_start():
             self.announce(_LOADING)

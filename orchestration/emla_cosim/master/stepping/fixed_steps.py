@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import CommandError
-from ...sandbox.black_box import THREADS
+from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import make_loop

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import RunError
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...stepper.layout import LANE, TASK, WAIT, Stepper
 from ...stepper.library import StepperLibrary
 from ..algorithms.tasks import StepTask
@@ -68,7 +68,7 @@ class LaneThreads:
                 record["waits"], record["wait_count"] = self._keep(waits), len(waits)
                 record["operation"] = place
             plans[lane]["tasks"], plans[lane]["task_count"] = self._keep(records), len(records)
-            plans[lane]["activity"] = ctypes.addressof(black_box.current_activity(lane))
+            plans[lane]["activity"] = ctypes.addressof(crash_page.current_activity(lane))
         return plans
 
     def _keep(self, values: Any) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 from typing import Any
 
 from ...base.errors import RunError
-from ...sandbox.black_box import THREADS
+from ...sandbox.crash_page import THREADS
 from ...sandbox.processes import count_cores
 from ..algorithms.operation_table import OperationTableAlgorithm
 from .native_loop import NativeLoop

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...stepper.layout import (
     CALL,
     COMBINATION,
@@ -92,7 +92,7 @@ class StepperTables:
         stepper.input_values = network.inputs.ctypes.data
         stepper.derivatives = algorithm.exchange.derivatives.ctypes.data
         stepper.largest = algorithm.scale.largest.ctypes.data
-        stepper.activity = ctypes.addressof(black_box.current_activity())
+        stepper.activity = ctypes.addressof(crash_page.current_activity())
 
     def _fill_program(self) -> None:
         """Fill in the operations, and the combinations with their terms."""

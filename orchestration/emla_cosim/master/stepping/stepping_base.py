@@ -95,7 +95,7 @@ class Stepping(ABC):
         return []
 
     def memory(self) -> dict[str, Vector]:
-        """Return what stepping and algorithm keep besides the signals, as arrays by name."""
+        """Return what steps have changed, as arrays by name."""
         return self.algorithm.memory()
 
     def remember(self, memory: Mapping[str, Vector]) -> None:

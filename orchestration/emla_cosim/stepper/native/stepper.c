@@ -72,6 +72,16 @@ int32_t stepper_step(Stepper *s, int64_t k) {
     return s->failure = step(s, k, time, point(&s->clock, k + 1) - time);
 }
 
+/* Count a complete row: after its numbers, as the process can be killed at any instruction. */
+static void count_row(Activity *activity) {
+    if (activity == NULL) return;
+#if defined __GNUC__
+    __atomic_store_n(&activity->rows, activity->rows + 1, __ATOMIC_RELEASE);
+#else
+    activity->rows++;
+#endif
+}
+
 /* Fill the next row. */
 static int32_t record(Stepper *s, double time, double *rows) {
     double *row = rows + s->recorded * (1 + s->n_signals + s->n_observed);
@@ -88,7 +98,7 @@ static int32_t record(Stepper *s, double time, double *rows) {
     memcpy(row + 1, s->stores[SIGNALS], (size_t)s->n_signals * sizeof(double));
     if (s->n_observed > 0) memcpy(row + 1 + s->n_signals, s->observed, (size_t)s->n_observed * sizeof(double));
     s->recorded++;
-    if (s->activity != NULL) s->activity->recorded = s->recorded;
+    count_row(s->activity);
     return DONE;
 }
 

@@ -23,11 +23,11 @@ typedef void (*Function)(void); /* any FMI function; called with its own type */
 /* The types of values in the memory of a call. Enumerations are INT32 in FMI 2.0, INT64 in FMI 3.0. */
 enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, BOOLEAN_2 };
 
-/* What an instance is doing, for other processes; `Activity` of black_box.py. */
+/* What an instance is doing, for other processes; the beginning of `Activity` of crash_page.py. */
 typedef struct {
     int64_t code; /* of instance and call; 0 without one */
     double time;  /* at which its step begins */
-    int64_t filled, recorded, room, told[2], ended;
+    int64_t rows; /* complete rows since the beginning of the run */
 } Activity;
 
 /* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
