@@ -115,7 +115,7 @@ class Run:
         """Return where the time went; None without a profiler, or before the first step."""
         if self._profiler is None or not self.steps:
             return None
-        return self._profiler.report(self.wall_s, self.stepping.seconds_beside)
+        return self._profiler.report(self.wall_s)
 
     def memory(self) -> dict[str, Any]:
         """Pass all rows to the recorders, and return their memories by key."""
@@ -147,7 +147,7 @@ class Run:
             self._first = (self.stepping.steps, self.stepping.time)
             self._has_first_row = True
             if self._profiler is not None:
-                self._profiler.restart()
+                self._profiler.restart(self.stepping.loop)
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
         """Step to a time in s, or until a failure.

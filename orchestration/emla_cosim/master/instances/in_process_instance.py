@@ -25,6 +25,7 @@ from ...fmu.python_exceptions import (
     describe_left_exception,
     explain_earlier_exception,
     find_left_exception,
+    uses_python,
 )
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
@@ -55,9 +56,6 @@ _DEAD_LIBRARIES: set[Path] = set()
 
 _LOADING = "loading its library"
 """The call that loads the library, as messages name it."""
-
-_INTERPRETED = "slavemodule.txt"
-"""A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
 
 _RESETS = "fmublock"
 """End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
@@ -101,7 +99,6 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 "Prepare the run again to load a new copy."
             )
         super().__init__(name, file, inputs, outputs)
-        self.runs_beside_others = _is_thread_safe(file)
         self._log = log
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
@@ -366,6 +363,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(DERIVATIVE, status)
         return found if status in FINE else None
 
+    @property
+    def runs_beside_others(self) -> bool:
+        """Whether other threads may call other instances at the same time, as far as the FMU's files show.
+
+        FMUs that use Python share the lock of one interpreter, and leave exceptions in the thread that
+        calls them.
+        """
+        shared = ("canBeInstantiatedOnlyOncePerProcess", "needsExecutionTool")
+        return not any(map(self.file.has_capability, shared)) and not uses_python(self.file.library)
+
     def save(self, state: Any = None) -> Any:
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
         self._no_way_back = 0
@@ -559,11 +566,3 @@ def _python_value(variable: ModelVariable, value: Any) -> Any:
     if variable.type == BINARY:
         return bytes(value or b"")
     return bool(value) if variable.type == "Boolean" else value
-
-
-def _is_thread_safe(file: FmuFile) -> bool:
-    """Whether other threads may call other FMUs at the same time, as far as the FMU's files show."""
-    shares = file.has_capability("canBeInstantiatedOnlyOncePerProcess") or file.has_capability(
-        "needsExecutionTool"
-    )
-    return not shares and not (file.folder / "resources" / _INTERPRETED).exists()

@@ -91,7 +91,7 @@ class ErrorControl(Stepping):
         assert isinstance(algorithm, OperationTableAlgorithm)
         self.tolerance, self._sampled = tolerance, sampled
         longest = largest or default_largest_step(times)
-        self._loop = make_loop(algorithm)
+        self.loop = self._loop = make_loop(algorithm)
         self._loop.allow_way_back()  # each step may be repeated
         self._states = self._loop.make_states()
         self._tables = ControlTables(algorithm, times, tolerance, longest, sampled, self._states)

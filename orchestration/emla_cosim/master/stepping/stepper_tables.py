@@ -10,6 +10,7 @@ from ...sandbox import crash_page
 from ...stepper.layout import (
     CALL,
     COMBINATION,
+    EFFORT,
     FIRST_STORE,
     GROUP,
     INPUT,
@@ -48,6 +49,7 @@ class StepperTables:
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
+        efforts: The records of measured calls, per instance; an instance has none unless it is measured.
         passing: What passes Strings and Binary values on before each step; None without any.
     """
 
@@ -56,6 +58,7 @@ class StepperTables:
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
         self.states = SavedStates(points)
+        self.efforts = np.zeros(len(points), EFFORT)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
         self._fill()

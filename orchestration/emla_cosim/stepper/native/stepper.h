@@ -52,6 +52,13 @@ typedef struct {
     double reached;
 } StepEnd;
 
+/* What the calls of an instance took; the last member keeps those of two threads apart in their caches. */
+enum { INPUT_CALLS, STEP_CALLS, OUTPUT_CALLS, STATE_CALLS, RECORDING_CALLS, N_KINDS };
+typedef struct {
+    int64_t (*now)(void); /* a monotonic clock in ns */
+    int64_t counts[N_KINDS], nanoseconds[N_KINDS], unused[N_KINDS];
+} Effort;
+
 typedef struct Events Events; /* event_tables.h */
 
 /* The place of a saved state: that of the FMU, and a copy of the memory of its events. */
@@ -83,6 +90,7 @@ typedef struct { /* first what each step reads */
     StepEnd *end; /* for FMI 3.0 */
     SavedState *state; /* the place of the one that its group saves */
     Events *events; /* NULL without event mode, clocks and early returns */
+    Effort *effort; /* NULL if its calls are not measured */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
@@ -238,7 +246,7 @@ typedef struct {
 } Control;
 
 extern STEPPER_API const size_t
-    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState */
+    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
