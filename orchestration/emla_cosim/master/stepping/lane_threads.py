@@ -68,7 +68,8 @@ class LaneThreads:
                 record["waits"], record["wait_count"] = self._keep(waits), len(waits)
                 record["operation"] = place
             plans[lane]["tasks"], plans[lane]["task_count"] = self._keep(records), len(records)
-            plans[lane]["activity"] = ctypes.addressof(crash_page.current_activity(lane))
+            self._held.append(activity := crash_page.current_activity(lane))
+            plans[lane]["activity"] = ctypes.addressof(activity)
         return plans
 
     def _keep(self, values: Any) -> int:

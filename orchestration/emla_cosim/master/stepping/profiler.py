@@ -94,7 +94,8 @@ class Profiler:
             wall_s: Wall time of the run in s.
         """
         total = wall_s + (0.0 if self._loop is None else self._loop.seconds_beside)
-        spent = [self._spent(i) for i in range(len(self._instances))]
+        in_c = [{}] * len(self._instances) if self._loop is None else self._loop.profile()
+        spent = list(map(_add_up, self._measured, in_c))
         here = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
         waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in here)
         measured = sum(spent[i].seconds for i in here) + waited + sum(self._activities.values())
@@ -115,7 +116,7 @@ class Profiler:
             calls = {name: {"count": c.count, "seconds": c.seconds} for name, c in effort.calls.items()}
             rows[instance.name] = {**part(effort.seconds), "calls": calls, **more}
         costs = {"per_call_in_python_s": sum(measure_own_cost())}
-        if any(self._measured_in_c(i) for i in range(len(spent))):
+        if any(in_c):
             costs["per_call_in_c_s"] = sum(_measure_cost_in_c())
         return {
             "total_s": total,
@@ -126,16 +127,14 @@ class Profiler:
             "profiler": {**part(own), **costs},
         }
 
-    def _spent(self, i: int) -> Effort:
-        effort = Effort()
-        self._measured[i].add_to(effort)
-        for name, calls in self._measured_in_c(i).items():
-            if calls.count:
-                effort.add(name, calls.count, calls.seconds, _measure_cost_in_c())
-        return effort
 
-    def _measured_in_c(self, i: int) -> Mapping[str, Calls]:
-        return {} if self._loop is None else self._loop.profile()[i]
+def _add_up(in_python: MeasuredCalls, in_c: Mapping[str, Calls]) -> Effort:
+    """Return what an instance took, in calls of its methods and in those that C made."""
+    effort = Effort()
+    in_python.add_to(effort)
+    for name, calls in in_c.items():
+        effort.add(name, calls.count, calls.seconds, _measure_cost_in_c())
+    return effort
 
 
 @cache
