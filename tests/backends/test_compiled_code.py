@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.base.errors import RunError
+from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
@@ -36,14 +36,14 @@ from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave
 from tests.support.tiers import examples
 
-KINDS: tuple[type[OperationTableAlgorithm], ...] = (Jacobi, GaussSeidel, Strong)
+KINDS: tuple[type[Algorithm], ...] = (Jacobi, GaussSeidel, Strong)
 TIMES = make_communication_points(1.0, 1.0 / 32.0)
-Make = Callable[[], OperationTableAlgorithm]
+Make = Callable[[], Algorithm]
 
 
 def rows(
     network: Network,
-    algorithm: OperationTableAlgorithm,
+    algorithm: Algorithm,
     times: CommunicationPoints,
     *,
     compiled: bool,

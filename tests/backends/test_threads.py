@@ -27,9 +27,9 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.cli.commands.crash_rescue import _cause
+from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.algorithms.tasks import StepTask
 from emla_cosim.master.instances.fmu_instance import InstanceError
@@ -70,7 +70,7 @@ def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = move
     return Network([compilable(slave) for slave in slaves], wires)
 
 
-def work_of(algorithm: OperationTableAlgorithm, network: Network) -> list[StepTask]:
+def work_of(algorithm: Algorithm, network: Network) -> list[StepTask]:
     algorithm.setup(network)
     return algorithm.tasks()
 
@@ -150,7 +150,7 @@ def failing(times: dict[str, float]) -> Network:
     return network
 
 
-def ended(network: Network, algorithm: OperationTableAlgorithm, seed: int | None) -> tuple[str, bytes]:
+def ended(network: Network, algorithm: Algorithm, seed: int | None) -> tuple[str, bytes]:
     """Return the error message that ends a run, and its rows; threads share it by `seed`."""
     stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES)
     if seed is not None:
@@ -166,7 +166,7 @@ def ended(network: Network, algorithm: OperationTableAlgorithm, seed: int | None
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}, {"s5": 0.25, "s0": 0.375}], ids=str)
 def test_the_first_failure_is_reported_whatever_thread_meets_it(
-    times: dict[str, float], kind: type[OperationTableAlgorithm]
+    times: dict[str, float], kind: type[Algorithm]
 ) -> None:
     """The error message, and the rows before it, are those of one thread."""
     expected = ended(failing(times), kind(), None)
@@ -228,9 +228,7 @@ def slow(seconds: float) -> Advance:
 
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
-def test_heavy_steps_are_tried_in_threads(
-    kind: type[OperationTableAlgorithm], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_heavy_steps_are_tried_in_threads(kind: type[Algorithm], monkeypatch: pytest.MonkeyPatch) -> None:
     """Two chains that need nothing of each other; how fast they are is up to the machine."""
     monkeypatch.setattr(choice, "count_cores", lambda: 2)
     times = make_communication_points(100.0, 1.0)
@@ -379,7 +377,7 @@ def with_steps_apart(network: Network, calls: list[str]) -> Network:
 
 
 @pytest.mark.parametrize("kind", [Jacobi, partial(GaussSeidel, order=["s0", "s1", "s2", "s3"])])
-def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], OperationTableAlgorithm]) -> None:
+def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Algorithm]) -> None:
     calls: list[str] = []
     links = [(0, 1), (2, 3), (3, 0)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), TIMES), TIMES))
@@ -426,7 +424,7 @@ def test_a_step_apart_that_fails_in_a_loop_ends_the_run_after_the_others() -> No
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}], ids=str)
 def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
-    times: dict[str, float], kind: type[OperationTableAlgorithm]
+    times: dict[str, float], kind: type[Algorithm]
 ) -> None:
     expected = ended(failing(times), kind(), None)
     calls: list[str] = []

@@ -2,14 +2,12 @@
 
 import random
 
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 
 
 def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
     """The same stepping, its tasks shared out at random, in any order that their dependencies leave."""
     algorithm, loop = stepping.algorithm, stepping.loop
-    assert isinstance(algorithm, OperationTableAlgorithm) and loop is not None
     work, chance = algorithm.tasks(), random.Random(seed)
     lane_of = [chance.randrange(count) for _ in algorithm.network.instances]
     for task in work:

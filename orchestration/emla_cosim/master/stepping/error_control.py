@@ -12,7 +12,6 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import make_loop
 from .control_tables import JUST_BEFORE, WATCHED, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
@@ -88,7 +87,6 @@ class ErrorControl(Stepping):
         instances = algorithm.network.instances
         require(instances, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(instances, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
-        assert isinstance(algorithm, OperationTableAlgorithm)
         self.tolerance, self._sampled = tolerance, sampled
         longest = largest or default_largest_step(times)
         self.loop = self._loop = make_loop(algorithm)

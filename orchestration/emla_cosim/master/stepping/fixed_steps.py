@@ -9,7 +9,6 @@ import numpy as np
 from ...base.errors import CommandError
 from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import make_loop
 from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
@@ -34,7 +33,6 @@ class FixedSteps(Stepping):
         super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
-        assert isinstance(algorithm, OperationTableAlgorithm)
         self.loop = self._loop = make_loop(algorithm)
         self._choice = None if threads == 1 else LaneChoice(self._loop, algorithm, threads)
 

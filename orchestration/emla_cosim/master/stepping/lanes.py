@@ -9,7 +9,7 @@ from typing import Any
 from ...base.errors import RunError
 from ...sandbox.crash_page import THREADS
 from ...sandbox.processes import count_cores
-from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.algorithm import Algorithm
 from .native_loop import NativeLoop
 from .schedule import ThreadSchedule, schedule_tasks
 
@@ -46,7 +46,7 @@ class LaneChoice:
         threads: Number of threads; None uses up to one per core if that is faster.
     """
 
-    def __init__(self, loop: NativeLoop, algorithm: OperationTableAlgorithm, threads: int | None) -> None:
+    def __init__(self, loop: NativeLoop, algorithm: Algorithm, threads: int | None) -> None:
         self._loop, self._algorithm = loop, algorithm
         self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
         reason = loop.why_one_thread

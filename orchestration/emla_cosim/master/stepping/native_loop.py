@@ -14,7 +14,7 @@ from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...stepper.layout import Control, Failure
 from ...stepper.library import StepperLibrary, address_of_clock
-from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
 from ..algorithms.tasks import StepTask
 from ..instances.fmu_instance import EntryPoints
@@ -62,9 +62,7 @@ class NativeLoop:
         seconds_beside: Wall time in s that further threads took for steps.
     """
 
-    def __init__(
-        self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints], library: StepperLibrary
-    ) -> None:
+    def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints], library: StepperLibrary) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
         self._points, self._calls = points, [p.calls for p in points]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...base.errors import RunError
 from ...fmu.instance import DISCARD, ERROR, OK
-from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.algorithm import Algorithm
 from ..instances.fmu_instance import DiscardedStepError, EntryPoints, FmuInstance
 
 _ADDRESS, _COUNT, _STATUS, _TRUTH = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int
@@ -23,7 +23,7 @@ _Restore = ctypes.CFUNCTYPE(_STATUS, _ADDRESS, _ADDRESS)
 _NOTHING = np.empty(0, dtype=np.uint32)
 
 
-def list_entry_points(algorithm: OperationTableAlgorithm) -> list[EntryPoints]:
+def list_entry_points(algorithm: Algorithm) -> list[EntryPoints]:
     """Return the functions that the stepper calls, by instance: those of its FMU, or functions of Python.
 
     Ask for them once only: those that a profiler gives later replace the earlier ones.

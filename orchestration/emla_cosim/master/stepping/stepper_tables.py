@@ -26,8 +26,8 @@ from ...stepper.layout import (
     Stepper,
 )
 from ..algorithms import program
+from ..algorithms.algorithm import Algorithm
 from ..algorithms.group import HALVINGS, SWEEPS
-from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
 from ..instances.call_records import fill_typed_call
@@ -53,7 +53,7 @@ class StepperTables:
         passing: What passes Strings and Binary values on before each step; None without any.
     """
 
-    def __init__(self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints]) -> None:
+    def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints]) -> None:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
