@@ -162,7 +162,7 @@ class Bench:
 
 # ---- ways to run ---------------------------------------------------------------------------------
 
-DIFFERENT = {"compiled", "threads", "lanes", "compiled_code_not_kept", "isolated", "why_one_thread"}
+DIFFERENT = {"threads", "lanes", "compiled_code_not_kept", "isolated", "why_one_thread"}
 """What steppers report differently."""
 
 
