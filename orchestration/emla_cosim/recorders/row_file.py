@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmublock.leftovers import mark_of_process
-
 from ..base.arrays import Vector
-from ..base.files import UNFINISHED
+from ..base.files import UNFINISHED, mark_of_process
 
 _ZEROS = bytes(2**20)
 

@@ -14,7 +14,7 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
-    from ..stepping.python_calls import PythonCalls
+    from .python_calls import PythonCalls
     from .typed_values import TypeGroup
 
 

@@ -32,7 +32,7 @@ from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
 from ..instances.call_records import fill_typed_call
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
-from .python_calls import PythonCalls
+from ..instances.python_calls import PythonCalls
 from .saved_states import SavedStates
 
 
