@@ -6,6 +6,8 @@ Results have the same bits either way, so a run can switch at any step.
 from collections.abc import Generator, Sequence
 from typing import Any
 
+import numpy as np
+
 from ...base.errors import RunError
 from ...sandbox.crash_page import THREADS
 from ...sandbox.processes import count_cores
@@ -28,8 +30,8 @@ _PROBE = 0.005
 _SOON, _LATE = 1.0, 30.0
 """First and longest time in s until the next comparison. Other programs may start or end meanwhile."""
 
-_LEAST, _MOST = 4, 64
-"""Limits of the number of steps in which costs are measured; between them, the largest step multiple."""
+_ROUNDS, _MOST = 8, 64
+"""How often costs are measured, and in how many steps at most: as many as the largest step multiple."""
 
 _Course = Generator[tuple[float, int], tuple[int, float], None]
 """Yields for how many seconds and at least how many steps to go on, and receives how many it was of both."""
@@ -82,34 +84,34 @@ class LaneChoice:
 
     def _use_requested_threads(self) -> _Course:
         """Measure the costs, then use the requested number of threads."""
-        yield 0.0, 1  # the first step takes longer
-        costs = yield from self._measure_costs(0.0)
-        self._share(self._schedule(costs, self._most))
+        yield 0.0, 1  # the profiler, if there is one, has begun then; and the first step takes longer
+        self._share(self._schedule((yield from self._measure_costs()), self._most))
 
     def _use_threads_if_faster(self) -> _Course:
         """Use threads while they are faster, which is looked at again from time to time."""
         pause = _SOON
         yield _FIRST, 1
         while True:
-            schedule = self._find_schedule((yield from self._measure_costs(_PROBE)))
+            schedule = self._find_schedule((yield from self._measure_costs()))
             try:
                 if schedule is not None:
                     self._share(schedule)
                     yield from self._use_faster()
-            except RunError as error:  # go on with one thread: the user did not request more
+            except RunError as error:  # one thread will do: the user did not request more
                 self._report["why_one_thread"] = str(error)
                 return
             yield pause, 1
             pause = min(2.0 * pause, _LATE)
 
-    def _measure_costs(self, seconds: float) -> Generator[tuple[float, int], tuple[int, float], list[float]]:
-        """Do steps in one thread for some time, and return the seconds per step that each instance takes."""
-        loop, before = self._loop, self._loop.measured
-        loop.is_shared = False
+    def _measure_costs(self) -> Generator[tuple[float, int], tuple[int, float], list[float]]:
+        """Do some steps in one thread, and return the seconds per step that each instance takes at least."""
+        loop, before, costs = self._loop, self._loop.measured, np.full(len(self._loop.efforts), np.inf)
+        loop.is_shared, count = False, min(int(self._algorithm.multiples.max()), _MOST)
         loop.measure(range(len(loop.efforts)))
-        start = loop.efforts["nanoseconds"].sum(axis=1)
-        steps, _ = yield seconds, min(max(_LEAST, int(self._algorithm.multiples.max())), _MOST)
-        costs = (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps)
+        for _ in range(_ROUNDS):  # other programs interrupt some
+            start = loop.efforts["nanoseconds"].sum(axis=1)
+            steps, _ = yield 0.0, count
+            costs = np.minimum(costs, (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps))
         loop.measure(before)
         return costs.tolist()
 

@@ -11,10 +11,8 @@ from heapq import heappop, heappush
 
 from ..algorithms.tasks import StepTask
 
-_TRIES = 40
-"""Number of orders to try; with many tasks (see `_MANY`) fewer, because they differ little."""
-
-_MANY = 4000
+_TRIES, _MANY = 40, 4000
+"""Number of orders to try, and the limit of their tasks in all: with many tasks, orders differ little."""
 
 
 @dataclass(frozen=True)
