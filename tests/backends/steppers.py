@@ -162,7 +162,7 @@ class Bench:
 
 # ---- ways to run ---------------------------------------------------------------------------------
 
-DIFFERENT = {"compiled", "threads", "lanes", "compiled_code_not_kept", "isolated", "refused"}
+DIFFERENT = {"threads", "lanes", "compiled_code_not_kept", "isolated", "why_one_thread"}
 """What steppers report differently."""
 
 
@@ -285,6 +285,10 @@ STEPPERS: dict[str, Stepper] = {
     "two threads": Stepper(partial(run, threads=2)),
     "three threads": Stepper(
         partial(run, threads=3), by_default=[("two loops", "strong, lines"), ("lift", "jacobi")]
+    ),
+    "eight threads": Stepper(
+        partial(run, threads=8),
+        by_default=[("multirate", "gauss-seidel, lines"), ("discarded steps", "strong, lines")],
     ),
     "profiled": Stepper(
         partial(run, profile=True),

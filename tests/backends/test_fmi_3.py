@@ -18,7 +18,7 @@ from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.master.instances.call_codes import code_of, decode_call
 from emla_cosim.master.instances.instance_kinds import make_instance
-from emla_cosim.sandbox import black_box
+from emla_cosim.sandbox import crash_page
 from tests.backends.systems import Springs
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_integrated_fmu
 
@@ -70,7 +70,7 @@ def test_a_crash_is_reported_with_the_call_of_fmi_3(
         assert points is not None
         assert points.names == (*names, "getFMUState", "setFMUState")
         for name in points.names:
-            assert decode_call(black_box.Activity(code=code_of(3, name))) == (3, name)
+            assert decode_call(crash_page.Activity(code=code_of(3, name))) == (3, name)
     finally:
         instance.close()
 

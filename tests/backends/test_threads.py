@@ -4,10 +4,14 @@ That they have the bits of one thread is shown in test_matrix.py and, for any sc
 test_compiled_code.py.
 """
 
+import dataclasses
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -23,19 +27,22 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.cli.commands.crash_rescue import _cause
+from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.algorithms.tasks import StepTask
 from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping import kernel, sharing
+from emla_cosim.master.stepping import lanes as choice
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.thread_schedule import ThreadSchedule, schedule_tasks
+from emla_cosim.master.stepping.native_loop import NativeLoop
+from emla_cosim.master.stepping.schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.run.options import read_threads
+from emla_cosim.stepper.layout import Failure
+from emla_cosim.stepper.library import load_stepper
 from tests.support.faulty_systems import line_with_a_fault, open_system
 from tests.support.hand_written_fmus import Fault
 from tests.support.lanes import in_lanes
@@ -63,7 +70,7 @@ def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = move
     return Network([compilable(slave) for slave in slaves], wires)
 
 
-def work_of(algorithm: OperationTableAlgorithm, network: Network) -> list[StepTask]:
+def work_of(algorithm: Algorithm, network: Network) -> list[StepTask]:
     algorithm.setup(network)
     return algorithm.tasks()
 
@@ -143,7 +150,7 @@ def failing(times: dict[str, float]) -> Network:
     return network
 
 
-def ended(network: Network, algorithm: OperationTableAlgorithm, seed: int | None) -> tuple[str, bytes]:
+def ended(network: Network, algorithm: Algorithm, seed: int | None) -> tuple[str, bytes]:
     """Return the error message that ends a run, and its rows; threads share it by `seed`."""
     stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES)
     if seed is not None:
@@ -159,7 +166,7 @@ def ended(network: Network, algorithm: OperationTableAlgorithm, seed: int | None
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}, {"s5": 0.25, "s0": 0.375}], ids=str)
 def test_the_first_failure_is_reported_whatever_thread_meets_it(
-    times: dict[str, float], kind: type[OperationTableAlgorithm]
+    times: dict[str, float], kind: type[Algorithm]
 ) -> None:
     """The error message, and the rows before it, are those of one thread."""
     expected = ended(failing(times), kind(), None)
@@ -167,33 +174,12 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
         assert ended(failing(times), kind(), seed) == expected
 
 
-def no_thread(*_: Any) -> None:
-    raise RuntimeError("can't start new thread")
-
-
-def no_compiler(*_: Any) -> None:
-    raise ImportError("No module named 'numba'")
-
-
-@pytest.mark.parametrize(
-    ("place", "failure", "words"),
-    [
-        ("threading.Thread.start", no_thread, "cannot start 2 threads for FMUs: can't start new thread"),
-        # a machine that has compiled the loop of one thread alone may have no compiler any more
-        (
-            "emla_cosim.master.stepping.machine_code.load",
-            no_compiler,
-            "cannot be compiled: No module named 'numba'",
-        ),
-    ],
-)
-def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
-    place: str, failure: Callable[..., None], words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_threads_that_cannot_be_used_end_a_run_that_requests_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a request, the run goes on in one thread, and reports why."""
-    kernel._advance_lane.cache_clear()
-    monkeypatch.setattr(place, failure)
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    no_threads = dataclasses.replace(load_stepper(), start_lanes=lambda *_: None)
+    monkeypatch.setattr("emla_cosim.master.stepping.compilation.require_stepper", lambda: no_threads)
+    monkeypatch.setattr(choice, "count_cores", lambda: 2)
+    words = "the system cannot start 2 threads for FMUs. Set fewer threads."
     times = make_communication_points(60.0, 1.0)
     alone, two = (
         FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=threads)
@@ -201,7 +187,7 @@ def test_threads_that_cannot_be_used_end_a_run_that_requests_them(
     )
     recorded(alone)
     assert alone.steps == 60 and alone.report()["threads"] == 1
-    assert words.rpartition(": ")[2] in alone.report()["refused"]
+    assert alone.report()["why_one_thread"] == words
     with pytest.raises(ec.RunError, match=words):
         recorded(two)
 
@@ -242,11 +228,9 @@ def slow(seconds: float) -> Advance:
 
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
-def test_heavy_steps_are_tried_in_threads(
-    kind: type[OperationTableAlgorithm], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_heavy_steps_are_tried_in_threads(kind: type[Algorithm], monkeypatch: pytest.MonkeyPatch) -> None:
     """Two chains that need nothing of each other; how fast they are is up to the machine."""
-    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    monkeypatch.setattr(choice, "count_cores", lambda: 2)
     times = make_communication_points(100.0, 1.0)
     links = [(0, 1), (2, 3)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
@@ -256,7 +240,7 @@ def test_heavy_steps_are_tried_in_threads(
     assert found.tobytes() == expected.tobytes()
     assert sorted(name for lane in report["lanes"] for name in lane) == ["s0", "s1", "s2", "s3"]
     assert all(report["lanes"]) and report["threads"] in (1, 2)
-    assert min(report[f"{x}_us"] for x in ("handover", "step_in_threads", "step_in_one_thread")) > 0.0
+    assert min(report[f"{x}_us"] for x in ("step_in_threads", "step_in_one_thread")) > 0.0
 
 
 # ---- FMUs that do not run beside others --------------------------------------------------------
@@ -273,6 +257,72 @@ def test_fmus_of_one_interpreter_share_a_thread(python_fmu_folder: Path) -> None
     (lane,) = found[1].stepping["lanes"]
     assert sorted(lane) == sorted(c.name for c in ec.load("lift").system.components)
     assert found[1].stepping["threads"] == 1
+
+
+def test_components_that_python_calls_are_in_the_first_lane(faulty_fmu: Path) -> None:
+    """The last of three is isolated; the others may run beside it."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    options = {"stop_time": 2.0, "step_size": 0.1, "algorithm": "jacobi"}
+    with ec.load(system, **options).prepare(isolate=["j.sink"]) as simulation:
+        alone, shared = (simulation.run(threads=threads) for threads in (1, 2))
+    assert shared.to_polars().equals(alone.to_polars())
+    first, second = shared.stepping["lanes"]
+    assert "j.sink" in first and {*first, *second} == {"j.source", "j.bad", "j.sink"}
+
+
+class Averaged(ec.Explicit):
+    """An algorithm that passes on the mean of the present and the previous signals."""
+
+    def table(self, network: Network) -> Sequence[ec.Operation | ec.Combine]:
+        places = range(len(network.instances))
+        return [
+            *(ec.Combine(i, "mean", {"signals": 0.5, "previous": 0.5}) for i in places),
+            *(ec.Operation(ec.Call.SET, i, store="mean") for i in places),
+            *(ec.Operation(call, i) for call in (ec.Call.STEP, ec.Call.GET) for i in places),
+        ]
+
+    def late(self) -> list[Link]:
+        return self.network.links
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "isolate", "reason"),
+    [
+        (Averaged(), False, "the program of the algorithm combines vectors"),
+        ("jacobi", True, "FMUs in other processes already step at the same time"),
+    ],
+)
+def test_systems_whose_steps_threads_cannot_share(
+    algorithm: Any, isolate: bool, reason: str, faulty_fmu: Path
+) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    with ec.load(system, stop_time=1.0, step_size=0.1).prepare(isolate=isolate) as simulation:
+        stepping = simulation.run(algorithm=algorithm, threads=2).stepping
+    assert stepping["threads"] == 1 and stepping["why_one_thread"].startswith(reason)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals.")
+def test_ctrl_c_ends_lanes_after_the_present_step(faulty_fmu: Path) -> None:
+    ends, run = list[Failure](), NativeLoop.run
+
+    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, every: int, rows: Any) -> Any:
+        if not loop.is_shared:
+            return run(loop, first, count, clock, every, rows)
+        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        try:
+            return run(loop, first, 10**7, clock, 2**40, rows)
+        finally:
+            timer.cancel()
+            ends.append(Failure(loop._stepper.failure))
+
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    options = {"step_size": 0.1, "algorithm": "jacobi"}
+    with pytest.MonkeyPatch.context() as patch, ec.load(system, **options).prepare() as simulation:
+        patch.setattr(NativeLoop, "run", run_long)
+        result = simulation.attempt(threads=3, stop_time=1e6, recorders=[])
+    assert result.interrupted
+    assert ends[-1] == Failure.INTERRUPTED
 
 
 @pytest.mark.slow
@@ -327,7 +377,7 @@ def with_steps_apart(network: Network, calls: list[str]) -> Network:
 
 
 @pytest.mark.parametrize("kind", [Jacobi, partial(GaussSeidel, order=["s0", "s1", "s2", "s3"])])
-def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], OperationTableAlgorithm]) -> None:
+def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Algorithm]) -> None:
     calls: list[str] = []
     links = [(0, 1), (2, 3), (3, 0)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), TIMES), TIMES))
@@ -374,7 +424,7 @@ def test_a_step_apart_that_fails_in_a_loop_ends_the_run_after_the_others() -> No
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}], ids=str)
 def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
-    times: dict[str, float], kind: type[OperationTableAlgorithm]
+    times: dict[str, float], kind: type[Algorithm]
 ) -> None:
     expected = ended(failing(times), kind(), None)
     calls: list[str] = []

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import emla_cosim as ec
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.instances.call_codes import CALLS, code_of, decode_call
-from emla_cosim.sandbox import black_box
+from emla_cosim.sandbox import crash_page
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias
 from tests.support.faulty_systems import line_with_a_fault
@@ -202,6 +202,59 @@ def test_rows_that_wait_for_the_disk_are_kept(
     assert steps(tmp_path) == len(rows) - 1
 
 
+CALLS_THAT_END = [Fault.SEGFAULT, Fault.EXIT, Fault.SEGFAULT_GET_REAL]
+
+
+@needs_fork
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+@pytest.mark.parametrize("every", [1, 7, 100_000])
+@pytest.mark.parametrize("fault", CALLS_THAT_END)
+def test_rows_that_are_due_and_the_last_one_are_kept(
+    fault: Fault, every: int, form: str, package: Path, tmp_path: Path
+) -> None:
+    """In any call, for any number of steps in a row of the table; metrics are those of these rows."""
+    interval = ("--output-interval", f"{every * 1e-4:g}", "--output-format", form)
+    value = ("--set", "j.bad.at=1.04995")
+    failure(start_line(tmp_path, package, fault, *SMALL_STEPS, *interval, *value), tmp_path)
+    assert names(tmp_path / "out") == {f"results.{form}", "metrics.json", "run.json"}
+    path = tmp_path / f"out/results.{form}"
+    rows = table(tmp_path) if form == "csv" else polars.read_parquet(path)
+    last = steps(tmp_path)
+    assert last >= 10_498
+    due = sorted({*range(0, last + 1, every), last})
+    with load(package, step_size=1e-4, output_interval=1e-4, stop_time=1e-4 * last).prepare() as simulation:
+        assert rows.equals(simulation.run().to_polars()[due])
+    figures = json.loads((tmp_path / "out/metrics.json").read_text())["signals"]
+    for name in rows.columns[1:]:
+        assert figures[name]["maximum"] == rows[name].max()
+        assert figures[name]["final"] == rows[name][-1]
+    remarks = [text for text in record(tmp_path)["remarks"] if text.startswith("The metrics were computed")]
+    assert len(remarks) == (every > 1)
+
+
+@needs_fork
+@pytest.mark.slow
+def test_some_signals_without_a_file_for_the_newest_rows(package: Path, tmp_path: Path) -> None:
+    """A file system that cannot share memory costs the newest rows; run.json says so."""
+    code = """
+import emla_cosim.recorders.row_file as f
+def refuse(*arguments):
+    raise OSError(95, 'Operation not supported')
+f._allocate = refuse
+"""
+    chosen = (*SMALL_STEPS, "--signals", "j.sink.z", "--set", "j.bad.at=1.04995")
+    failure(start_line(tmp_path, package, Fault.ABORT, *chosen, code=code), tmp_path)
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
+    rows = table(tmp_path)
+    assert rows.columns == ["time", "j.sink.z"] and 1 <= len(rows) < 10_500
+    assert steps(tmp_path) == 10_499
+    assert list(json.loads((tmp_path / "out/metrics.json").read_text())["signals"]) == ["j.sink.z"]
+    remarks = " ".join(record(tmp_path)["remarks"])
+    assert "are lost" in remarks and "Operation not supported" in remarks
+    assert "with those of its signals alone" in remarks
+
+
 @needs_fork
 @pytest.mark.slow
 def test_parquet_and_continued_runs_are_kept(package: Path, tmp_path: Path) -> None:
@@ -334,6 +387,6 @@ def test_isolate_takes_patterns_and_true(package: Path, tmp_path: Path) -> None:
 
 @given(st.integers(0, 10_000), st.sampled_from(CALLS[1:]))
 def test_code_tells_the_instance_and_the_call(instance: int, call: str) -> None:
-    present = black_box.Activity(code=code_of(instance, call), time=0.5)
+    present = crash_page.Activity(code=code_of(instance, call), time=0.5)
     assert decode_call(present) == (instance, f"{call} at t = 0.5 s" if call == "doStep" else call)
-    assert decode_call(black_box.Activity())[0] is None
+    assert decode_call(crash_page.Activity())[0] is None

@@ -45,7 +45,7 @@ NAMED = {
 """Keys of tables by name: of joints, components, variables."""
 
 
-NOT_FROZEN = {"compiled_code_not_kept", "lanes", "handover_us"}
+NOT_FROZEN = {"compiled_code_not_kept", "lanes"}
 """Keys that depend on the machine: whether its cache can be written, and a run takes several threads."""
 
 

@@ -1,7 +1,7 @@
-"""The stepper in C on random systems, programs and failing FMUs, in a host without Python, under sanitizers.
+"""The stepper in C on random systems, programs and failing FMUs, in hosts without Python, under sanitizers.
 
-stepper_host.c says what is done and checked. Everything depends on fixed seeds; a failure says which one to
-repeat. With other seeds than those of CI:
+stepper_host.c, events_host.c and lanes_host.c say what is done and checked. Everything depends on fixed
+seeds; a failure says which one to repeat. With other seeds than those of CI:
 
     EMLA_FUZZ_SEED=100000 EMLA_FUZZ_SEEDS=50000 pytest -m "slow or nightly" tests/interop/test_stepper_fuzz.py
 """
@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -37,6 +38,7 @@ _COMPILERS = {
 }
 
 
+@pytest.mark.parametrize(("program", "good"), [("stepper_host", "DONE"), ("events_host", "NO_PROBLEM")])
 @pytest.mark.parametrize(
     ("optimization", "first", "seeds"),
     [
@@ -45,17 +47,25 @@ _COMPILERS = {
     ],
     ids=["few", "many"],
 )
-def test_random_systems_do_no_harm(optimization: str, first: int, seeds: int, tmp_path: Path) -> None:
-    host, source = tmp_path / "stepper_host", SUPPORT / "c_host" / "stepper_host.c"
-    flags = [*_FLAGS, optimization, "-g", *SANITIZERS["address"], *_HEADERS, "-I", str(_NATIVE)]
-    _compile("cc", *flags, str(source), "-o", str(host), "-lm")
-    output = run_program(host, str(first), str(seeds))
-    print(output)
-    words = output.split()
-    counts = dict(zip(words[::2], map(int, words[1::2]), strict=True))
-    # systems in which nothing fails, or nothing happens, would prove nothing
-    assert [name for name, count in counts.items() if count == 0] == []
-    assert counts["DONE"] > seeds // 5
+def test_random_systems_do_no_harm(
+    optimization: str, first: int, seeds: int, program: str, good: str, tmp_path: Path
+) -> None:
+    counts = _run_host(program, [optimization, *SANITIZERS["address"]], first, seeds, tmp_path)
+    assert counts[good] > seeds // 5
+
+
+@pytest.mark.parametrize(
+    ("sanitizer", "first", "seeds"),
+    [
+        ("thread", 1, FEW // 2),
+        pytest.param("thread", SEED, SEEDS // 5, marks=pytest.mark.slow),
+        pytest.param("address", SEED, SEEDS // 5, marks=pytest.mark.slow),
+    ],
+    ids=["few", "many", "addresses"],
+)
+def test_lanes_have_the_results_of_one_thread(sanitizer: str, first: int, seeds: int, tmp_path: Path) -> None:
+    flags = ["-O1", "-frounding-math", "-pthread", str(_NATIVE / "system.c"), *SANITIZERS[sanitizer]]
+    _run_host("lanes_host", flags, first, seeds, tmp_path)
 
 
 @pytest.mark.slow
@@ -64,8 +74,9 @@ def test_stepper_compiles_without_warnings(compiler: str, tmp_path: Path) -> Non
     command = _COMPILERS[compiler]
     if shutil.which(command[0]) is None:
         pytest.skip(f"{command[0]} is not installed.")
-    source, binary = str(_NATIVE / "stepper.c"), str(tmp_path / "stepper.o")
-    _compile(*command, *_FLAGS, "-O2", *_HEADERS, "-c", source, "-o", binary)
+    for name in ("stepper", "library", "system"):
+        source, binary = str(_NATIVE / f"{name}.c"), str(tmp_path / f"{name}.o")
+        _compile(*command, *_FLAGS, "-O2", *_HEADERS, "-c", source, "-o", binary)
 
 
 @pytest.mark.slow
@@ -81,6 +92,19 @@ def test_stepper_has_no_writable_global_data(tmp_path: Path) -> None:
     assert {"stepper_run", "stepper_sizes"} <= kinds.keys()
     # text and data that is only read; anything else is writable, or has no place yet
     assert {name: kind for name, kind in kinds.items() if kind not in "TtRr"} == {}
+
+
+def _run_host(name: str, flags: Sequence[str], first: int, seeds: int, folder: Path) -> dict[str, int]:
+    """Compile a host and run it on some seeds; return how often what it counts has occurred."""
+    host, source = folder / name, SUPPORT / "c_host" / f"{name}.c"
+    words = [*_FLAGS, "-g", *flags, *_HEADERS, "-I", str(_NATIVE)]
+    _compile("cc", *words, str(source), "-o", str(host), "-lm")
+    output = run_program(host, str(first), str(seeds))
+    print(output)
+    counts = dict(zip(output.split()[::2], map(int, output.split()[1::2]), strict=True))
+    # systems in which nothing fails, or nothing happens, would prove nothing
+    assert [name for name, count in counts.items() if count == 0] == []
+    return counts
 
 
 def _compile(*command: str) -> None:

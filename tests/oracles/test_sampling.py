@@ -9,7 +9,6 @@ from scipy.linalg import expm
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
@@ -62,7 +61,7 @@ def by_hand(late: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1), (Strong, 0)])
-def test_sampled_controller_adds_no_delay(kind: type[OperationTableAlgorithm], late: int) -> None:
+def test_sampled_controller_adds_no_delay(kind: type[Algorithm], late: int) -> None:
     """At the stop time the controller has been waiting for seven steps."""
     algorithm = kind(step_multiples={"controller": MULTIPLE})
     rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))

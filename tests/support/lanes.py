@@ -2,14 +2,12 @@
 
 import random
 
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 
 
 def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
     """The same stepping, its tasks shared out at random, in any order that their dependencies leave."""
-    algorithm, kernel = stepping.algorithm, stepping._kernel
-    assert isinstance(algorithm, OperationTableAlgorithm) and kernel is not None
+    algorithm, loop = stepping.algorithm, stepping.loop
     work, chance = algorithm.tasks(), random.Random(seed)
     lane_of = [chance.randrange(count) for _ in algorithm.network.instances]
     for task in work:
@@ -21,6 +19,6 @@ def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
         place = chance.choice(possible)
         through.add(place)
         lanes[lane_of[work[place].instances[0]]].append(place)
-    kernel.share_out(work, lanes)
-    assert kernel.threads == count
+    loop.share_out(lanes)
+    assert loop.threads == count
     return stepping

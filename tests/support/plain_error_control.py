@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.snapshot import Snapshot
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT, UNREAD
@@ -24,7 +23,6 @@ class PlainErrorControl(ErrorControl):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        assert isinstance(self.algorithm, OperationTableAlgorithm)
         self.stepper, self.start = PlainStepper(self.algorithm), Snapshot(self.algorithm)
         self.first: tuple[float, np.ndarray] | None = None
         self.jumped = np.zeros(len(self._tables.signals), dtype=bool)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import Mode
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
-from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
@@ -28,7 +28,7 @@ class NoAgreementError(Exception):
 class PlainStepper:
     """Does the steps of an algorithm after its `initialize`."""
 
-    def __init__(self, algorithm: OperationTableAlgorithm) -> None:
+    def __init__(self, algorithm: Algorithm) -> None:
         self.algorithm, self.network = algorithm, algorithm.network
         self.exchange, self.history = algorithm.exchange, algorithm.exchange.history
         self.states: dict[tuple[int, int], Any] = {}
@@ -240,7 +240,7 @@ def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np
 class PlainSteps(Stepping):
     """Steps of one length by the plain stepper."""
 
-    def __init__(self, algorithm: OperationTableAlgorithm, times: CommunicationPoints) -> None:
+    def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         super().__init__(algorithm, times)
         self.stepper: PlainStepper | None = None
 
@@ -258,7 +258,6 @@ class PlainSteps(Stepping):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
-        assert isinstance(algorithm, OperationTableAlgorithm)
         self.stepper = self.stepper or PlainStepper(algorithm)
         ahead = math.floor((min(until, times.stop) - times.start) / times.step + ROUNDING)
         for k in range(self.steps, min(self.steps + most, times.steps, ahead)):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
 from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
-from fmublock.leftovers import MARK, make_temporary_folder, remove_folder
+from fmublock.leftovers import MARK, make_temporary_folder, mark_of_process, remove_folder
 
 from .errors import CommandError, RunError
 
@@ -27,6 +27,7 @@ __all__ = [
     "hash_file",
     "hash_if_readable",
     "is_same_place",
+    "mark_of_process",
     "read_file",
     "read_text",
     "real_place",

@@ -169,15 +169,15 @@ def _exit_interrupted() -> None:
     """Exit before a command has begun, when there is nothing to clean up."""
     with suppress(OSError):
         os.write(2, b"Interrupted.\n")
-    from ..sandbox import black_box
+    from ..sandbox import crash_page
 
-    black_box.current_activity().ended = 1
+    crash_page.current_activity().ended = 1
     os._exit(1)
 
 
 def _exit_with_error(sentence: str) -> None:
-    from ..sandbox import black_box
+    from ..sandbox import crash_page
 
     sys.stderr.write(f"{sentence}\n")
-    black_box.current_activity().ended = 1  # even if the shutdown of Python fails later
+    crash_page.current_activity().ended = 1  # even if the shutdown of Python fails later
     sys.exit(1)

@@ -16,7 +16,6 @@ from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.initialization import find_initial_loops, settle_initial_values
-from ..master.algorithms.operation_table import OperationTableAlgorithm
 from ..master.algorithms.program import Operation
 from ..master.algorithms.scale import Scale
 from ..master.assembly import Assembly
@@ -140,8 +139,6 @@ def plan_container(
         CommandError: The system cannot be one FMU.
         RunError: It cannot be initialized.
     """
-    if not isinstance(algorithm, OperationTableAlgorithm):
-        raise CommandError(f"an FMU cannot step with {type(algorithm).__name__}; choose another algorithm.")
     with Assembly(system, fmus) as assembly:
         _refuse_what_does_not_fit(assembly)
         assembly.start(system)
@@ -205,7 +202,7 @@ def _initial_guesses(network: Network, times: CommunicationPoints) -> list[Vecto
 
 def _plan(
     assembly: Assembly,
-    algorithm: OperationTableAlgorithm,
+    algorithm: Algorithm,
     guesses: Sequence[Vector],
     times: CommunicationPoints,
 ) -> ContainerPlan:

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
-from ..master.algorithms.operation_table import OperationTableAlgorithm
 from ..master.algorithms.snapshot import Snapshot
 from ..master.network import Network
 from ..master.stepping.fixed_steps import FixedSteps
@@ -44,7 +43,6 @@ class Perturbation:
         self._begin()
         stepping = simulation.stepping
         algorithm = stepping.algorithm
-        assert isinstance(algorithm, OperationTableAlgorithm)
         slow = (algorithm.multiples > 1).any()
         if not isinstance(stepping, FixedSteps) or slow:
             raise CommandError(

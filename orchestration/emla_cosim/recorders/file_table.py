@@ -1,7 +1,7 @@
 """Tables in files, which do not replace files of other programs."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,42 +17,63 @@ class FileTable(Table):
 
     An existing file is replaced if it is empty, if it is an unchanged table of an earlier run, or with
     `overwrite`; see `base.ownership`.
+
+    Attributes:
+        batch_rows: number of rows that are worth a batch for the thread.
+        batch_seconds: wall time in s after which fewer rows are stored, too.
     """
+
+    batch_rows: int
+    batch_seconds: float
 
     def __init__(self, path: str | Path, overwrite: bool = False) -> None:
         self.path = Path(path)
         folder = self.path.parent
         self._files = OutputFiles(folder, folder, "", lambda _: False, (), overwrite)
         self._queue: RowQueue | None = None
-        self._shared = False
 
     def __str__(self) -> str:
         return str(self.path)
-
-    def share_memory(self) -> None:
-        """Before `begin`: keep rows that wait where another process finds them. Only one table can do so."""
-        self._shared = True
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a table with the columns of the outline."""
         super().begin(outline, memory)
         self._queue = None
-        self._has_texts = any(found.is_text for found in self.types.values())
 
     def append(self, rows: Vector) -> None:
-        """Store rows, at once or in another thread. Raises OSError, also for earlier rows."""
-        if self._has_texts:  # texts are in this process only
-            self.store(rows)
-        else:
-            self._open_queue().put(rows)
+        """Store rows in another thread. Raises OSError, also for earlier rows."""
+        self._open_queue().put(rows, self._seen)
 
     @abstractmethod
     def store(self, rows: Vector) -> None:
         """Write rows, which are reused afterwards; may raise OSError. Called in any thread, never in two."""
 
-    def progress(self) -> Mapping[str, Any]:
-        """Return what `memory` needs to know of the rows that are stored. Called like `store`."""
-        return {}
+    @abstractmethod
+    def reopen(self, outline: Outline, rows: int) -> None:
+        """Continue the table that another process left, after its last whole row. May raise OSError.
+
+        Args:
+            outline: names and units of the rows.
+            rows: number of rows of the run before the next one that `write` receives.
+        """
+
+    @abstractmethod
+    def count_stored(self) -> int:
+        """Return the number of rows that the table has on disk."""
+
+    @abstractmethod
+    def blocks(self) -> Iterator[Vector]:
+        """Yield the rows of the whole table as arrays of shape (n, columns), with NaN for texts."""
+
+    def release(self, most: int) -> None:
+        """Store all rows but those among the last `most` that were received. Raises OSError."""
+        queue = self._open_queue()
+        while (stored := queue.stored()) is not None:
+            if 2 * (self._seen - stored) > most:
+                queue.start()
+            if self._seen - stored <= most:
+                return
+            queue.wait()
 
     def end(self) -> None:
         """Append the last row if it was not due, and wait until all rows are stored."""
@@ -60,22 +81,9 @@ class FileTable(Table):
         self.drain()
 
     def memory(self) -> Any:
-        """Wait until all rows are stored. Return how many there are, and what describes them."""
+        """Wait until all rows are stored, and return how many were received."""
         self.drain()
-        return {**super().memory(), **self.progress()}
-
-    def memory_now(self) -> Any:
-        """Return `memory` without waiting: it says which rows wait in shared memory, if they are there."""
-        if self._queue is None or not self._queue.is_shared:
-            return self.memory()
-        progress, waiting = self._queue.list_waiting()
-        return {**super().memory(), **progress, "waiting": waiting}
-
-    def recover(self, memory: Any) -> None:
-        """After `begin`, store the rows that another process left in shared memory; `memory` says which."""
-        if "waiting" in memory:
-            queue = self._open_queue()
-            queue.put(queue.copy_rows(*memory["waiting"]))
+        return super().memory()
 
     def drain(self) -> None:
         """Wait until all rows are stored. Raises OSError if some cannot be stored."""
@@ -84,7 +92,7 @@ class FileTable(Table):
 
     def _open_queue(self) -> RowQueue:
         if self._queue is None:
-            self._queue = RowQueue(len(self.names), self.store, self.progress, self._shared)
+            self._queue = RowQueue(len(self.names), self.store, self.batch_rows, self.batch_seconds)
         return self._queue
 
     def claim(self, continued: bool) -> None:

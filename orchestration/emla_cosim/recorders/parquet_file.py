@@ -3,6 +3,7 @@
 import contextlib
 import json
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,12 @@ from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_type
 from ..base.units import COLUMN_UNITS
 from .file_table import FileTable
 from .recorder import Outline
-from .typed_frame import column_schema, typed_frame
+from .typed_frame import column_schema, frame_rows, typed_frame
 
-PART = 2**22
-"""Number of values in a part, and largest number of values in memory."""
+_BLOCK = 2**20
+"""Number of values in a block that is read."""
 
-_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
+_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-[\w-]+")
 """Names of files that a run leaves in the folder of parts."""
 
 
@@ -43,7 +44,7 @@ class ParquetFile(FileTable):
         (11,)
     """
 
-    quick_memory = False  # it waits for all rows and writes a part
+    batch_rows, batch_seconds = sys.maxsize, 1.0  # each batch is a part of the file
 
     def __init__(self, path: str | Path, overwrite: bool = False) -> None:
         super().__init__(path, overwrite)
@@ -56,6 +57,17 @@ class ParquetFile(FileTable):
             OSError: The folder cannot be created, or has files that no run wrote.
             CommandError: The existing file was not written by a run.
         """
+        self._begin_columns(outline, memory)
+        earlier = self._earlier(int(memory["kept"])) if memory is not None else None
+        self.claim(earlier is not None)
+        self._remove_parts()
+        self._parts.mkdir()
+        self._count = self._rows = 0
+        if earlier is not None:
+            self._write_part(earlier)
+            self.path.unlink(missing_ok=True)  # only a finished run has the file
+
+    def _begin_columns(self, outline: Outline, memory: Any = None) -> None:
         super().begin(outline, memory)
         units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
         self._metadata = {
@@ -64,27 +76,38 @@ class ParquetFile(FileTable):
         if self.types:
             self._metadata[COLUMN_TYPES] = json.dumps(write_types(self.types))
         self._schema = column_schema(self.names, self.types)
-        self._blocks: list[polars.DataFrame] = []
-        self._held = self._count = self._rows = 0
-        earlier = self._earlier(int(memory["kept"])) if memory is not None else None
-        self.claim(earlier is not None)
-        self._remove_parts()
-        self._parts.mkdir()
-        if earlier is not None:
-            self._hold(earlier)
 
-    def share_memory(self) -> None:
-        """Keep nothing: rows are kept by `memory`, which writes a part."""
+    def reopen(self, outline: Outline, rows: int) -> None:
+        """Continue the parts that another process left; see `FileTable.reopen`."""
+        self._begin_columns(outline, {"rows": rows})
+        self.claim(continued=True)
+        if self.path.is_file():  # it has the rows of parts that are already removed
+            self._remove_parts()
+            self._parts.mkdir()
+            self.path.rename(self._parts / f"{0:06}.parquet")
+        self._count, self._rows = len(self._list_parts()), self.count_stored()
+
+    def count_stored(self) -> int:
+        """Return the number of rows in the file, or in the parts before it is finished. Raises OSError."""
+        files = [self.path] if self.path.is_file() else self._list_parts()
+        with _polars_failures():
+            return int(polars.scan_parquet(files).select(polars.len()).collect().item()) if files else 0
+
+    def blocks(self) -> Iterator[Vector]:
+        """Yield the rows of the finished table. Raises OSError."""
+        table, size = polars.scan_parquet(self.path), max(_BLOCK // len(self.names), 1)
+        with _polars_failures():
+            for first in range(0, self._rows, size):
+                yield frame_rows(table.slice(first, size).collect())
 
     def store(self, rows: Vector) -> None:
-        """Keep these rows in memory, and write a part when there are many."""
-        self._hold(typed_frame(rows.copy(), self.names, self.types, self.texts))
+        """Write these rows as a part. Raises OSError."""
+        self._write_part(typed_frame(rows, self.names, self.types, self.texts))
 
     def end(self) -> None:
         """Append the last row if it was not due, and join the parts to one file."""
         super().end()
-        self._close_part()
-        parts = sorted(self._parts.glob("*.parquet"))
+        parts = self._list_parts()
         empty = polars.LazyFrame(schema=self._schema)
         whole = polars.scan_parquet(parts) if parts else empty
         with _polars_failures(), self._files.write(self.path.name) as stream:
@@ -93,9 +116,7 @@ class ParquetFile(FileTable):
         self.settle()
 
     def memory(self) -> Any:
-        """Write the kept rows to disk, and return the numbers of all rows and of kept rows."""
-        self.drain()
-        self._close_part()
+        """Return the numbers of rows received and of rows in the parts."""
         return {**super().memory(), "kept": self._rows}
 
     def open(self) -> None:
@@ -117,18 +138,13 @@ class ParquetFile(FileTable):
         found = frame.collect()
         return {n: _to_numpy(found[n]) for n in chosen}
 
-    def _hold(self, block: polars.DataFrame) -> None:
-        self._blocks.append(block)
-        self._rows += len(block)
-        self._held += block.width * len(block)
-        if self._held >= PART:
-            self._close_part()
+    def _write_part(self, rows: polars.DataFrame) -> None:
+        with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
+            rows.write_parquet(stream, compression="lz4", statistics=False)  # `end` compresses more
+        self._count, self._rows = self._count + 1, self._rows + len(rows)
 
-    def _close_part(self) -> None:
-        if self._blocks:
-            with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
-                polars.concat(self._blocks).write_parquet(stream)
-            self._blocks, self._held, self._count = [], 0, self._count + 1
+    def _list_parts(self) -> list[Path]:
+        return sorted(self._parts.glob("*.parquet"))
 
     def _remove_parts(self) -> None:
         """Remove the folder of parts if it exists; OSError if it has files that no run wrote."""
@@ -154,7 +170,7 @@ class ParquetFile(FileTable):
     def _left(self) -> Iterator[Path | list[Path]]:
         """Yield the places of rows of an earlier run: its file, or the parts of an interrupted run."""
         yield self.path
-        if parts := sorted(self._parts.glob("*.parquet")):
+        if parts := self._list_parts():
             yield parts
 
 

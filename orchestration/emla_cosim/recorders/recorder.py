@@ -1,11 +1,9 @@
-"""The interface of all recorders, and the buffer that passes rows to them."""
+"""The interface of all recorders."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
-
-import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
@@ -14,7 +12,6 @@ from ..base.units import LinearTransformation, SiUnit
 from ..master.algorithms.continuous_connections import ContinuousConnection
 from ..master.stepping.stepping_base import Stepping
 from ..master.stepping.timing import CommunicationPoints
-from ..sandbox import black_box
 from ..system.bond import Bond
 
 
@@ -82,8 +79,8 @@ class Pause(Protocol):
         """Whether the last step is done."""
         ...
 
-    def memory(self, now: bool = False) -> Mapping[str, Any]:
-        """Pass all rows to the recorders, and return their states by key, `now` or when all are stored."""
+    def memory(self) -> Mapping[str, Any]:
+        """Pass all rows to the recorders, and return their states by key when all are stored."""
         ...
 
 
@@ -136,105 +133,18 @@ class Recorder:
     def memory(self) -> Any:
         """Return plain data from which a recorder can continue, or None."""
 
-    def memory_now(self) -> Any:
-        """Return `memory` without waiting for threads, for a process that shares the memory of this one."""
-        return self.memory()
+    def map_rows(self, size: int) -> Any:
+        """Return memory of `size` bytes for rows, which another process can read; None without such memory.
+
+        It is called before `begin`. The first recorder that has memory provides it.
+        """
+
+    def release(self, most: int) -> None:
+        """Store rows that are lost with the process, unless they are among the last `most` rows received."""
 
 
 class RecordingError(RunError):
     """A recorder failed."""
-
-
-BLOCK_ROWS, BLOCK_SIZE = 4000, 2**24
-"""Number of rows in a block for the recorders, and its largest size in bytes."""
-
-
-class RowBuffer:
-    """A buffer of rows that the stepping fills. Full blocks are passed to the recorders.
-
-    Its size does not depend on the length of the run, and hardly on the number of signals.
-
-    Args:
-        width: Number of values in a row.
-        recorders: The recorders.
-        every: Every `every`-th communication point is recorded.
-        block_rows: Largest number of rows in a block.
-        shown: Transformations of signals that recorders get in another unit, by position.
-        texts: Positions in a row of Strings. A row that has one is passed on at once, because another process
-            that finishes this run has no texts.
-    """
-
-    def __init__(
-        self,
-        width: int,
-        recorders: Sequence[Recorder],
-        every: int = 1,
-        block_rows: int = BLOCK_ROWS,
-        shown: Mapping[int, LinearTransformation] | None = None,
-        texts: Sequence[int] = (),
-    ) -> None:
-        self.every = every
-        self._recorders = recorders
-        self._shown, self._texts = shown or {}, list(texts)
-        block_rows = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
-        memory = black_box.reserve_rows(block_rows * width * 8)
-        self._block = np.frombuffer(memory).reshape(block_rows, width)
-        self._present = black_box.current_activity()
-        self._filled = 0
-
-    def room(self, most: int) -> Vector:
-        """Return free rows to fill: at least one, at most `most`."""
-        return self._block[self._filled : self._filled + most]
-
-    def commit(self, count: int) -> None:
-        """Take the first `count` of the free rows as filled. Raises RecordingError."""
-        self._filled += count
-        self._present.filled, self._present.recorded = self._filled, 0
-        if self._filled == len(self._block) or self._has_texts():
-            self.flush()
-
-    def _has_texts(self) -> bool:
-        return bool(self._texts) and bool(np.isfinite(self._block[self._filled - 1, self._texts]).any())
-
-    def recover(self) -> float | None:
-        """Take the rows that an ended process left in this memory, and return the last time in s."""
-        waiting = self._present.filled + self._present.recorded if self._present.room else 0
-        if not waiting:
-            return None
-        last = float(self._block[waiting - 1, 0])
-        self.commit(waiting)
-        return last
-
-    def flush(self) -> None:
-        """Pass the filled rows to the recorders. Raises RecordingError."""
-        rows, self._filled = self._block[: self._filled], 0
-        if len(rows):
-            self._present.filled = 0
-            for signal, transformation in self._shown.items():
-                column = rows[:, 1 + signal]
-                column[:] = transformation.factor * column + transformation.offset
-            rows = rows.view()
-            rows.flags.writeable = False  # all recorders get the same array
-            self._each(lambda recorder: recorder.write(rows))
-
-    def end(self) -> None:
-        """Pass the remaining rows to the recorders, and end all of them. Raises RecordingError."""
-        try:
-            self.flush()
-        finally:
-            self._each(lambda recorder: recorder.end())
-
-    def _each(self, call: Callable[[Recorder], None]) -> None:
-        """Call every recorder, also after a failure, then raise the first failure."""
-        failure: BaseException | None = None
-        for recorder in self._recorders:
-            try:
-                with recording(recorder):
-                    call(recorder)
-            except BaseException as error:
-                failure = failure or error
-        if failure is not None:
-            raise failure
 
 
 @contextmanager

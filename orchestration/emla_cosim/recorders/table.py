@@ -28,8 +28,6 @@ class Table(Recorder):
     """Names of the columns, `time` first."""
 
     key = "table"
-    quick_memory = True
-    """Whether `memory_now` is fast."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a table with the columns of the outline."""
@@ -46,9 +44,9 @@ class Table(Recorder):
         """Append the rows that are due."""
         due = rows[-self._seen % self._every :: self._every]
         self._last = None
+        self._seen += len(rows)
         if len(due):
             self.append(due if self._whole else due[:, self._columns])
-        self._seen += len(rows)
         pending = (self._seen - 1) % self._every != 0
         self._last = np.ascontiguousarray(rows[-1:, self._columns]) if pending else None
 
@@ -61,12 +59,6 @@ class Table(Recorder):
     def memory(self) -> Any:
         """Return the number of rows received."""
         return {"rows": self._seen}
-
-    def share_memory(self) -> None:
-        """Before `begin`: keep rows that wait where another process finds them. Only one table can do so."""
-
-    def recover(self, memory: Any) -> None:
-        """After `begin`, store the rows that another process left in shared memory; `memory` says which."""
 
     @abstractmethod
     def append(self, rows: Vector) -> None:

@@ -42,3 +42,9 @@ def typed_frame(
         for name in names
         if name in types
     )
+
+
+def frame_rows(frame: polars.DataFrame) -> Vector:
+    """Return a data frame as rows of doubles, with NaN for texts."""
+    texts = polars.col(polars.String).is_null().cast(polars.Float64) * float("nan")
+    return frame.with_columns(texts).cast(polars.Float64).to_numpy(order="c")

@@ -14,7 +14,8 @@ from ..master.stepping.checkpoint import Checkpoint
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
-from ..recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, recording
+from ..recorders.recorder import Outline, Recorder, RecordingError, recording
+from ..recorders.row_buffer import RowBuffer
 from ..sandbox.interruption import catch_interrupts
 from .requirements import Requirement
 from .stop_conditions import StopCondition, StoppingRows, describe_stop
@@ -60,7 +61,11 @@ class Run:
         self._outline, self._resumed, self._profiler = outline, resumed, profiler
         self._waiting, self._recorders = list(recorders), list[Recorder]()
         self._buffer = RowBuffer(
-            1 + len(outline.names), self._recorders, shown=shown, texts=outline.text_columns
+            1 + len(outline.names),
+            self._recorders,
+            shown=shown,
+            texts=outline.text_columns,
+            map_rows=self._map_rows,
         )
         self._stopping = StoppingRows(self._buffer, conditions) if conditions else None
         self._rows: RowSink = self._buffer if self._stopping is None else self._stopping
@@ -110,16 +115,16 @@ class Run:
         """Return where the time went; None without a profiler, or before the first step."""
         if self._profiler is None or not self.steps:
             return None
-        return self._profiler.report(self.wall_s, self.stepping.seconds_beside)
+        return self._profiler.report(self.wall_s)
 
-    def memory(self, now: bool = False) -> dict[str, Any]:
-        """Pass all rows to the recorders, and return their memories by key, those `now` if asked."""
+    def memory(self) -> dict[str, Any]:
+        """Pass all rows to the recorders, and return their memories by key."""
         self._buffer.flush()
         found = {}
         for recorder in self._recorders:
             if recorder.key:
                 with recording(recorder):
-                    found[recorder.key] = recorder.memory_now() if now else recorder.memory()
+                    found[recorder.key] = recorder.memory()
         return found
 
     def begin(self, stop_time: float | None) -> None:
@@ -142,7 +147,7 @@ class Run:
             self._first = (self.stepping.steps, self.stepping.time)
             self._has_first_row = True
             if self._profiler is not None:
-                self._profiler.restart()
+                self._profiler.restart(self.stepping.loop)
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
         """Step to a time in s, or until a failure.
@@ -193,6 +198,10 @@ class Run:
         if not self.over:
             with contextlib.suppress(Exception):
                 self._buffer.end()
+
+    def _map_rows(self, size: int) -> Any:
+        """Return memory for rows from the first recorder that has some."""
+        return next((m for recorder in self._waiting if (m := recorder.map_rows(size)) is not None), None)
 
     def _ends(self, asked: Callable[[], bool]) -> bool:
         return self.stopped is not None or asked()

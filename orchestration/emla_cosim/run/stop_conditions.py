@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..base.arrays import Vector
 from ..base.errors import CommandError, suggest_names
 from ..base.units import IDENTITY, LinearTransformation
-from ..recorders.recorder import RowBuffer
+from ..recorders.row_buffer import RowBuffer
 from .requirements import Requirement, parse_requirement
 
 

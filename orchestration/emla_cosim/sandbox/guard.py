@@ -1,6 +1,6 @@
 """A parent process that reports how a run ended, because an FMU can end the process in any call.
 
-The run leaves its state in `black_box`. This module imports only the standard library, and nothing else
+The run leaves its state in `crash_page`. This module imports only the standard library, and nothing else
 before the fork.
 """
 
@@ -15,7 +15,7 @@ from mmap import mmap
 
 from fmublock.leftovers import make_temporary_folder, remove_folder
 
-from . import black_box
+from . import crash_page
 from .interruption import POLITE, ignore_interrupts, is_repeated_request
 from .processes import describe_exit, watch_parent
 
@@ -33,7 +33,8 @@ def run_supervised(
 ) -> None:
     """Call `run` in a child process, then exit with the exit code of the child.
 
-    If the system cannot fork, or has no memory left for a child, `run` is called without supervision.
+    If the system cannot fork, or has no memory or no temporary folder for a child, `run` is called without
+    supervision.
 
     Args:
         run: The function to call.
@@ -57,7 +58,7 @@ def run_supervised(
             run()
             return
         status = _wait_for_child(child, report)
-        whole = black_box.current_activity().ended and os.WIFEXITED(status)
+        whole = crash_page.current_activity().ended and os.WIFEXITED(status)
         if not whole:
             _run_rescue(rescue, describe_exit(os.waitstatus_to_exitcode(status)))
     finally:
@@ -68,12 +69,14 @@ def run_supervised(
 
 
 def _fork_child() -> tuple[int | None, str | None]:
-    """Return the result of `fork`, None if it fails, and the folder for temporary files."""
+    """Return the result of `fork`, None if there is no child, and the folder for temporary files.
+
+    The folder is removed however the run ends. Without one, there is no child.
+    """
     folder = None
     try:
-        memory = mmap(-1, black_box.SIZE)
-        folder = _temporary_folder()
-        black_box.use_shared_memory(memory)
+        folder = tempfile.tempdir = str(make_temporary_folder("run"))
+        crash_page.use_shared_memory(mmap(-1, crash_page.SIZE))
         return os.fork(), folder
     except OSError:
         return None, folder
@@ -86,15 +89,15 @@ def _run_watched(run: Callable[[], None], parent: int) -> None:
     try:
         run()
     except SystemExit:
-        black_box.current_activity().ended = 1
+        crash_page.current_activity().ended = 1
         raise
     except Exception as error:  # the state is unknown; even a normal exit of Python may fail
         # without memory even SystemExit fails, and the parent reports that
-        if not (black_box.current_activity().ended or _needs_memory(error)):
+        if not (crash_page.current_activity().ended or _needs_memory(error)):
             with contextlib.suppress(Exception):
                 traceback.print_exc()
         os._exit(1)
-    black_box.current_activity().ended = 1
+    crash_page.current_activity().ended = 1
 
 
 def _needs_memory(error: BaseException | None) -> bool:
@@ -123,7 +126,7 @@ def _wait_for_child(child: int, report: Callable[[int, bool], None]) -> int:
     def look(number: int, frame: object) -> None:
         """Look each second at what the child does."""
         nonlocal before, waited, late
-        calls = [bytes(activity) for activity in black_box.list_busy_activities()]
+        calls = [bytes(activity) for activity in crash_page.list_busy_activities()]
         waited, late = waited + 1 if calls and calls == before else 0, late + 1
         before = calls
         if asked >= 2 and late >= (_TIMEOUT if calls else _LONG_TIMEOUT):
@@ -176,13 +179,3 @@ def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
                 f"Error: the run ended: {how}. What it computed could not be saved: {describe_exit(end)}.",
                 file=sys.stderr,
             )
-
-
-def _temporary_folder() -> str | None:
-    """Return a folder for all temporary files, removed however the run ends; None if it cannot be created."""
-    try:
-        folder = str(make_temporary_folder("run"))
-    except OSError:
-        return None  # keep the default folder, which other programs share
-    tempfile.tempdir = folder
-    return folder

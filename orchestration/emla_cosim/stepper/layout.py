@@ -104,6 +104,7 @@ INSTANCE = _record(
     end=_ADDRESS,
     state=_ADDRESS,
     events=_ADDRESS,
+    effort=_ADDRESS,
 )
 
 SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
@@ -137,6 +138,14 @@ GROUP = _record(
     is_saved=_WHOLE,
     is_halved=_WHOLE,
 )
+
+EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
+
+WAIT = _record(lane=_WHOLE, tasks=_WHOLE)
+
+TASK = _record(waits=_ADDRESS, wait_count=_WHOLE, operation=_WHOLE)
+
+LANE = _record(tasks=_ADDRESS, activity=_ADDRESS, task_count=_CODE)
 
 _POINTER, _INT, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int64, ctypes.c_double
 
@@ -247,5 +256,9 @@ SIZES = (
     CONTROLLED.itemsize,
     ctypes.sizeof(Control),
     SAVED_STATE.itemsize,
+    EFFORT.itemsize,
 )
 """Sizes of the records, in the order of `stepper_sizes` in C."""
+
+LANES_SIZES = tuple(t.itemsize for t in (WAIT, TASK, LANE))
+"""Sizes of the records, in the order of `lanes_sizes` in C."""

@@ -14,15 +14,20 @@ from fmublock.platforms import TARGETS, host_platform
 from ..base.errors import RunError
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
 from .event_layout import EVENT_SIZES
-from .layout import SIZES
+from .layout import LANES_SIZES, SIZES
 
-_MAIN = "library.c"
+_MAINS = ("library.c", "system.c")
 
 _POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
+    "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "lanes_end": ((_POINTER,), None),
+    "effort_clock": ((), ctypes.c_int64),
+    "effort_cost": ((_POINTER, _NUMBER), ctypes.c_int64),
     "interrupts_catch": ((_POINTER,), None),
     "interrupts_release": ((), None),
     "events_start": ((_POINTER, _POINTER, _REAL), ctypes.c_int32),
@@ -47,6 +52,13 @@ class StepperLibrary:
             in steps, and address of the rows. Returns a `Failure`.
         control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
             number of rows, and their address or None. Returns a `Failure`.
+        start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of
+            threads. Returns the lanes; None if there are too few threads.
+        run_lanes: Does steps in lanes, as `run` does.
+        end_lanes: Ends the threads.
+        clock: Returns the time in ns that EFFORT counts.
+        measure_cost: Measures calls that do nothing: address of an EFFORT, and number of calls. Returns the
+            ns that all of it took.
         catch_interrupts: Sets a flag, whose address it gets, on signals that have a handler.
         release_interrupts: Undoes this.
         start_events: Starts the clocks of an instance, in initialization mode. This and the following get the
@@ -60,6 +72,11 @@ class StepperLibrary:
 
     run: Any
     control: Any
+    start_lanes: Any
+    run_lanes: Any
+    end_lanes: Any
+    clock: Any
+    measure_cost: Any
     catch_interrupts: Any
     release_interrupts: Any
     start_events: Any
@@ -126,6 +143,11 @@ def load_stepper() -> StepperLibrary:
     return replace(_build_elsewhere(name, sources, platform), why_not_kept=why)
 
 
+def address_of_clock(library: StepperLibrary) -> int:
+    """Return the address of the clock, for EFFORT records."""
+    return ctypes.cast(library.clock, ctypes.c_void_p).value or 0
+
+
 _temporary = ExitStack()
 """Owner of the folder of a library that could not be kept."""
 
@@ -152,7 +174,7 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
 
     content = {f"sources/{name}": text for name, text in sources.items()}
     try:
-        (library,) = compile_libraries("stepper", [_MAIN], content, [platform]).values()
+        (library,) = compile_libraries("stepper", _MAINS, content, [platform]).values()
     except BuildError as error:
         raise StepperBuildError(str(error)) from error
     return library
@@ -161,7 +183,7 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
 def _bind(path: Path) -> StepperLibrary:
     try:
         library = ctypes.CDLL(str(path))  # which releases the interpreter's lock during calls
-        expected = {"stepper_sizes": SIZES, "events_sizes": EVENT_SIZES}
+        expected = {"stepper_sizes": SIZES, "lanes_sizes": LANES_SIZES, "events_sizes": EVENT_SIZES}
         sizes = {n: tuple((ctypes.c_size_t * len(s)).in_dll(library, n)) for n, s in expected.items()}
         functions = [getattr(library, name) for name in _FUNCTIONS]
     except (AttributeError, OSError, ValueError) as error:

@@ -8,9 +8,9 @@ from typing import Any
 
 from ..base.errors import find_machine_fault
 from ..fmu.python_exceptions import REMEDY, find_left_exception
-from ..sandbox import black_box
-from ..sandbox.black_box import BlackBoxFile
+from ..sandbox import crash_page
 from ..sandbox.child import Child, limit_memory, silence
+from ..sandbox.crash_page import CrashPageFile
 from .plain_outcome import read_outcome, write_outcome
 from .verdict import (
     LEAVES_EXCEPTION,
@@ -42,12 +42,12 @@ _TIMEOUT_AT_END = 1.0
 
 def note(doing: str) -> None:
     """Note the next action, as messages name it: `fmi2DoStep at t = 1 s`."""
-    black_box.write_message(doing.encode()[: black_box.LONGEST_NOTE])
+    crash_page.write_note(doing)
 
 
 def last_note() -> str:
     """Return the last note of this process or one forked from it."""
-    return black_box.read_message().decode(errors="replace")
+    return crash_page.read_note()
 
 
 def run_in_subprocess(
@@ -84,7 +84,7 @@ def run_each_in_subprocess(
     """
     left = list(items)
     while left:
-        with closing(BlackBoxFile()) as notes, ExitStack() as held:
+        with closing(CrashPageFile()) as notes, ExitStack() as held:
             places = None if writable is None else [*writable, notes.path]
             child = Child(_answer, do, left, notes.path, memory, apart=True, writable=places, lines=True)
             held.callback(child.close)
@@ -97,7 +97,7 @@ def run_each_in_subprocess(
                 yield outcome
 
 
-def _outcome(child: Child, notes: BlackBoxFile, seconds: float) -> tuple[CheckOutcome, bool]:
+def _outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool]:
     """Return the next outcome, and whether the process can continue."""
     began = moved = time.monotonic()
     doing = _read(notes)
@@ -143,7 +143,7 @@ def _answer(
 ) -> None:
     """Call `do` in the child process and send the outcomes."""
     silence()  # discard what an FMU prints
-    black_box.share_file(notes)
+    crash_page.share_file(notes)
     limit_memory(memory)
     for arguments in items:
         note(_FIRST)
@@ -164,6 +164,6 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
         return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 
-def _read(notes: BlackBoxFile, before: str = _FIRST) -> str:
+def _read(notes: CrashPageFile, before: str = _FIRST) -> str:
     """Return the last note, or the one before while the next is being written."""
-    return notes.message().decode(errors="replace") or before
+    return notes.note() or before

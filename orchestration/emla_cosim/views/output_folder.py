@@ -103,9 +103,7 @@ class OutputFolder(Folder):
 
     def recorders(self, continued: bool) -> list[Recorder]:
         """Return the recorders for the table of results; `continued` extends the table in this folder."""
-        table = self.table()
-        table.share_memory()
-        return [_FolderClearer(self, continued), table]
+        return [_FolderClearer(self, continued), self.table()]
 
     def table(self) -> Table:
         """Return the recorder for the table of results."""

@@ -8,7 +8,12 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import RunError
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.instances.event_mode_instance import EventModeInstance
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.system.model import System
+from tests.support.faulty_systems import open_system
+from tests.support.simulated import simulated
 from tests.unit.master.conftest import run
 
 PERIOD, THRESHOLD, STOP = 0.3, 0.35, 2.0
@@ -128,3 +133,23 @@ def test_undeclared_early_returns_are_accepted_with_a_remark(build: Any) -> None
     ended = run(System.of({"a": build(early=False)}, [], values))
     assert ended.problem is None
     assert any("a returned early from doStep at t = " in remark for remark in ended.remarks)
+
+
+def test_events_are_handled_in_c(build: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With an oracle in Python, the matrix of `tests/backends` would not notice steps in Python."""
+
+    def fail(*arguments: Any) -> None:
+        raise AssertionError("a step in Python")
+
+    monkeypatch.setattr(EventModeInstance, "do_step", fail)
+    for options in ({}, {"algorithm": "strong"}, {"error_tolerance": 1e-3}):
+        assert run(System.of({"a": build()}, [], VALUES), **options)["a.count"][-1] == 6
+
+
+def test_discrete_input_out_of_range_ends_the_run(build: Any) -> None:
+    system = System.of({"a": build(), "b": build()}, ["a.count -> b.n"], VALUES)
+    words = "b got a value that it cannot take: its input n is Int32 and cannot be 3000000000"
+    with open_system(system) as assembly:
+        assembly.network.factors[1][:] = 1.5e9
+        with pytest.raises(RunError, match=words):
+            simulated(assembly.network, Jacobi(), make_communication_points(STOP, 0.125))

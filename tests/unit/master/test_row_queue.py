@@ -16,17 +16,20 @@ from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.row_queue import RowQueue
-from emla_cosim.sandbox import black_box
 from tests.support.full_disk import files_of_at_most
 
 WIDTH, BLOCK = 3, 8
 
 
 @pytest.fixture(autouse=True)
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rings of three blocks of 8 rows, and batches of at least 4."""
-    monkeypatch.setattr(row_queue, "BLOCK_ROWS", BLOCK)
-    monkeypatch.setattr(row_queue, "BATCH", 4)
+def small_buffers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Room for 16 rows that wait."""
+    monkeypatch.setattr(row_queue, "_MOST_VALUES", 16 * WIDTH)
+
+
+def make_queue(store: Any) -> RowQueue:
+    """Batches have at least 4 rows."""
+    return RowQueue(WIDTH, store, 4, 0.2)
 
 
 class Store:
@@ -47,9 +50,6 @@ class Store:
         assert (rows == rows[:, :1]).all()  # no row is overwritten before it is stored
         self.rows.extend(rows[:, 0])
 
-    def progress(self) -> int:
-        return len(self.rows)
-
 
 def numbered(first: int, count: int) -> np.ndarray:
     return np.repeat(np.arange(first, first + count, dtype=float)[:, None], WIDTH, axis=1)
@@ -58,10 +58,10 @@ def numbered(first: int, count: int) -> np.ndarray:
 @pytest.mark.parametrize("fails_at", [1, 5])
 def test_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
     store, count, raised = Store(fails_at), 0, 0
-    queue = RowQueue(WIDTH, store, store.progress)
+    queue = make_queue(store)
     for _ in range(20):
         try:
-            queue.put(numbered(count, 5))
+            queue.put(numbered(count, 5), count + 5)
         except OSError:
             raised += 1
         count += 5
@@ -73,11 +73,6 @@ def test_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
     assert raised == 1
     assert store.calls == fails_at
     assert store.rows == list(range(len(store.rows)))
-    last = RowQueue(WIDTH, Store(fails_at=1), store.progress, shared=True)
-    assert not last.is_shared  # there is no memory to share
-    last.put(numbered(0, 1))
-    with pytest.raises(OSError, match="No space left"):
-        last.drain()
 
 
 def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,40 +81,33 @@ def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
     store = Store()
-    queue = RowQueue(WIDTH, store, store.progress)
+    queue = make_queue(store)
     for n in range(10):
-        queue.put(numbered(7 * n, 7))
+        queue.put(numbered(7 * n, 7), 7 * n + 7)
     queue.drain()
     assert store.rows == list(range(70))
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_all_rows_are_stored_in_order_and_readable_by_another_process(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What the process was told stays true until it is told more, also while the next rows are put."""
-    memory = bytearray(2**25 + 2**12)
-    monkeypatch.setattr(black_box._Box, "memory", memory)
+def test_all_rows_are_stored_in_order(seed: int) -> None:
+    """The number of stored rows is never too large, whatever is still being stored."""
     random, store, count = np.random.default_rng(seed), Store(), 0
-    queue = RowQueue(WIDTH, store, store.progress, shared=True)
-    assert queue.is_shared
-    waited = 0
-    for size in random.integers(0, BLOCK + 1, size=80):
+    queue, waited = make_queue(store), 0
+    sizes = [*random.integers(0, BLOCK + 1, size=80), 2 * BLOCK + 3, 0, 40]  # also more than fits
+    for size in sizes:
         if random.random() < 0.1:
             queue.drain()
             assert len(store.rows) == count
-        stored, (first, last) = queue.list_waiting()
-        assert (stored, last) == (first, count)
-        queue.put(numbered(count, size))
-        copy = RowQueue(WIDTH, store, store.progress, shared=True).copy_rows(first, last)
-        assert copy[:, 0].tolist() == list(range(first, last))
+        rows = numbered(count, size)
         count += size
-        waited += last - first
-    for size in (2 * BLOCK + 3, 0, 40):  # more than fits into the ring
-        queue.put(numbered(count, size))
-        count += size
+        queue.put(rows, count)
+        rows[:] = np.nan  # the rows of a run are reused
+        stored = queue.stored()
+        assert stored is None or stored <= len(store.rows)
+        waited += stored is not None
     queue.drain()
     assert store.rows == list(range(count))
+    assert queue.stored() is None
     assert waited and store.threads - {threading.current_thread().name}
 
 

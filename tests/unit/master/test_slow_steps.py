@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.recorders.recorder import RowBuffer
+from emla_cosim.recorders.row_buffer import RowBuffer
 from emla_cosim.system.model import Component, Connection, System
 from tests.support.tiers import mostly_slow
 from tests.support.waiting import wait_for

@@ -9,7 +9,6 @@ import numpy as np
 import polars
 import pytest
 
-import emla_cosim.recorders.parquet_file
 import fmublock.files
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.master.stepping.timing import make_communication_points
@@ -47,7 +46,7 @@ def test_files_of_others_are_not_changed(emla: Emla, tmp_path: Path) -> None:
 def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> None:
     parts = tmp_path / "o" / "results.parquet.parts"
     parts.mkdir(parents=True)
-    for name in ("000000.parquet", "000001.parquet", ".unfinished-ab_3z"):
+    for name in ("000000.parquet", "000001.parquet", ".unfinished-12-345-0123abcd-ab_3z"):
         (parts / name).write_text("left")
     assert emla(*RUN).exit_code == 0
     assert not parts.exists()
@@ -77,7 +76,6 @@ def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     monkeypatch.setattr(Path, "replace", replaced)
     monkeypatch.setattr(Path, "hardlink_to", linked)
-    monkeypatch.setattr(emla_cosim.recorders.parquet_file, "PART", 30)
     file = begun(tmp_path)
     file.end()
     assert [name for name in named if name != MANIFEST] == ["000000.parquet", "results.parquet"]

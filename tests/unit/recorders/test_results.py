@@ -1,4 +1,4 @@
-"""Rows in files and in the buffer: every n-th row, all bits, and all rows of a process that ended."""
+"""Rows in files and in the buffer: every n-th row, and all bits."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ from hypothesis import given
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RowBuffer
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.row_buffer import BLOCK_ROWS, BLOCK_SIZE, RowBuffer
 from emla_cosim.recorders.stored import open_stored_run
-from emla_cosim.sandbox import black_box
 
 
 def outline(names: list[str], every: int = 1) -> Outline:
@@ -68,34 +68,6 @@ def test_number_of_rows_read_is_bounded(form: type[CsvFile | ParquetFile], most:
             assert min(count, most) / 2 <= len(found["time"]) <= most, count
             assert found["time"][0] == 0.5 and (found["x"] == 2.0 * found["time"]).all()
             assert len(set(np.diff(found["time"]))) <= 1
-
-
-@pytest.mark.parametrize("pending", [0, 1, 3])
-@pytest.mark.parametrize("committed", [0, 3, 4, 13])
-def test_rows_of_an_ended_process_are_recovered(
-    committed: int, pending: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whether it ended before a block was full, just then, or in the rows after it."""
-    memory = bytearray(2**24 + 2**12)
-    monkeypatch.setattr(black_box._Box, "memory", memory)
-    monkeypatch.setattr(black_box._Box, "presents", black_box._map_activities(memory))
-    rows = list[float]()
-
-    class Taking(Recorder):
-        def write(self, block: np.ndarray) -> None:
-            rows.extend(block[:, 0])
-
-    survivor, ended = (RowBuffer(2, [Taking()], block_rows=4) for _ in range(2))
-    for row in range(committed):
-        ended.room(1)[:] = row
-        ended.commit(1)
-    pending = min(pending, len(ended.room(4)))
-    ended.room(pending)[:, 0] = committed + np.arange(pending)
-    black_box.current_activity().recorded = pending  # as compiled code says it
-    last = survivor.recover()
-    assert last == (committed + pending - 1 if pending or committed % 4 else None)
-    survivor.end()
-    assert rows == list(range(committed + pending))
 
 
 @pytest.mark.parametrize("width", [1, 1000, 20_000, BLOCK_SIZE // 8 + 1])

@@ -1,164 +1,34 @@
 """Finish the results of `emla run` after an FMU has ended its process.
 
-The run writes its state to files. The parent process completes the results from them as for an FMU that
-returns an error: all rows, all metrics, run.json, and an error message with the component, call and time.
+The parent process completes the results as for an FMU that returns an error: all rows, metrics, run.json,
+and an error message with the component, call and time. Metrics are computed from the rows in the table.
 """
 
 import contextlib
-import os
-import pickle
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from ...base.arrays import Vector
 from ...base.errors import CosimError, join_names
 from ...base.progress import Progress
-from ...base.units import LinearTransformation
 from ...master.instances.call_codes import decode_call
+from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
-from ...recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
-from ...recorders.table import Table
+from ...recorders.recorder import Outline, recording
+from ...recorders.row_buffer import show_rows
+from ...recorders.row_file import read_rows
 from ...run.lost_values import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
-from ...run.scenarios.scenario import Scenario
-from ...run.simulation import Simulation
-from ...sandbox import black_box
+from ...sandbox import crash_page
+from ...sandbox.crash_page import Stage
 from ...sandbox.interruption import POLITE
 from ...views.output_folder import OutputFolder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import (
-    Verbosity,
-    get_verbosity,
-    show_error,
-    show_interrupted,
-    show_result,
-    show_warning,
-    use_verbosity,
-)
-
-_SELDOM = 1.0
-"""Wall time in s between two copies of the recorders' memory if a copy is slow."""
-
-
-@dataclass(frozen=True)
-class _StartedRun:
-    """State of a run when its first step begins."""
-
-    result: Result
-    outline: Outline
-    shown: Mapping[int, LinearTransformation]
-    rows: int
-    at: float
-    """Clock in s that is the same in all processes."""
-
-
-@dataclass(frozen=True)
-class _RunState:
-    """State of a run: scenario, output folder and progress."""
-
-    name: str
-    components: Sequence[str]
-    folder: Path
-    form: str
-    plots: bool
-    plot_format: str
-    animate: bool
-    report: bool
-    notes: Sequence[str]
-    overwrite: bool
-    process: int
-    wanted: Verbosity
-    stepping: bool = False
-    """Whether the first step began. `begun` is then None if it was too large to write."""
-    begun: _StartedRun | None = None
-    rows_written: bool = False
-    files_written: bool = False
-
-
-class CrashRecorder(Recorder):
-    """Write what another process needs to finish the results of a run. It is the run's last recorder."""
-
-    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
-        """Write that a run of the scenario begins, with its output folder."""
-        names = [c.name for c in scenario.system.components]
-        self._told = _RunState(
-            scenario.name,
-            names,
-            output.path,
-            output.form,
-            scenario.options.plots,
-            output.plot_format,
-            scenario.options.animate,
-            scenario.options.report,
-            scenario.notes,
-            output.overwrite,
-            os.getpid(),
-            get_verbosity(),
-        )
-        self._quick = output.table().quick_memory
-        self._run: Pause | None = None
-        self._memory: Mapping[str, Any] = {}
-        self._looked, self._at = time.monotonic(), 0.0
-        self._write_state()
-
-    def __str__(self) -> str:
-        return "the record of the run"
-
-    def watch(self, simulation: Simulation) -> None:
-        """Set the simulation whose run is recorded."""
-        self._simulation = simulation
-
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Keep the outline of the run."""
-        self._outline = outline
-
-    def pause(self, run: Pause) -> None:
-        """Write the state of the run before its first step."""
-        if self._run is not None:
-            return
-        self._run = run
-        self._look()
-        result = replace(self._simulation.so_far(), table=None)
-        rows = self._memory[Table.key]["rows"]
-        begun = _StartedRun(result, self._outline, run.shown, rows, time.monotonic())
-        if not self._write_state(stepping=True, begun=begun):
-            self._write_state(begun=None)
-
-    def write(self, rows: Any) -> None:
-        """Note that the other recorders have received these rows."""
-        if self._run is None:
-            return
-        if self._quick or time.monotonic() - self._looked >= _SELDOM:
-            self._look()
-        else:
-            self._write_memory(follows=False)
-
-    def end(self) -> None:
-        """Note that all rows are recorded."""
-        self._write_state(rows_written=True)
-
-    def keep(self) -> None:
-        """Note that all files are written."""
-        self._write_state(files_written=True)
-
-    def _look(self) -> None:
-        assert self._run is not None
-        self._looked = time.monotonic()
-        self._memory = self._run.memory(now=True)
-        self._at = self._run.stepping.time
-        self._write_memory(follows=True)
-
-    def _write_memory(self, follows: bool) -> None:
-        """Write the memory of the recorders, the time, and whether the rows in the buffer come next."""
-        black_box.write_message(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
-
-    def _write_state(self, **changed: Any) -> bool:
-        """Write what has changed, and return whether there was room for it."""
-        self._told = replace(self._told, **changed)
-        return black_box.write_message(pickle.dumps(self._told))
+from ...views.terminal import show_error, show_interrupted, show_result, show_warning, use_verbosity
+from .crash_record import CrashPlan, StartedRun, read_plan
 
 
 def rescue_results(how: str, ended: float) -> None:
@@ -168,32 +38,33 @@ def rescue_results(how: str, ended: float) -> None:
         how: Name of the signal or exit code that ended the process.
         ended: Time of the end in s.
     """
-    message = black_box.read_message()
-    if not message:
+    try:
+        plan = read_plan()
+        busy = [decode_call(activity) for activity in crash_page.list_busy_activities()]
+        names = [] if plan is None else plan.components
+        cause = _cause(how, [(names[i], call) for i, call in busy if i is not None and plan is not None])
+    except Exception:  # an FMU overwrote memory
+        show_error(f"the process of the run ended ({how}), and the data it left are not readable.")
+        return
+    if plan is None:
         if how in {number.name for number in POLITE}:  # it ended before its own handler was set
             show_interrupted()
             return
         show_error(f"the process of the run ended ({how}) before it began.")
         return
     try:
-        told: _RunState = pickle.loads(message)
-        busy = [decode_call(present) for present in black_box.list_busy_activities()]
-        cause = _cause(how, [(told.components[s], call) for s, call in busy if s is not None])
-    except Exception:  # an FMU overwrote memory
-        show_error(f"the process of the run ended ({how}), and the data it left are not readable.")
-        return
-    try:
         output = OutputFolder(
-            told.folder,
-            told.form,
-            plots=told.plots,
-            plot_format=told.plot_format,
-            animated=told.animate,
-            report=told.report,
-            overwrite=told.overwrite,
+            plan.folder,
+            plan.form,
+            plots=plan.plots,
+            plot_format=plan.plot_format,
+            animated=plan.animate,
+            report=plan.report,
+            overwrite=plan.overwrite,
         )
-        with output.alone(heir_of=told.process), use_verbosity(told.wanted):
-            problem = _save_results(told, output, cause, ended)
+        rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
+        with output.alone(heir_of=plan.process), use_verbosity(plan.wanted):
+            problem = _save_results(plan, output, cause, ended, rows)
         show_error(f"{problem} The results so far are in {output.path}.")
     except (CosimError, OSError) as error:
         show_error(f"{cause}; {error}")
@@ -206,10 +77,10 @@ def report_late_call(seconds: int, asked: bool) -> None:
         seconds: Time since the call began.
         asked: Whether the run was asked to end.
     """
-    state: _RunState = pickle.loads(black_box.read_message())
-    busy = [decode_call(present) for present in black_box.list_busy_activities()]
-    calls = [f"{state.components[i]} in {call}" for i, call in busy if i is not None]
-    if not calls or (state.wanted.quiet and not asked):
+    plan = read_plan()
+    busy = [decode_call(activity) for activity in crash_page.list_busy_activities()]
+    calls = [f"{plan.components[i]} in {call}" for i, call in busy if i is not None] if plan else []
+    if plan is None or not calls or (plan.wanted.quiet and not asked):
         return
     what = f"no answer from {join_names(calls)} for {seconds} s."
     ends = "Press Ctrl-C again to end the run now" if asked else "The run waits. Press Ctrl-C twice to end it"
@@ -234,58 +105,115 @@ def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
     return f"the process ended ({how})"
 
 
-def _save_results(told: _RunState, output: OutputFolder, cause: str, ended: float) -> str:
+def _read_rows(begun: StartedRun) -> tuple[int, Vector] | None:
+    """Return the number of rows before the newest ones, and these; None if they are not in a file."""
+    activity = crash_page.current_activity()
+    if begun.row_file is None or activity.stage >= Stage.ROWS_WRITTEN:
+        return None
+    return read_rows(begun.row_file, 1 + len(begun.outline.names), activity.rows)
+
+
+def _save_results(
+    plan: CrashPlan, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
+) -> str:
     """Write the results that can be written, and return the error message."""
-    if told.files_written:
+    if crash_page.current_activity().stage == Stage.FILES_WRITTEN:
         earlier = output.status()
         whole = f"{cause}, when the results were complete."
         problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
         output.change_record(status=problem)
         return problem
-    if told.begun is None or not black_box.read_message(black_box.MEMORY):
-        problem = f"the run ended{'' if told.stepping else ' before its first step'}: {cause}."
-        output.change_record(scenario=told.name, status=problem)
+    if plan.begun is None:
+        is_stepping = crash_page.current_activity().stage == Stage.STEPPING
+        problem = f"the run ended{'' if is_stepping else ' before its first step'}: {cause}."
+        output.change_record(scenario=plan.name, status=problem)
         return problem
-    result = _finish_result(told.begun, output, cause, ended, told.rows_written)
-    drawing = told.plots or told.animate or told.report
+    result = _finish_result(plan.begun, output, cause, ended, newest)
+    drawing = plan.plots or plan.animate or plan.report
     with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
-        result, pictures = output.keep(result, told.plots, progress, told.animate, told.report, told.notes)
-    show_result(result, told.notes, output, pictures)
+        result, pictures = output.keep(result, plan.plots, progress, plan.animate, plan.report, plan.notes)
+    show_result(result, plan.notes, output, pictures)
     return str(result.problem)
 
 
 def _finish_result(
-    begun: _StartedRun, output: OutputFolder, cause: str, ended: float, written: bool
+    begun: StartedRun, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
 ) -> Result:
-    """Return the result with all recorded rows. If they are `written`, the table has them already."""
-    memory, follows, end = pickle.loads(black_box.read_message(black_box.MEMORY))
-    table, metrics = output.table(), MetricsRecorder()
-    table.share_memory()
-    metrics.begin(begun.outline, memory[metrics.key])
-    count = memory[table.key]["rows"]
-    if not written:
-        with recording(table):
-            table.begin(begun.outline, memory[table.key])
-            table.recover(memory[table.key])
-        rows = RowBuffer(1 + len(begun.outline.names), [table, metrics], shown=begun.shown)
-        if follows and (last := rows.recover()) is not None:
-            end = last
-        rows.end()
-        count = table.memory()["rows"]
+    """Complete the table, and return the result with the metrics of its rows."""
+    table, outline, before = output.table(), begun.outline, begun.result
+    assert isinstance(table, FileTable)
+    metrics, remarks, first, end = MetricsRecorder(), list[str](), np.nan, before.end_s
+    with recording(table):
+        if crash_page.current_activity().stage < Stage.ROWS_WRITTEN:
+            remarks += _append_rows(begun, table, newest)
+        table.open()
+        metrics.begin(_outline_of_table(outline))
+        if not _has_all_signals(outline):
+            metrics.kinds.clear()
+        for rows in table.blocks():
+            first, end = rows[0, 0] if np.isnan(first) else first, float(rows[-1, 0])
+            metrics.write(rows)
     problem = f"the run ended at t = {end:.6g} s: {cause}."
-    before, steps = begun.result, count - begun.rows
-    remarks = [*describe_lost_values(before.record), *metrics.remarks()]
+    metrics.ended_early(problem)
+    if not _has_all_signals(outline) or outline.every > 1 or first > outline.times.start:
+        each = "each step" if outline.every == 1 else f"one of {outline.every} steps"
+        some = "" if _has_all_signals(outline) else ", with those of its signals alone"
+        remarks.append(
+            f"The metrics were computed from the rows in {table.path.name}: {each} from "
+            f"t = {first:.6g} s on{some}."
+        )
+    remarks = [*describe_lost_values(before.record), *metrics.remarks(), *remarks]
     return replace(
         before,
-        table=None if written else table,
+        table=table,
         metrics=metrics.figures(),
         signals=metrics.signals(),
         coupling=metrics.coupling(),
         remarks=remarks,
-        steps=steps,
+        steps=crash_page.current_activity().rows - begun.rows,
         simulated_s=end - before.end_s,
         end_s=end,
         wall_s=ended - begun.at,
         problem=problem,
         record={**before.record, "status": problem, "remarks": remarks},
     )
+
+
+def _append_rows(begun: StartedRun, table: FileTable, newest: tuple[int, Vector] | None) -> list[str]:
+    """Append the rows that the table has not stored yet. Return remarks on rows that are lost."""
+    outline, count = begun.outline, crash_page.current_activity().rows
+    since, every = begun.table_rows - begun.rows, outline.every  # `since`: rows of the table before this run
+    stored = table.count_stored() - begun.stored_rows
+    following = begun.table_rows + -begun.table_rows % every + stored * every - since
+    if newest is None:
+        table.reopen(outline, since + following)
+        table.end()
+        return [
+            f"Rows after those in {table.path.name} are lost, because they were in the memory of the "
+            f"process: the output folder had no file for them ({begun.why_no_file})."
+        ]
+    first, rows = newest[0], show_rows(newest[1], begun.shown)
+    rows[:, outline.text_columns] = np.nan  # rows with texts are in the table
+    if count - 1 < following < count - 1 + every:  # only the last row may be missing, which was not due
+        following = count - 1
+    table.reopen(outline, since + max(following, first))
+    if len(rows := rows[max(following - first, 0) :]):
+        table.write(rows)
+    table.end()
+    return []
+
+
+def _has_all_signals(outline: Outline) -> bool:
+    """Return whether the table has all signals of the run."""
+    return list(outline.recorded) == list(range(len(outline.names)))
+
+
+def _outline_of_table(outline: Outline) -> Outline:
+    """Return the outline of the rows in the table."""
+    if not _has_all_signals(outline):
+        names, units = ([values[i] for i in outline.recorded] for values in (outline.names, outline.units))
+        outline = replace(outline, names=names, units=units, recorded=range(len(names)))
+        outline = replace(outline, roles={}, criteria={})
+    elif outline.every == 1 and not outline.watched:
+        return outline
+    return replace(outline, exchanged=(), bonds={}, watched=False)  # the coupling is judged in each step

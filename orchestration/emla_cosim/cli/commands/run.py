@@ -1,5 +1,6 @@
 """`emla run`."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +23,7 @@ from ...views.output_folder import OutputFolder, results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_result
 from .actuators import show_actuators
-from .crash_rescue import CrashRecorder
+from .crash_record import CrashRecorder
 from .options import SOURCE
 
 OPTIONS = RUN
@@ -70,28 +71,30 @@ def run_into(
             overwrite=options.overwrite,
         )
         _check_places(file, options, output)
-        with output.alone():
-            remembered = CrashRecorder(chosen, output)
-            with chosen.prepare(progress) as simulation:
-                if options.animate:
-                    kept = simulation.select_signals(options.signals)
-                    check_animated(chosen.name, simulation.names, kept)
-                remembered.watch(simulation)
-                writing = output.recorders(continued=options.resume is not None)
-                recorders = [*writing, ProgressRecorder(progress), remembered]
-                with catch_interrupts() as asked:  # from the first row to the last file
-                    result = simulation.attempt(recorders=recorders)
-                    # the termination of FMUs may still fail
-                    result, pictures = output.keep(
-                        result,
-                        options.plots and not asked(),
-                        progress,
-                        options.animate and not asked(),
-                        options.report,
-                        chosen.notes,
-                        asked,
-                    )
-                    remembered.keep()
+        with (
+            output.alone(),
+            contextlib.closing(CrashRecorder(chosen, output)) as remembered,
+            chosen.prepare(progress) as simulation,
+        ):
+            if options.animate:
+                kept = simulation.select_signals(options.signals)
+                check_animated(chosen.name, simulation.names, kept)
+            writing = output.recorders(continued=options.resume is not None)
+            remembered.watch(simulation, writing[-1])
+            recorders = [*writing, ProgressRecorder(progress), remembered]
+            with catch_interrupts() as asked:  # from the first row to the last file
+                result = simulation.attempt(recorders=recorders)
+                # the termination of FMUs may still fail
+                result, pictures = output.keep(
+                    result,
+                    options.plots and not asked(),
+                    progress,
+                    options.animate and not asked(),
+                    options.report,
+                    chosen.notes,
+                    asked,
+                )
+                remembered.keep()
     show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
     tell(result)
     if result.problem is not None:

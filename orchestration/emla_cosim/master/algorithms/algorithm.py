@@ -1,9 +1,11 @@
-"""The interface of all co-simulation algorithms."""
+"""The base class of all co-simulation algorithms."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
+
+import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
@@ -11,12 +13,26 @@ from ...base.option import STEPPED, option, options_of
 from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
+from .group import CoupledGroup, loop_derivatives
 from .initialization import initialize
+from .overlap import find_split_steps
+from .program import SIGNALS, Instruction, Operation, Solve, check_instruction, name_own_vectors
+from .quasi_newton import estimate_jacobian
+from .scale import Scale
+from .tasks import StepTask, plan_tasks
+
+MOST = 2**31
+"""The largest step multiple."""
 
 
 @dataclass(eq=False)
 class Algorithm(ABC):
-    """Base class of co-simulation algorithms: advances a network by communication steps.
+    """Base class of co-simulation algorithms. Each is a program that is worked through in each step.
+
+    A subclass passes its program to `use` in `setup`. An instance with the step multiple m waits until the
+    others reach every m-th communication point. Then it does m steps at once, in its place of the program,
+    with the inputs of that moment. It samples at these points: the same connections are late as with short
+    steps, and only by a short step.
 
     Fields made with `option` are options of the algorithm. The master calls `setup` and `initialize` once for
     each run. Both may raise RunError; the algorithm is then not used any more.
@@ -38,6 +54,32 @@ class Algorithm(ABC):
         commands=STEPPED,
     )
 
+    step_multiples: Mapping[str, int] = option(
+        {},
+        help="Let a component run N times slower: it takes its inputs every N-th step (repeatable).",
+        flag="--step-multiple",
+        metavar="COMPONENT=N",
+        identity="step multiples",
+        commands=STEPPED,
+    )
+
+    coupling_tolerance: ClassVar[float] = 1e-8
+    """Difference at which values in a `Solve` count as agreed, relative to the size of each signal."""
+
+    program: list[Instruction] = field(init=False, repr=False)
+    operations: list[Operation] = field(init=False, repr=False)
+    """The calls of the program outside of groups."""
+    groups: list[CoupledGroup] = field(init=False, repr=False)
+    """The groups of `Solve`, in order."""
+    sweeps: int = field(init=False, repr=False)
+    """Sweeps over loops so far."""
+    stores: dict[str, Vector] = field(init=False, repr=False)
+    """Vectors of the program by name, without the signals and the previous ones."""
+    block: Vector = field(init=False, repr=False)
+    """All that steps change, in one piece of memory; checkpoints have it."""
+    restored: Vector = field(init=False, repr=False)
+    """The part of it that a repeated step restores: all but what is learned of loops."""
+
     network: Network = field(init=False, repr=False)
     exchange: Exchange = field(init=False, repr=False)
     steps: int = field(init=False, repr=False)
@@ -50,13 +92,127 @@ class Algorithm(ABC):
             network: FMU instances that have not been initialized yet.
 
         Raises:
-            CommandError: an FMU lacks an ability that the algorithm needs.
+            CommandError: an FMU lacks an ability that the algorithm needs, or a step multiple is invalid.
         """
         for own in options_of(type(self)):
             own.check(getattr(self, own.name))
         self.network = network
         self.exchange = Exchange(network, self.extrapolation)
         self.steps = 0
+        names = [s.name for s in network.instances]
+        for name, multiple in self.step_multiples.items():
+            group = next((i for i in network.instances if name in i.components), None)
+            if group is not None and len(group.components) > 1:
+                raise CommandError(
+                    f"{name} cannot have a step multiple: it is integrated together with other components. "
+                    "Add --no-together."
+                )
+            if name not in names:
+                raise CommandError(f"there is no component '{name}' for a step multiple.")
+            if not 1 <= multiple <= MOST:
+                least = multiple < 1
+                right = "at least 1" if least else f"at most {MOST}"
+                raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
+        self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
+        self.scale, self.sweeps = Scale(network), 0
+
+    def use(self, program: Sequence[Instruction]) -> None:
+        """Use this program; call it in `setup`.
+
+        Raises:
+            CommandError: The program is not valid, or an FMU of a group cannot restore its state.
+        """
+        self.program = list(program)
+        for each in self.program:
+            check_instruction(each, len(self.network.instances))
+        self.operations = [x for x in program if isinstance(x, Operation)]
+        for each in self.operations:
+            self._sample(each)
+        names, count = name_own_vectors(program), len(self.network.signals)
+        self.stores = {name: np.zeros(count) for name in names}
+        self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
+        self._gather_memory()
+
+    def _gather_memory(self) -> None:
+        """Move all that steps change into one block."""
+        history = vars(self.exchange.history)
+        parts = [self.network.signals, *history.values(), self.scale.largest, *self.stores.values()]
+        count, place = sum(part.size for part in parts), 0
+        self.block = np.zeros(count + sum(group.jacobian.size for group in self.groups))
+        self.restored = self.block[:count]
+
+        def move(values: Vector) -> Vector:
+            nonlocal place
+            moved = self.block[place : place + values.size].reshape(values.shape)
+            moved[:], place = values, place + values.size
+            return moved
+
+        self.network.use_signals(move(self.network.signals))
+        for name, values in history.items():
+            history[name] = move(values)
+        self.scale.largest = move(self.scale.largest)
+        self.stores = {name: move(store) for name, store in self.stores.items()}
+        for group in self.groups:
+            group.jacobian = move(group.jacobian)
+
+    def _sample(self, operation: Operation) -> None:
+        """Take the step multiple of an operation as that of its instance."""
+        i, every = operation.instance, operation.every
+        if not every:
+            return
+        name = self.network.instances[i].name
+        others = {x.every for x in self.operations if x.instance == i}
+        if not 1 <= every <= MOST or len(others) > 1:
+            raise CommandError(
+                f"the operations of {name} are done every {', '.join(map(str, sorted(others)))} steps; "
+                f"all need the same number, from 1 to {MOST}."
+            )
+        if name in self.step_multiples and self.step_multiples[name] != every:
+            raise CommandError(
+                f"the algorithm does {every} steps of {name} at once; remove its step multiple."
+            )
+        self.multiples[i] = every
+
+    @property
+    def split_steps(self) -> set[int]:
+        """Instances whose steps begin and end in two calls, so that others step meanwhile."""
+        found = find_split_steps(self.exchange, self.operations) if self.is_plain else set[int]()
+        return found.union(*(find_split_steps(self.exchange, group.operations) for group in self.groups))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the program solves groups first, and then calls instances with the present signals."""
+        count = len(self.groups)
+        return len(self.operations) + count == len(self.program) and not (
+            any(isinstance(x, Solve) for x in self.program[count:])
+            or any(x.store != SIGNALS for x in self.operations)
+        )
+
+    def _group(self, members: list[int]) -> CoupledGroup:
+        instances = [self.network.instances[i] for i in members]
+        if not members or any(self.multiples[i] > 1 for i in members):
+            raise CommandError("a group needs members without step multiples.")
+        cut = self.network.find_coupling_variables(members)
+        if len(cut):
+            require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
+        return CoupledGroup(
+            exchange=self.exchange,
+            scale=self.scale,
+            members=members,
+            coupling_variables=cut,
+            jacobian=estimate_jacobian(len(cut)),
+            is_saved=all(s.rolls_back for s in instances),
+            is_halved=all(s.varies_step for s in instances),
+        )
+
+    def tasks(self) -> list[StepTask]:
+        """Return the tasks of a step of a plain program: each group as a whole, then the operations."""
+        return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
+
+    @property
+    def loops(self) -> list[list[int]]:
+        """Loops that are solved, each as positions of its FMU instances."""
+        return [group.members for group in self.groups if len(group.coupling_variables)]
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
         """Initialize all FMU instances; the signals then have their initial values.
@@ -67,6 +223,11 @@ class Algorithm(ABC):
         """
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
+        for store in self.stores.values():
+            store[:] = self.network.signals
+        for group in self.groups:
+            if count := len(group.coupling_variables):
+                group.jacobian[:] = estimate_jacobian(count, loop_derivatives(self.exchange, group))
 
     @abstractmethod
     def late(self) -> list[Link]:
@@ -77,18 +238,24 @@ class Algorithm(ABC):
         return None
 
     def report(self) -> dict[str, Any]:
-        """Return how the steps are made, as plain data for run.json."""
-        together = [list(s.components) for s in self.network.instances if len(s.components) > 1]
+        """Return how the steps are made, with the loops and how often they were stepped, for run.json."""
+        instances = self.network.instances
+        together = [list(s.components) for s in instances if len(s.components) > 1]
         report: dict[str, Any] = {"late_connections": [link.name for link in self.late()]}
-        return report | ({"integrated_together": together} if together else {})
+        report |= {"integrated_together": together} if together else {}
+        if not self.groups:
+            return report
+        loops = [[instances[i].name for i in loop] for loop in self.loops]
+        return report | {"sweeps_over_loops": self.sweeps, "loops": loops}
 
-    @abstractmethod
     def memory(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""
+        return {"block": self.block, "counts": np.array([self.steps, self.sweeps], dtype=float)}
 
-    @abstractmethod
     def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Continue from what `memory` returned in an algorithm of the same class."""
+        """Continue from what `memory` returned in an algorithm of the same class, for the same network."""
+        self.block[:] = memory["block"]
+        self.steps, self.sweeps = (int(count) for count in memory["counts"])
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Free what the algorithm holds of the FMU instances; never raises."""

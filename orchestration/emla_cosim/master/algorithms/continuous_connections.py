@@ -8,7 +8,6 @@ import numpy as np
 from ...base.arrays import Vector
 from ..network import Link, Network
 from .algorithm import Algorithm
-from .operation_table import OperationTableAlgorithm
 from .quasi_newton import RELAXATION
 
 
@@ -82,8 +81,7 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     of which it learned nothing are left out.
     """
     found = {}
-    groups = algorithm.groups if isinstance(algorithm, OperationTableAlgorithm) else ()
-    for number, group in enumerate(groups):
+    for number, group in enumerate(algorithm.groups):
         count = len(group.coupling_variables)
         missing = group.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
         if not count or np.array_equal(missing, -RELAXATION * np.eye(count)):
@@ -152,9 +150,8 @@ def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: 
 
 def _agreed(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
     """Return the number of the loop and the position among its coupling variables, by signal."""
-    groups = algorithm.groups if isinstance(algorithm, OperationTableAlgorithm) else []
     return {
         int(signal): (number, place)
-        for number, group in enumerate(groups)
+        for number, group in enumerate(algorithm.groups)
         for place, signal in enumerate(group.coupling_variables)
     }

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from ...base.errors import join_names
 from ..network import Network
-from .operation_table import OperationTableAlgorithm
+from .algorithm import Algorithm
 from .program import Instruction
 
 
 @dataclass(eq=False)
-class Explicit(OperationTableAlgorithm):
+class Explicit(Algorithm):
     """Base class of algorithms with a program of your own.
 
     Examples:

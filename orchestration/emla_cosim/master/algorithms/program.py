@@ -1,8 +1,12 @@
 """Programs: what an algorithm does in a step, as instructions that the stepper works through."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from numbers import Real
+
+from ...base.errors import CommandError, join_names
 
 SIGNALS, PREVIOUS = "signals", "previous"
 """The vectors with the present signals, and with those one communication point earlier."""
@@ -66,3 +70,50 @@ class Combine:
 
 
 Instruction = Operation | Solve | Combine
+
+
+def check_instruction(instruction: Instruction, count: int) -> None:
+    """Check what can be wrong in one instruction of a program.
+
+    Args:
+        instruction: The instruction.
+        count: Number of instances.
+
+    Raises:
+        CommandError: It is none, or is for instances that do not exist.
+    """
+    if not isinstance(instruction, Instruction):
+        raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
+    positions = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
+    if any(position not in range(count) for position in positions):
+        raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
+    if len(set(positions)) < len(positions):
+        raise CommandError(f"{instruction!r} has an instance twice.")
+    if isinstance(instruction, Operation) and instruction.call not in list(Call):
+        raise CommandError(f"{instruction.call!r} is not a Call.")
+
+
+def name_own_vectors(program: Sequence[Instruction]) -> list[str]:
+    """Return the names of the vectors that a program writes, besides the signals.
+
+    Raises:
+        CommandError: It reads a vector that it does not write, or has a wrong factor.
+    """
+    combinations = [x for x in program if isinstance(x, Combine)]
+    written = dict.fromkeys(x.into for x in combinations)
+    if PREVIOUS in written:
+        raise CommandError(f"a program cannot write '{PREVIOUS}': the master does; choose another vector.")
+    for each in combinations:
+        if not each.terms:
+            raise CommandError("a Combine without terms has no sum; add a term.")
+        for name, factor in each.terms.items():
+            if not isinstance(factor, Real) or not math.isfinite(factor):
+                raise CommandError(f"the factor of '{name}' is {factor!r}; it must be a finite number.")
+    read = [name for x in combinations for name in x.terms]
+    for name in [*read, *(x.store for x in program if isinstance(x, Operation))]:
+        if name not in (SIGNALS, PREVIOUS) and name not in written:
+            raise CommandError(
+                f"the program reads the vector '{name}', which no Combine writes; there are "
+                f"{join_names([SIGNALS, PREVIOUS, *written])}."
+            )
+    return [name for name in written if name != SIGNALS]

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from .operation_table import OperationTableAlgorithm
+from .algorithm import Algorithm
 
 
 class Snapshot:
     """Copies of the states of all instances, and of what else a step changes."""
 
-    def __init__(self, algorithm: OperationTableAlgorithm) -> None:
+    def __init__(self, algorithm: Algorithm) -> None:
         self._algorithm, self._members = algorithm, algorithm.network.instances
         self._states: list[Any] = [None] * len(self._members)
         self._copy, self._steps = algorithm.restored.copy(), algorithm.steps

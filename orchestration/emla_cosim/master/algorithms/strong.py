@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from ...base.option import STEPPED, option
 from ..network import Link, Network
 from .in_order import InOrder
-from .operation_table import OperationTableAlgorithm
 from .program import Call, Operation, Solve
 
 
 @dataclass(eq=False)
-class Strong(InOrder, OperationTableAlgorithm):
+class Strong(InOrder):
     """Algorithm in which each FMU steps with the values of its sources at the end of the step.
 
     FMUs outside of loops step once, in the order of the connections. The FMUs of a loop repeat their step,

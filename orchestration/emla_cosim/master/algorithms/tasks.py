@@ -26,20 +26,16 @@ class StepTask:
 def plan_tasks(
     exchange: Exchange, operations: Sequence[Operation], groups: Sequence[Sequence[int]] = ()
 ) -> list[StepTask]:
-    """Return the tasks of a step by place: groups of instances first, then operations.
-
-    Operations wait for all groups, so that none is done yet if a group has to repeat the step.
-    """
+    """Return the tasks of a step by place: groups of instances first, then operations."""
     network, found = exchange.network, _TaskList(len(exchange.network.instances))
     sources = [sorted(set(exchange.owners[signals].tolist())) for signals in network.sources]
     for members in groups:
         read = {source for i in members for source in sources[i]}
         found.add(members, reads=read - set(members), writes=members, steps=True)
-    every = range(len(groups))
     for operation in operations:
         i, call = operation.instance, operation.call
         reads, writes = (sources[i] if call == Call.SET else ()), ((i,) if call == Call.GET else ())
-        found.add((i,), reads, writes, steps=call == Call.STEP, after=every if call == Call.SET else ())
+        found.add((i,), reads, writes, steps=call == Call.STEP)
     return found.tasks
 
 
@@ -52,16 +48,9 @@ class _TaskList:
         self._written: list[set[int]] = [set() for _ in range(instances)]
         self._read: list[list[int]] = [[] for _ in range(instances)]
 
-    def add(
-        self,
-        instances: Iterable[int],
-        reads: Iterable[int],
-        writes: Iterable[int],
-        steps: bool,
-        after: Iterable[int] = (),
-    ) -> None:
+    def add(self, instances: Iterable[int], reads: Iterable[int], writes: Iterable[int], steps: bool) -> None:
         """Add a task that calls these instances, reads outputs of some, and writes those of others."""
-        place, before = len(self.tasks), set(after)
+        place, before = len(self.tasks), set[int]()
         for i in instances:
             before |= self._called[i]
             self._called[i] = {place}

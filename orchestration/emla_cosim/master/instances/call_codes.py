@@ -1,7 +1,7 @@
-"""Number the calls of instances, so that `black_box` can record the present one."""
+"""Number the calls of instances, so that `crash_page` can record the present one."""
 
 from ...fmu.fmi_3_calls import NUMBER_TYPES
-from ...sandbox.black_box import Activity
+from ...sandbox.crash_page import Activity
 
 CALLS = (
     "",

@@ -14,7 +14,7 @@ from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
-    from ..stepping.python_calls import PythonCalls
+    from .python_calls import PythonCalls
     from .typed_values import TypeGroup
 
 
@@ -196,13 +196,16 @@ class FmuInstance(ABC):
     differentiates = False
     steps_apart = False
     """Whether it supports `begin_step` and `end_step`, so that others can step meanwhile."""
-    runs_beside_others = True
-    """Whether other threads may call other instances at the same time."""
 
     @property
     def components(self) -> Collection[str]:
         """Return the names of the components that it steps."""
         return [self.name]
+
+    @property
+    def runs_beside_others(self) -> bool:
+        """Whether other threads may call other instances at the same time."""
+        return True
 
     def reset(self) -> None:
         """Return to the state of a new instance."""

@@ -25,10 +25,11 @@ from ...fmu.python_exceptions import (
     describe_left_exception,
     explain_earlier_exception,
     find_left_exception,
+    uses_python,
 )
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...stepper.layout import OUT_OF_RANGE
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance
@@ -55,9 +56,6 @@ _DEAD_LIBRARIES: set[Path] = set()
 
 _LOADING = "loading its library"
 """The call that loads the library, as messages name it."""
-
-_INTERPRETED = "slavemodule.txt"
-"""A resource of PythonFMU's FMUs. All of these share the lock of one interpreter."""
 
 _RESETS = "fmublock"
 """End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
@@ -89,7 +87,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             inputs: Variables of the input vector.
             outputs: Variables of the output vector.
             log: Collects the FMU's messages.
-            number: Number of the instance in `black_box`, which records the present call.
+            number: Number of the instance in `crash_page`, which records the present call.
 
         Raises:
             CommandError: The library of the FMU cannot be loaded.
@@ -101,11 +99,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 "Prepare the run again to load a new copy."
             )
         super().__init__(name, file, inputs, outputs)
-        self.runs_beside_others = _is_thread_safe(file)
         self._log = log
         self._stepping = False
         self._no_way_back = 1  # noSetFMUStatePriorToCurrentPoint, until a state is saved
-        self._present = black_box.current_activity()
+        self._present = crash_page.current_activity()
         self._codes = {call: code_of(number, call) for call in CALLS}
         with self._report_failed_start():
             self.announce(_LOADING)
@@ -366,6 +363,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(DERIVATIVE, status)
         return found if status in FINE else None
 
+    @property
+    def runs_beside_others(self) -> bool:
+        """Whether other threads may call other instances at the same time, as far as the FMU's files show.
+
+        FMUs that use Python share the lock of one interpreter, and leave exceptions in the thread that
+        calls them.
+        """
+        shared = ("canBeInstantiatedOnlyOncePerProcess", "needsExecutionTool")
+        return not any(map(self.file.has_capability, shared)) and not uses_python(self.file.library)
+
     def save(self, state: Any = None) -> Any:
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
         self._no_way_back = 0
@@ -559,11 +566,3 @@ def _python_value(variable: ModelVariable, value: Any) -> Any:
     if variable.type == BINARY:
         return bytes(value or b"")
     return bool(value) if variable.type == "Boolean" else value
-
-
-def _is_thread_safe(file: FmuFile) -> bool:
-    """Whether other threads may call other FMUs at the same time, as far as the FMU's files show."""
-    shares = file.has_capability("canBeInstantiatedOnlyOncePerProcess") or file.has_capability(
-        "needsExecutionTool"
-    )
-    return not shares and not (file.folder / "resources" / _INTERPRETED).exists()

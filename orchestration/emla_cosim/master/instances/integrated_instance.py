@@ -63,7 +63,6 @@ class IntegratedInstance(FmuInstance):
         self.interpolates = all(m.interpolates for m in members)
         self.rolls_back = all(m.rolls_back for m in members)
         self.serializes = all(m.serializes for m in members)
-        self.runs_beside_others = all(m.runs_beside_others for m in members)
         self._states, self._count = _offsets([m.state_count for m in members])
         self._marks, self._indicators = _offsets([m.indicator_count for m in members])
         moving = [v for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves]

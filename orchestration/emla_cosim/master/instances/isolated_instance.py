@@ -13,8 +13,8 @@ from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.variables import TypedValue
-from ...sandbox import black_box
-from ...sandbox.black_box import BlackBoxFile
+from ...sandbox import crash_page
+from ...sandbox.crash_page import CrashPageFile
 from ...sandbox.server import Server, ServerEndedError
 from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
@@ -55,7 +55,7 @@ class IsolatedInstance(DescribedInstance):
     ) -> None:
         """Start the process, and instantiate the FMU there; CommandError if the process cannot start.
 
-        `number` is the number of the instance in `black_box`.
+        `number` is the number of the instance in `crash_page`.
         """
         super().__init__(name, file, inputs, outputs)
         self._inputs_to_set: bytes | None = None
@@ -66,10 +66,10 @@ class IsolatedInstance(DescribedInstance):
         self._end: InstanceError | None = None
         self._under_way = False
         self._violations = list[str]()
-        self._present, self._number = black_box.current_activity(), number
+        self._present, self._number = crash_page.current_activity(), number
         try:
             with contextlib.ExitStack() as resources:
-                self._calls = resources.enter_context(contextlib.closing(BlackBoxFile()))
+                self._calls = resources.enter_context(contextlib.closing(CrashPageFile()))
                 self._server = Server(f"{__package__}.isolated_process", str(self._calls.path))
                 resources.pop_all()
         except OSError as error:
@@ -256,6 +256,6 @@ class IsolatedInstance(DescribedInstance):
 
     def _ended_error(self, how: str) -> InstanceError:
         """Return the error for an ended process. All later calls raise it, too."""
-        call = decode_call(self._calls.present())[1]
+        call = decode_call(self._calls.activity())[1]
         self._end = ProcessEndedError(self.name, call, how, [])
         return self._end

@@ -10,7 +10,7 @@ import numpy as np
 from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.log import FmuLog
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
@@ -141,7 +141,7 @@ def main() -> None:
         except Exception as error:
             return RunError(f"the process of an isolated FMU failed: {error!r}.")
 
-    black_box.share_file(Path(sys.argv[1]))
+    crash_page.share_file(Path(sys.argv[1]))
     serve(answer)
 
 

@@ -11,6 +11,9 @@ from .fmu_instance import FmuInstance
 INPUTS, STEPS, OUTPUTS, STATES, RECORDED = "inputs", "steps", "outputs", "states", "recorded"
 """What calls do. States are saved and restored; recorded variables are those beside the outputs."""
 
+KINDS = (INPUTS, STEPS, OUTPUTS, STATES, RECORDED)
+"""These in the order of the numbers of `Effort` in `stepper.h`."""
+
 _METHODS = {
     "set_inputs": INPUTS,
     "set_input_derivatives": INPUTS,

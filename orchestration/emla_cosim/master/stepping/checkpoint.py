@@ -18,7 +18,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
 
-FORMAT = 3
+FORMAT = 4
 _STATE, _MEMORY = "state/", "memory/"
 
 
@@ -28,7 +28,7 @@ class Checkpoint:
 
     Args:
         states: State of each FMU, by the name of its instance.
-        memory: Signals, and the state of stepping and algorithm, by name.
+        memory: What steps have changed, by name; see `Stepping.memory`.
         notes: Plain data of the caller.
     """
 
@@ -41,7 +41,6 @@ class Checkpoint:
         network = stepping.algorithm.network
         for instance in network.instances:
             instance.deserialize(self.states[instance.name])
-        network.signals[:] = self.memory["signals"]
         stepping.remember(self.memory)
 
 
@@ -93,7 +92,6 @@ def save_checkpoint(
         _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.instances
     }
     content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
-    content[_MEMORY + "signals"] = network.signals
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
     with write_atomically(path, refuse_others(_is_checkpoint, overwrite)) as stream:

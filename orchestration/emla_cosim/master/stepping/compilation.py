@@ -1,12 +1,13 @@
 """Make the stepper in C for an algorithm."""
 
 from ...stepper.library import require_stepper
-from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.algorithm import Algorithm
+from ..instances.fmu_instance import EntryPoints
+from ..instances.python_calls import PythonCalls
 from .native_loop import NativeLoop
-from .python_calls import list_entry_points
 
 
-def make_loop(algorithm: OperationTableAlgorithm) -> NativeLoop:
+def make_loop(algorithm: Algorithm) -> NativeLoop:
     """Return what does the steps of an algorithm after its `setup`.
 
     Raises:
@@ -14,3 +15,12 @@ def make_loop(algorithm: OperationTableAlgorithm) -> NativeLoop:
     """
     library = require_stepper()
     return NativeLoop(algorithm, list_entry_points(algorithm), library)
+
+
+def list_entry_points(algorithm: Algorithm) -> list[EntryPoints]:
+    """Return the functions that the stepper calls, by instance: those of its FMU, or functions of Python."""
+    split = set(algorithm.split_steps)
+    return [
+        instance.entry_points() or PythonCalls().entry_points(instance, i in split)
+        for i, instance in enumerate(algorithm.network.instances)
+    ]

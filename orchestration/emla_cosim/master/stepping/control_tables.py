@@ -7,7 +7,6 @@ import numpy as np
 from ...base.arrays import Vector
 from ...stepper.layout import CONTROLLED, Control
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.operation_table import OperationTableAlgorithm
 from .saved_states import SavedStates
 from .timing import CommunicationPoints
 
@@ -54,7 +53,7 @@ class ControlTables:
 
     def __init__(
         self,
-        algorithm: OperationTableAlgorithm,
+        algorithm: Algorithm,
         times: CommunicationPoints,
         tolerance: float,
         longest: float,

@@ -12,7 +12,6 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import make_loop
 from .control_tables import JUST_BEFORE, WATCHED, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
@@ -88,10 +87,9 @@ class ErrorControl(Stepping):
         instances = algorithm.network.instances
         require(instances, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(instances, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
-        assert isinstance(algorithm, OperationTableAlgorithm)
         self.tolerance, self._sampled = tolerance, sampled
         longest = largest or default_largest_step(times)
-        self._loop = make_loop(algorithm)
+        self.loop = self._loop = make_loop(algorithm)
         self._loop.allow_way_back()  # each step may be repeated
         self._states = self._loop.make_states()
         self._tables = ControlTables(algorithm, times, tolerance, longest, sampled, self._states)

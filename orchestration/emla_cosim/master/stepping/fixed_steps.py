@@ -1,15 +1,16 @@
 """Steps of one length."""
 
 import math
+import time
 from typing import Any
 
 import numpy as np
 
 from ...base.errors import CommandError
-from ...sandbox.black_box import THREADS
+from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import make_loop
+from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
 
@@ -32,8 +33,8 @@ class FixedSteps(Stepping):
         super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
-        assert isinstance(algorithm, OperationTableAlgorithm)
-        self._loop = make_loop(algorithm)
+        self.loop = self._loop = make_loop(algorithm)
+        self._choice = None if threads == 1 else LaneChoice(self._loop, algorithm, threads)
 
     @property
     def time(self) -> float:
@@ -52,21 +53,12 @@ class FixedSteps(Stepping):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
-        first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
-        last = min(first + most, self._last(until))
-        if observer.strings:  # C cannot read texts
-            last = min(last, observer.next_due(first))
-        block = rows.room(max(last // every - first // every, 1))
-        fitting = (first // every + len(block) + 1) * every - 1
-        count = min(last, fitting) - first
-        recorded, failure = self._loop.run(first, count, self.times.clock, every, block)
-        if recorded and failure is None and observer.is_due(self.algorithm.steps):
-            observer.read()
-            block[recorded - 1, -len(observer.values) :] = observer.values
-        if recorded:
-            rows.commit(recorded)
-        if failure is not None:
-            raise failure
+        last = min(self.algorithm.steps + most, self._last(until))
+        if self._choice is None:
+            self._advance(rows, last)
+        else:
+            while self._advance_measured(self._choice, rows, last):
+                pass
 
     def allow_way_back(self) -> None:
         """Tell FMUs in each step that a state from before it may be restored."""
@@ -94,7 +86,8 @@ class FixedSteps(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Add the use of threads to the report."""
-        found = {**super().report(), "threads": 1}
+        found = super().report()
+        found |= self._choice.report() if self._choice is not None else {"threads": 1}
         reason = self._loop.why_not_kept()
         return found | ({"compiled_code_not_kept": reason} if reason else {})
 
@@ -106,3 +99,27 @@ class FixedSteps(Stepping):
         """Return the number of the last communication point up to a time in s, apart from rounding."""
         ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
         return min(self.times.steps, math.floor(ahead + ROUNDING))
+
+    def _advance(self, rows: RowSink, last: int) -> None:
+        first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        if observer.strings:  # C cannot read texts
+            last = min(last, observer.next_due(first))
+        block = rows.room(max(last // every - first // every, 1))
+        fitting = (first // every + len(block) + 1) * every - 1
+        count = min(last, fitting) - first
+        recorded, failure = self._loop.run(first, count, self.times.clock, every, block)
+        if recorded and failure is None and observer.is_due(self.algorithm.steps):
+            observer.read()
+            block[recorded - 1, -len(observer.values) :] = observer.values
+        if recorded:
+            rows.commit(recorded)
+        if failure is not None:
+            raise failure
+
+    def _advance_measured(self, choice: LaneChoice, rows: RowSink, last: int) -> bool:
+        """Do one measurement's steps. Return whether more steps remain, and room for their rows."""
+        first = self.algorithm.steps
+        began, count = time.perf_counter(), choice.next(last - first)
+        self._advance(rows, first + count)
+        choice.did(self.algorithm.steps - first, time.perf_counter() - began)
+        return first + count == self.algorithm.steps < last

@@ -6,7 +6,7 @@ from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.instance import FINE
 from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ..instances.call_codes import decode_call
 from ..instances.described_instance import DescribedInstance
 from ..instances.fmu_instance import PythonExceptionError
@@ -48,10 +48,9 @@ def left_exception_error(
     """
     left, instances = describe_left_exception(error), network.instances
     if status not in FINE:
-        instance, (_, call) = instances[failed], decode_call(black_box.current_activity(thread))
+        instance, (_, call) = instances[failed], decode_call(crash_page.current_activity(thread))
         message = str(instance.error(call, status))
         return RunError(f"{message} A Python exception was left: {left}. {REMEDY}", component=instance.name)
-    black_box.current_activity().recorded = 0
     named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
     names = [x.name for x in named or instances]
     return PythonExceptionError(

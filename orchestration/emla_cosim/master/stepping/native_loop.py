@@ -3,16 +3,23 @@
 import ctypes
 import math
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
+from functools import cached_property, partial
 from typing import Any
+
+import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...stepper.layout import Control, Failure
-from ...stepper.library import StepperLibrary
-from ..algorithms.operation_table import OperationTableAlgorithm
+from ...stepper.library import StepperLibrary, address_of_clock
+from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
+from ..algorithms.tasks import StepTask
 from ..instances.fmu_instance import EntryPoints
+from ..instances.measured_calls import KINDS, Calls
+from .lane_threads import LaneThreads
 from .loop_errors import check_room, left_exception_error
 from .saved_states import SavedStates
 from .stepper_tables import StepperTables
@@ -49,11 +56,13 @@ class NativeLoop:
         algorithm: The algorithm.
         points: Addresses of the FMI functions, per instance.
         library: The functions in C.
+
+    Attributes:
+        is_shared: Whether `run` uses all threads, after `share_out` among several.
+        seconds_beside: Wall time in s that further threads took for steps.
     """
 
-    def __init__(
-        self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints], library: StepperLibrary
-    ) -> None:
+    def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints], library: StepperLibrary) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
         self._points, self._calls = points, [p.calls for p in points]
@@ -62,6 +71,8 @@ class NativeLoop:
         self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
+        self._lanes: LaneThreads | None = None
+        self.is_shared, self.seconds_beside = False, 0.0
 
     def why_not_kept(self) -> str:
         """Return why the stepper could not be kept in the cache; empty if it was."""
@@ -89,11 +100,14 @@ class NativeLoop:
         check_room(self._algorithm.network, rows, (first + count) // every - first // every)
         stepper, algorithm = self._stepper, self._algorithm
         stepper.clock[:] = clock
+        alone, start = partial(self._library.run, ctypes.addressof(stepper)), time.perf_counter()
+        run = self._lanes.run if self._lanes is not None and self.is_shared else alone
         try:
-            failure = self._call(self._library.run, first, count, every, rows.ctypes.data)
+            failure = self._call(run, first, count, every, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
             raise self._python_error(error, clock.point(first), clock.point(end)) from error
+        self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
 
@@ -116,7 +130,8 @@ class NativeLoop:
             check_room(self._algorithm.network, rows, 1)
         began, accepted = control.time, control.accepted
         try:
-            failure = self._call(self._library.control, ctypes.addressof(control), most, room, place)
+            addresses = ctypes.addressof(self._stepper), ctypes.addressof(control)
+            failure = self._call(self._library.control, *addresses, most, room, place)
         except SystemError as error:
             raise self._python_error(error, began, control.end) from error
         self._algorithm.steps += 2 * (control.accepted - accepted)
@@ -129,7 +144,7 @@ class NativeLoop:
         if is_main:
             self._library.catch_interrupts(ctypes.addressof(self._stop))
         try:
-            return Failure(function(ctypes.addressof(self._stepper), *arguments))
+            return Failure(function(*arguments))
         finally:
             if is_main:
                 self._library.release_interrupts()
@@ -138,6 +153,90 @@ class NativeLoop:
     def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
         network, stepper = self._algorithm.network, self._stepper
         return left_exception_error(network, error, begin, end, stepper.instance, stepper.status)
+
+    @property
+    def threads(self) -> int:
+        """Number of threads in `run`."""
+        return len(self._lanes.lanes) if self.is_shared and self._lanes is not None else 1
+
+    @property
+    def why_one_thread(self) -> str:
+        """Return why threads cannot share the steps; empty if they can."""
+        if not self._algorithm.is_plain:
+            return "the program of the algorithm combines vectors, or solves loops between other calls"
+        if self._tables.passing is not None:
+            return "Strings or Binary values are passed on in Python"
+        if self._algorithm.split_steps:
+            return "FMUs in other processes already step at the same time"
+        return ""
+
+    @cached_property
+    def tasks(self) -> list[StepTask]:
+        """The tasks of a step, one for each operation in C, if threads can share them."""
+        return self._algorithm.tasks()
+
+    @cached_property
+    def first_lane_only(self) -> set[int]:
+        """Instances that only the thread that calls `run` may call: others must not run beside them."""
+        instances = self._algorithm.network.instances
+        return {
+            i
+            for i, (instance, calls) in enumerate(zip(instances, self._calls, strict=True))
+            if calls is not None or not instance.runs_beside_others
+        }
+
+    def share_out(self, lanes: Sequence[Sequence[int]]) -> None:
+        """Share the steps among threads, one per lane, from now on; see `LaneThreads`.
+
+        Raises:
+            RunError: The system provides too few threads.
+        """
+        if self._lanes is None or self._lanes.lanes != [list(lane) for lane in lanes]:
+            self._end_lanes()
+            if len(lanes) > 1:
+                self._lanes = LaneThreads(self._library, self._stepper, self.tasks, lanes)
+        self.is_shared = self._lanes is not None
+
+    def _end_lanes(self) -> None:
+        if self._lanes is not None:
+            self._lanes.close()
+        self._lanes, self.is_shared = None, False
+
+    def measure(self, positions: Iterable[int]) -> None:
+        """Measure the calls of the instances at these positions from now on, and of no others."""
+        efforts, places = self.efforts, self._tables.instances["effort"]
+        efforts["now"] = address_of_clock(self._library)
+        places[:] = 0
+        for i in positions:
+            places[i] = efforts.ctypes.data + i * efforts.itemsize
+
+    @property
+    def measured(self) -> list[int]:
+        """Positions of the instances that are measured."""
+        return np.flatnonzero(self._tables.instances["effort"]).tolist()
+
+    @property
+    def efforts(self) -> Any:
+        """The calls so far while they were measured, as EFFORT records, shape (instances,)."""
+        return self._tables.efforts
+
+    def start_profile(self) -> None:
+        """Measure from now on the calls of all instances but those whose methods Python calls."""
+        self.efforts["counts"] = self.efforts["nanoseconds"] = 0
+        self.measure(i for i, calls in enumerate(self._calls) if calls is None)
+
+    def profile(self) -> list[dict[str, Calls]]:
+        """Return these calls by what they do, per instance."""
+        return [
+            {
+                kind: Calls(int(count), 1e-9 * float(nanoseconds))
+                for kind, count, nanoseconds in zip(
+                    KINDS, effort["counts"], effort["nanoseconds"], strict=True
+                )
+                if calls is None
+            }
+            for effort, calls in zip(self.efforts, self._calls, strict=True)
+        ]
 
     def allow_way_back(self) -> None:
         """Tell FMUs in each step that a state from before it may be restored."""
@@ -155,7 +254,8 @@ class NativeLoop:
         return int(self._stepper.recorded)
 
     def close(self) -> None:
-        """Free saved states; never raises."""
+        """Free saved states and end threads; never raises."""
+        self._end_lanes()
         self._tables.states.free(self._algorithm.network.instances)
 
     def make_states(self) -> SavedStates:

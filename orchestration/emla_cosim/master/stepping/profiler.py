@@ -1,16 +1,18 @@
 """Measure where the time of a run goes: each FMU, the master, and the recorders."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
+import numpy as np
+
+from ...stepper.layout import EFFORT
+from ...stepper.library import address_of_clock, load_stepper
 from ..instances.fmu_instance import FmuInstance
 from ..instances.isolated_instance import IsolatedInstance
-from ..instances.measured_calls import (
-    Effort,
-    MeasuredCalls,
-    measure_own_cost,
-)
+from ..instances.measured_calls import Calls, Effort, MeasuredCalls, OwnCost, measure_own_cost
+from .native_loop import NativeLoop
 
 PACING = "waiting for real time"
 """The activity of a run that is slower than it could be."""
@@ -19,8 +21,8 @@ PACING = "waiting for real time"
 class Profiler:
     """Measure the calls of all instances, and further activities, of one run.
 
-    Without it nothing is measured: it replaces methods of the instances, and the functions that compiled code
-    calls. `close` puts everything back.
+    Without it nothing is measured: it replaces methods of the instances, and lets the stepping measure what
+    is called in C. `close` puts the methods back.
 
     Args:
         instances: The instances of a network, before the algorithm's `setup`.
@@ -28,16 +30,15 @@ class Profiler:
 
     def __init__(self, instances: Sequence[FmuInstance]) -> None:
         self._instances = list(instances)
-        count = len(self._instances)
+        self._loop: NativeLoop | None = None
         self._activities = dict[str, float]()
         self._inner = 0.0
         self._inside = dict[str, Effort | None]()
         self._replaced = list[tuple[Any, str]]()
         self._measured = [MeasuredCalls(instance) for instance in self._instances]
-        for i, instance in enumerate(self._instances):
+        for instance in self._instances:
             if isinstance(instance, IsolatedInstance):
                 instance.measure()
-                continue
 
     def _replace(self, owner: Any, method: str, function: Callable[..., Any]) -> None:
         vars(owner)[method] = function
@@ -62,8 +63,11 @@ class Profiler:
 
         return watched
 
-    def restart(self) -> None:
-        """Forget everything measured so far."""
+    def restart(self, loop: NativeLoop | None) -> None:
+        """Forget everything measured so far, and measure the calls that this loop makes in C, too."""
+        self._loop = loop
+        if loop is not None:
+            loop.start_profile()
         self._activities = dict.fromkeys(self._activities, 0.0)
         for measured in self._measured:
             measured.restart()
@@ -83,14 +87,15 @@ class Profiler:
                 self._inside[instance.name] = instance.effort()
                 instance.measure(False)
 
-    def report(self, wall_s: float, seconds_beside: float) -> dict[str, Any]:
+    def report(self, wall_s: float) -> dict[str, Any]:
         """Return where the time went, as plain data for run.json.
 
         Args:
             wall_s: Wall time of the run in s.
-            seconds_beside: Wall time in s that further threads took for steps.
         """
-        total, spent = wall_s + seconds_beside, [self._spent(i) for i in range(len(self._instances))]
+        total = wall_s + (0.0 if self._loop is None else self._loop.seconds_beside)
+        in_c = [{}] * len(self._instances) if self._loop is None else self._loop.profile()
+        spent = list(map(_add_up, self._measured, in_c))
         here = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
         waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in here)
         measured = sum(spent[i].seconds for i in here) + waited + sum(self._activities.values())
@@ -111,6 +116,8 @@ class Profiler:
             calls = {name: {"count": c.count, "seconds": c.seconds} for name, c in effort.calls.items()}
             rows[instance.name] = {**part(effort.seconds), "calls": calls, **more}
         costs = {"per_call_in_python_s": sum(measure_own_cost())}
+        if any(in_c):
+            costs["per_call_in_c_s"] = sum(_measure_cost_in_c())
         return {
             "total_s": total,
             "fmus": rows,
@@ -120,7 +127,21 @@ class Profiler:
             "profiler": {**part(own), **costs},
         }
 
-    def _spent(self, i: int) -> Effort:
-        effort = Effort()
-        self._measured[i].add_to(effort)
-        return effort
+
+def _add_up(in_python: MeasuredCalls, in_c: Mapping[str, Calls]) -> Effort:
+    """Return what an instance took, in calls of its methods and in those that C made."""
+    effort = Effort()
+    in_python.add_to(effort)
+    for name, calls in in_c.items():
+        effort.add(name, calls.count, calls.seconds, _measure_cost_in_c())
+    return effort
+
+
+@cache
+def _measure_cost_in_c(calls: int = 20_000, rounds: int = 5) -> OwnCost:
+    """Return what the measurement of one call in C costs."""
+    library, efforts = load_stepper(), np.zeros(rounds, EFFORT)
+    efforts["now"] = address_of_clock(library)
+    whole = [library.measure_cost(efforts[n : n + 1].ctypes.data, calls) for n in range(rounds)]
+    within = 1e-9 * float(efforts["nanoseconds"].sum(axis=1).min()) / calls
+    return OwnCost(within, max(1e-9 * min(whole) / calls - within, 0.0))

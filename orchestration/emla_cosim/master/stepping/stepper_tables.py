@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ...sandbox import black_box
+from ...sandbox import crash_page
 from ...stepper.layout import (
     CALL,
     COMBINATION,
+    EFFORT,
     FIRST_STORE,
     GROUP,
     INPUT,
@@ -25,13 +26,13 @@ from ...stepper.layout import (
     Stepper,
 )
 from ..algorithms import program
+from ..algorithms.algorithm import Algorithm
 from ..algorithms.group import HALVINGS, SWEEPS
-from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
 from ..instances.call_records import fill_typed_call
 from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
-from .python_calls import PythonCalls
+from ..instances.python_calls import PythonCalls
 from .saved_states import SavedStates
 
 
@@ -48,14 +49,16 @@ class StepperTables:
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
+        efforts: The records of measured calls, per instance; an instance has none unless it is measured.
         passing: What passes Strings and Binary values on before each step; None without any.
     """
 
-    def __init__(self, algorithm: OperationTableAlgorithm, points: Sequence[EntryPoints]) -> None:
+    def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints]) -> None:
         self._algorithm, self._points = algorithm, points
         self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
         self.states = SavedStates(points)
+        self.efforts = np.zeros(len(points), EFFORT)
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
         self._fill()
@@ -89,7 +92,7 @@ class StepperTables:
         stepper.input_values = network.inputs.ctypes.data
         stepper.derivatives = algorithm.exchange.derivatives.ctypes.data
         stepper.largest = algorithm.scale.largest.ctypes.data
-        stepper.activity = ctypes.addressof(black_box.current_activity())
+        stepper.activity = ctypes.addressof(crash_page.current_activity())
 
     def _fill_program(self) -> None:
         """Fill in the operations, and the combinations with their terms."""

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
+from .native_loop import NativeLoop
 from .timing import CommunicationPoints
 
 ROUNDING = 1e-6
@@ -47,6 +48,8 @@ class Stepping(ABC):
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         self.algorithm = algorithm
+        self.loop: NativeLoop | None = None
+        """The stepper in C, if it does the steps."""
         self.times = times
         self.watch: Callable[[float, Vector], None] | None = None
         """Called with time in s and signals at every point, if the stepping does not record all points."""
@@ -65,11 +68,6 @@ class Stepping(ABC):
     @abstractmethod
     def finished(self) -> bool:
         """Whether the stop time is reached."""
-
-    @property
-    def seconds_beside(self) -> float:
-        """Wall time in s that further threads took for steps."""
-        return 0.0
 
     def reached(self, until: float) -> bool:
         """Return whether a time in s is reached, except for rounding, or the run is at its end."""
@@ -97,7 +95,7 @@ class Stepping(ABC):
         return []
 
     def memory(self) -> dict[str, Vector]:
-        """Return what stepping and algorithm keep besides the signals, as arrays by name."""
+        """Return what steps have changed, as arrays by name."""
         return self.algorithm.memory()
 
     def remember(self, memory: Mapping[str, Vector]) -> None:

@@ -8,6 +8,8 @@
 #define RARE
 #endif
 
+#include "effort.h"
+
 #include "event_tables.h"
 
 /* Whether a status is worse than a warning, or not in the standard. */
@@ -155,6 +157,7 @@ OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) 
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     if (s->activity != NULL) s->activity->time = time;
+    const int64_t start = start_clock(instance->effort);
     const int32_t status =
         instance->events != NULL
             ? step_with_events(s, instance->events, time, length, instance->has_no_way_back)
@@ -162,6 +165,7 @@ OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) 
             ? step_3(instance, time, length)
             : (int32_t)((fmi2DoStepTYPE *)instance->do_step)(instance->component, time, length,
                                                              instance->has_no_way_back ? fmi2True : fmi2False);
+    stop_clock(instance->effort, STEP_CALLS, start);
     if (!is_bad(status)) return DONE;
     s->time = time;
     s->length = length;
@@ -199,7 +203,9 @@ static void copy_memory(double *to, const double *from, const Events *events) {
 static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, &saved->state);
+    stop_clock(instance->effort, STATE_CALLS, start);
     if (is_bad(status)) return fail(s, SAVE_FAILED, i, status);
     if (instance->events != NULL) copy_memory(saved->events, instance->events->memory, instance->events);
     return DONE;
@@ -208,7 +214,9 @@ static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
 static int32_t restore_state(Stepper *s, int32_t i, const SavedState *saved) {
     const Instance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, saved->state);
+    stop_clock(instance->effort, STATE_CALLS, start);
     if (is_bad(status)) return fail(s, RESTORE_FAILED, i, status);
     if (instance->events != NULL) copy_memory(instance->events->memory, saved->events, instance->events);
     return DONE;

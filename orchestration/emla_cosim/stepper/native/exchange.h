@@ -52,20 +52,26 @@ OFTEN static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double tim
         hold_inputs(s, instance, s->stores[store]);
     else
         extrapolate_inputs(s, instance, time, length);
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = set_values(s, instance->setters, instance->n_setters, s->input_values);
+    stop_clock(instance->effort, INPUT_CALLS, start);
     if (is_bad(status)) return fail(s, SET_FAILED, i, status);
     if (instance->mode != LINE || is_held) return DONE;
     announce(s, instance->code + instance->code_derivatives);
+    const int64_t began = start_clock(instance->effort);
     const int32_t answer = (int32_t)((fmi2SetRealInputDerivativesTYPE *)instance->set_derivatives)(
         instance->component, instance->references, (size_t)instance->n_inputs, instance->orders,
         &s->derivatives[instance->first_input]);
+    stop_clock(instance->effort, INPUT_CALLS, began);
     return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
 }
 
 OFTEN static int32_t get_outputs(Stepper *s, int32_t i) {
     const Instance *instance = &s->instances[i];
     if (instance->n_outputs == 0) return DONE;
+    const int64_t start = start_clock(instance->effort);
     const int32_t status = get_values(s, instance->getters, instance->n_getters, s->stores[SIGNALS]);
+    stop_clock(instance->effort, OUTPUT_CALLS, start);
     return is_bad(status) ? fail(s, GET_FAILED, i, status) : DONE;
 }
 

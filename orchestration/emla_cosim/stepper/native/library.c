@@ -10,3 +10,7 @@
 #include "rows.c"
 
 #include "stepper.c"
+
+#include "lanes.c"
+
+#include "effort.c"

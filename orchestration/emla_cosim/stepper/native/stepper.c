@@ -24,7 +24,7 @@
 /* Sizes of the records, for those who fill them in another language. */
 const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
                                 sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
-                                sizeof(Controlled), sizeof(Control), sizeof(SavedState)};
+                                sizeof(Controlled), sizeof(Control), sizeof(SavedState), sizeof(Effort)};
 
 static double point(const Clock *clock, int64_t k) {
     return (clock->first + (double)k * clock->per_step) / clock->denominator;
@@ -33,7 +33,7 @@ static double point(const Clock *clock, int64_t k) {
 static int divides(int64_t every, int64_t k) { return every == 1 || k % every == 0; }
 
 /* Do one operation of step k, from `time` of this length. */
-static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double time, double length) {
+OFTEN static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double time, double length) {
     double start = time, span = length;
     if (!divides(operation->every, k + 1)) return DONE;
     if (operation->every > 1) {
@@ -72,23 +72,41 @@ int32_t stepper_step(Stepper *s, int64_t k) {
     return s->failure = step(s, k, time, point(&s->clock, k + 1) - time);
 }
 
+/* Count a complete row: after its numbers, as the process can be killed at any instruction. */
+static void count_row(Activity *activity) {
+    if (activity == NULL) return;
+#if defined __GNUC__
+    __atomic_store_n(&activity->rows, activity->rows + 1, __ATOMIC_RELEASE);
+#else
+    activity->rows++;
+#endif
+}
+
 /* Fill the next row. */
 static int32_t record(Stepper *s, double time, double *rows) {
     double *row = rows + s->recorded * (1 + s->n_signals + s->n_observed);
     for (int32_t o = 0; o < s->n_observers; o++) {
-        const int32_t status = get_values(s, &s->observers[o], 1, s->observed);
-        if (is_bad(status)) return fail(s, OBSERVE_FAILED, s->observers[o].instance, status);
+        const Call *observer = &s->observers[o];
+        Effort *effort = s->instances[observer->instance].effort;
+        const int64_t start = start_clock(effort);
+        const int32_t status = get_values(s, observer, 1, s->observed);
+        stop_clock(effort, RECORDING_CALLS, start);
+        if (is_bad(status)) return fail(s, OBSERVE_FAILED, observer->instance, status);
     }
     announce(s, 0);
     row[0] = time;
     memcpy(row + 1, s->stores[SIGNALS], (size_t)s->n_signals * sizeof(double));
     if (s->n_observed > 0) memcpy(row + 1 + s->n_signals, s->observed, (size_t)s->n_observed * sizeof(double));
     s->recorded++;
-    if (s->activity != NULL) s->activity->recorded = s->recorded;
+    count_row(s->activity);
     return DONE;
 }
 
-int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, double *rows) {
+/* Does step k, from `time` of this length; returns why it failed, or DONE. */
+typedef int32_t Work(void *worker, int64_t k, double time, double length);
+
+OFTEN static int32_t run_steps(Stepper *s, Work *work, void *worker, int64_t first, int64_t count, int64_t every,
+                               double *rows) {
     const time_t second = time(NULL);
     double next = point(&s->clock, first);
     int64_t until_row = every - first % every; /* steps to the next row: a division takes as long as a call */
@@ -101,7 +119,7 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
         const double now = next;
         s->reached = k;
         next = point(&s->clock, k + 1);
-        s->failure = step(s, k, now, next - now);
+        s->failure = work(worker, k, now, next - now);
         if (s->failure != DONE) return s->failure;
         s->reached = k + 1;
         if (--until_row == 0) {
@@ -113,6 +131,14 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
         if (time(NULL) != second) return s->failure = LATE;
     }
     return DONE;
+}
+
+static int32_t step_alone(void *stepper, int64_t k, double time, double length) {
+    return step(stepper, k, time, length);
+}
+
+int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, double *rows) {
+    return run_steps(s, step_alone, s, first, count, every, rows);
 }
 
 #include "control.h"

@@ -23,11 +23,11 @@ typedef void (*Function)(void); /* any FMI function; called with its own type */
 /* The types of values in the memory of a call. Enumerations are INT32 in FMI 2.0, INT64 in FMI 3.0. */
 enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, BOOLEAN_2 };
 
-/* What an instance is doing, for other processes; `Activity` of black_box.py. */
+/* What an instance is doing, for other processes; the beginning of `Activity` of crash_page.py. */
 typedef struct {
     int64_t code; /* of instance and call; 0 without one */
     double time;  /* at which its step begins */
-    int64_t filled, recorded, room, told[2], ended;
+    int64_t rows; /* complete rows since the beginning of the run */
 } Activity;
 
 /* One FMI call that sets inputs, or gets signals or observed variables, of one type. */
@@ -51,6 +51,13 @@ typedef struct {
     fmi3Boolean needs_event, terminates, is_early;
     double reached;
 } StepEnd;
+
+/* What the calls of an instance took; the last member keeps those of two threads apart in their caches. */
+enum { INPUT_CALLS, STEP_CALLS, OUTPUT_CALLS, STATE_CALLS, RECORDING_CALLS, N_KINDS };
+typedef struct {
+    int64_t (*now)(void); /* a monotonic clock in ns */
+    int64_t counts[N_KINDS], nanoseconds[N_KINDS], unused[N_KINDS];
+} Effort;
 
 typedef struct Events Events; /* event_tables.h */
 
@@ -83,6 +90,7 @@ typedef struct { /* first what each step reads */
     StepEnd *end; /* for FMI 3.0 */
     SavedState *state; /* the place of the one that its group saves */
     Events *events; /* NULL without event mode, clocks and early returns */
+    Effort *effort; /* NULL if its calls are not measured */
 } Instance;
 
 /* A connected input: factor * signal + offset. */
@@ -238,7 +246,7 @@ typedef struct {
 } Control;
 
 extern STEPPER_API const size_t
-    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState */
+    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);

@@ -8,8 +8,7 @@ import numpy as np
 
 from ...base.errors import RunError
 from ...fmu.instance import DISCARD, ERROR, OK
-from ..algorithms.operation_table import OperationTableAlgorithm
-from ..instances.fmu_instance import DiscardedStepError, EntryPoints, FmuInstance
+from .fmu_instance import DiscardedStepError, EntryPoints, FmuInstance
 
 _ADDRESS, _COUNT, _STATUS, _TRUTH = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int
 _STATE = ctypes.POINTER(ctypes.c_void_p)
@@ -21,18 +20,6 @@ _Save = ctypes.CFUNCTYPE(_STATUS, _ADDRESS, _STATE)
 _Restore = ctypes.CFUNCTYPE(_STATUS, _ADDRESS, _ADDRESS)
 
 _NOTHING = np.empty(0, dtype=np.uint32)
-
-
-def list_entry_points(algorithm: OperationTableAlgorithm) -> list[EntryPoints]:
-    """Return the functions that the stepper calls, by instance: those of its FMU, or functions of Python.
-
-    Ask for them once only: those that a profiler gives later replace the earlier ones.
-    """
-    split = set(algorithm.split_steps)
-    return [
-        instance.entry_points() or PythonCalls().entry_points(instance, i in split)
-        for i, instance in enumerate(algorithm.network.instances)
-    ]
 
 
 class PythonCalls:

@@ -11,10 +11,8 @@ from heapq import heappop, heappush
 
 from ..algorithms.tasks import StepTask
 
-_TRIES = 40
-"""Number of orders to try; with many tasks (see `_MANY`) fewer, because they differ little."""
-
-_MANY = 4000
+_TRIES, _MANY = 40, 4000
+"""Number of orders to try, and the limit of their tasks in all: with many tasks, orders differ little."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +38,15 @@ def schedule_tasks(
         first_only: Positions of the instances that only the first lane may call.
     """
     cost = [sum(costs[i] for i in task.instances) if task.steps else 0.0 for task in tasks]
-    ways, noise = _find_longest_paths(tasks, cost), random.Random(1)
-    best = _simulate_step(tasks, cost, ways, count, first_only)
-    for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
-        blurred = [way * noise.uniform(0.7, 1.3) for way in ways]
-        best = min(best, _simulate_step(tasks, cost, blurred, count, first_only), key=lambda p: p.length)
-    return best
-
-
-def _find_longest_paths(tasks: Sequence[StepTask], cost: Sequence[float]) -> list[float]:
-    """Return the length of the longest path from the begin of each task to the end of the step."""
-    ways = list(cost)
+    paths, noise = list(cost), random.Random(1)
     for place in range(len(tasks) - 1, -1, -1):
         for before in tasks[place].after:
-            ways[before] = max(ways[before], cost[before] + ways[place])
-    return ways
+            paths[before] = max(paths[before], cost[before] + paths[place])
+    best = _simulate_step(tasks, cost, paths, count, first_only)
+    for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
+        blurred = [path * noise.uniform(0.7, 1.3) for path in paths]
+        best = min(best, _simulate_step(tasks, cost, blurred, count, first_only), key=lambda s: s.length)
+    return best
 
 
 def _simulate_step(
@@ -69,51 +61,38 @@ def _simulate_step(
     for place, task in enumerate(tasks):
         for before in task.after:
             followers[before].append(place)
-    lane_of, begun = dict[int, int](), [0.0] * len(tasks)
-    now, free = 0.0, list(range(count))
-    running = list[tuple[float, int, int]]()
+
+    def end(place: int) -> list[int]:
+        """Return the tasks that waited only for this one."""
+        for follower in followers[place]:
+            waits[follower] -= 1
+        return [follower for follower in followers[place] if not waits[follower]]
+
+    lane_of, begun, now = dict[int, int](), [0.0] * len(tasks), 0.0
+    free, running = list(range(count)), list[tuple[float, int, int]]()
     possible = [list[tuple[float, int]]() for _ in (0, 1)]  # for all lanes, and for the first lane only
-
-    def end(place: int) -> None:
-        """Finish a task; tasks that waited only for it become possible."""
-        ended = [place]
-        while ended:
-            for follower in followers[ended.pop()]:
-                waits[follower] -= 1
-                if not waits[follower]:
-                    ended += begin(follower)
-
-    def begin(place: int) -> list[int]:
-        """Make a task possible. Return it if it costs nothing and so is finished at once."""
-        begun[place] = now
-        if not tasks[place].steps:
-            return [place]
-        any_lane = not first_only or set(tasks[place].instances).isdisjoint(first_only)
-        heappush(possible[0 if any_lane else 1], (-priorities[place], place))
-        return []
-
-    for place in [p for p, n in enumerate(waits) if not n]:
-        for through in begin(place):
-            end(through)
-    while True:
-        for lane in sorted(free):
-            queues = [q for q in (possible if lane == 0 else possible[:1]) if q]
-            if not queues:
-                continue
-            _, place = heappop(min(queues, key=lambda q: q[0]))
-            free.remove(lane)
+    ready = [place for place, n in enumerate(waits) if not n]
+    while ready or running:
+        while ready:
+            place = ready.pop()
             begun[place] = now
-            lane_of |= dict.fromkeys(tasks[place].instances, lane)
-            heappush(running, (now + cost[place], place, lane))
-        if not running:
-            break
-        now, place, lane = heappop(running)
-        free.append(lane)
-        end(place)
+            if tasks[place].steps:
+                queue = possible[not set(first_only).isdisjoint(tasks[place].instances)]
+                heappush(queue, (-priorities[place], place))
+            else:  # it takes no time
+                ready += end(place)
+        for lane in sorted(free):
+            if queues := [q for q in (possible if lane == 0 else possible[:1]) if q]:
+                _, place = heappop(min(queues, key=lambda q: q[0]))
+                free.remove(lane)
+                begun[place] = now
+                lane_of |= dict.fromkeys(tasks[place].instances, lane)
+                heappush(running, (now + cost[place], place, lane))
+        now = running[0][0] if running else now
         while running and running[0][0] == now:
             _, place, lane = heappop(running)
             free.append(lane)
-            end(place)
+            ready += end(place)
     lanes = [list[int]() for _ in range(count)]
     # tasks without cost come first, so that others do not wait for more than these
     for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):

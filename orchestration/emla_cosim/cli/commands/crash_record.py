@@ -1,0 +1,178 @@
+"""Write what another process needs to finish the results of `emla run` after an FMU has ended its process."""
+
+import contextlib
+import os
+import pickle
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...base.units import LinearTransformation
+from ...recorders.file_table import FileTable
+from ...recorders.recorder import Outline, Pause, Recorder
+from ...recorders.row_file import RowFile
+from ...recorders.table import Table
+from ...run.result import Result
+from ...run.scenarios.scenario import Scenario
+from ...run.simulation import Simulation
+from ...sandbox import crash_page
+from ...sandbox.crash_page import Stage
+from ...views.output_folder import OutputFolder
+from ...views.terminal import Verbosity, get_verbosity
+
+
+@dataclass(frozen=True)
+class StartedRun:
+    """A run before its first step.
+
+    Attributes:
+        result: The result so far.
+        outline: What recorders know.
+        shown: Transformations of signals that recorders get in another unit, by position.
+        row_file: The file of the newest rows; None if they are in the memory of the process.
+        why_no_file: Why there is no file.
+        rows: Number of rows so far.
+        table_rows: Number of rows that the table received, with those of a run that this one continues.
+        stored_rows: Number of rows in the table.
+        at: Clock in s that is the same in all processes.
+    """
+
+    result: Result
+    outline: Outline
+    shown: Mapping[int, LinearTransformation]
+    row_file: Path | None
+    why_no_file: str
+    rows: int
+    table_rows: int
+    stored_rows: int
+    at: float
+
+
+@dataclass(frozen=True)
+class CrashPlan:
+    """Scenario and output folder of a run, and the run itself when its first step begins."""
+
+    name: str
+    components: Sequence[str]
+    folder: Path
+    form: str
+    plots: bool
+    plot_format: str
+    animate: bool
+    report: bool
+    notes: Sequence[str]
+    overwrite: bool
+    process: int
+    wanted: Verbosity
+    begun: StartedRun | None = None
+
+
+def read_plan() -> CrashPlan | None:
+    """Return the plan that an ended process left, or None. Raises any error if it is not readable."""
+    path = crash_page.read_note()
+    return pickle.loads(Path(path).read_bytes()) if path else None
+
+
+class CrashRecorder(Recorder):
+    """Keep the newest rows in a file, and write the plan to another. It is the run's last recorder.
+
+    It does nothing without a supervising process.
+    """
+
+    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
+        """Write that a run of the scenario begins, with its output folder."""
+        names = [c.name for c in scenario.system.components]
+        self._plan = CrashPlan(
+            scenario.name,
+            names,
+            output.path,
+            output.form,
+            scenario.options.plots,
+            output.plot_format,
+            scenario.options.animate,
+            scenario.options.report,
+            scenario.notes,
+            output.overwrite,
+            os.getpid(),
+            get_verbosity(),
+        )
+        self._folder = output.path.resolve()  # an FMU may change the working folder
+        self._rows: RowFile | None = None
+        self._why_no_file = ""
+        self._is_planned = not crash_page.is_shared()
+        self._write_plan()
+
+    def __str__(self) -> str:
+        return "the record of the run"
+
+    def watch(self, simulation: Simulation, table: Recorder) -> None:
+        """Set the simulation whose run is recorded, and its table."""
+        self._simulation, self._table = simulation, table
+
+    def map_rows(self, size: int) -> Any:
+        """Return the memory of a file in the output folder; None if there cannot be one."""
+        if not crash_page.is_shared():
+            return None
+        self.close()
+        try:
+            self._rows = RowFile(self._folder, size)
+        except OSError as error:
+            self._why_no_file = error.strerror or str(error)
+            return None
+        return self._rows.memory
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Keep the outline of the run."""
+        self._outline = outline
+
+    def pause(self, run: Pause) -> None:
+        """Write the plan before the first step."""
+        if self._is_planned:
+            return
+        self._is_planned = True
+        if isinstance(self._table, FileTable):  # a registered format can only be written by its own process
+            self._plan = replace(self._plan, begun=self._describe_start(run, self._table))
+            self._write_plan()
+        crash_page.current_activity().stage = Stage.STEPPING
+
+    def _describe_start(self, run: Pause, table: FileTable) -> StartedRun:
+        received = run.memory()[Table.key]["rows"]
+        return StartedRun(
+            replace(self._simulation.so_far(), table=None),
+            self._outline,
+            run.shown,
+            None if self._rows is None else self._rows.path,
+            self._why_no_file,
+            crash_page.current_activity().rows,
+            received,
+            table.count_stored(),
+            time.monotonic(),
+        )
+
+    def end(self) -> None:
+        """Note that all rows are recorded, and remove their file."""
+        crash_page.current_activity().stage = Stage.ROWS_WRITTEN
+        self.close()
+
+    def keep(self) -> None:
+        """Note that all files are written."""
+        crash_page.current_activity().stage = Stage.FILES_WRITTEN
+
+    def close(self) -> None:
+        """Remove the file of rows. Errors are ignored."""
+        if self._rows is not None:
+            with contextlib.suppress(OSError):
+                self._rows.remove()
+            self._rows = None
+
+    def _write_plan(self) -> None:
+        """Write the plan, and its place on the crash page. May raise OSError."""
+        if not crash_page.is_shared():
+            return
+        descriptor, name = tempfile.mkstemp(prefix="emla-plan-")
+        with os.fdopen(descriptor, "wb") as stream:
+            pickle.dump(self._plan, stream)
+        crash_page.write_note(name)

@@ -1,0 +1,77 @@
+"""Start and run the threads of a stepper in C that share its steps; see `native/lanes.c`."""
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import RunError
+from ...sandbox import crash_page
+from ...stepper.layout import LANE, TASK, WAIT, Stepper
+from ...stepper.library import StepperLibrary
+from ..algorithms.tasks import StepTask
+
+
+class LaneThreads:
+    """Threads that share the steps of a stepper: one per lane, the first lane in the thread that calls `run`.
+
+    Args:
+        library: The functions in C.
+        stepper: The record of the stepper. Its program has one operation per task.
+        tasks: The tasks of a step.
+        lanes: Places of the tasks of each lane. Each task is in one lane, after the tasks of this lane that
+            it depends on.
+
+    Raises:
+        RunError: The system provides too few threads.
+    """
+
+    def __init__(
+        self,
+        library: StepperLibrary,
+        stepper: Stepper,
+        tasks: Sequence[StepTask],
+        lanes: Sequence[Sequence[int]],
+    ) -> None:
+        self.lanes, self._library = [list(lane) for lane in lanes], library
+        self._held = list[Any]()  # owners of memory whose addresses are in the tables
+        plans = self._fill(tasks)
+        self._address = library.start_lanes(ctypes.addressof(stepper), plans.ctypes.data, len(plans))
+        if not self._address:
+            raise RunError(f"the system cannot start {len(lanes)} threads for FMUs. Set fewer threads.")
+
+    def run(self, first: int, count: int, every: int, rows: int) -> int:
+        """Do steps in all lanes, as `StepperLibrary.run` does."""
+        return self._library.run_lanes(self._address, first, count, every, rows)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._library.end_lanes(self._address)
+
+    def _fill(self, tasks: Sequence[StepTask]) -> Any:
+        """Return the LANE records."""
+        position = {
+            place: (lane, number)
+            for lane, places in enumerate(self.lanes)
+            for number, place in enumerate(places, 1)
+        }
+        plans = np.zeros(len(self.lanes), LANE)
+        for lane, places in enumerate(self.lanes):
+            records = np.zeros(len(places), TASK)
+            for record, place in zip(records, places, strict=True):
+                needed = dict[int, int]()  # a lane does its tasks in order: the last one is enough
+                for other, number in (position[p] for p in tasks[place].after):
+                    if other != lane:
+                        needed[other] = max(number, needed.get(other, 0))
+                waits = np.array(list(needed.items()), dtype=WAIT)
+                record["waits"], record["wait_count"] = self._keep(waits), len(waits)
+                record["operation"] = place
+            plans[lane]["tasks"], plans[lane]["task_count"] = self._keep(records), len(records)
+            self._held.append(activity := crash_page.current_activity(lane))
+            plans[lane]["activity"] = ctypes.addressof(activity)
+        return plans
+
+    def _keep(self, values: Any) -> int:
+        self._held.append(values)
+        return int(values.ctypes.data)

@@ -1,0 +1,152 @@
+"""Decide by measurements during the run whether several threads share a step, and how.
+
+Results have the same bits either way, so a run can switch at any step.
+"""
+
+from collections.abc import Generator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import RunError
+from ...sandbox.crash_page import THREADS
+from ...sandbox.processes import count_cores
+from ..algorithms.algorithm import Algorithm
+from .native_loop import NativeLoop
+from .schedule import ThreadSchedule, schedule_tasks
+
+WORTH = 1e-5
+"""Smallest saving per step, in s, for which threads are considered."""
+
+BETTER = 0.97
+"""A further lane, and several threads instead of one, must shorten a step by this factor."""
+
+_FIRST = 0.1
+"""Time in s that a run takes before threads are considered: to find out costs as much as a short run."""
+
+_PROBE = 0.005
+"""Duration of a measurement in s."""
+
+_SOON, _LATE = 1.0, 30.0
+"""First and longest time in s until the next comparison. Other programs may start or end meanwhile."""
+
+_ROUNDS, _MOST = 8, 64
+"""How often costs are measured, and in how many steps at most: as many as the largest step multiple."""
+
+_Course = Generator[tuple[float, int], tuple[int, float], None]
+"""Yields for how many seconds and at least how many steps to go on, and receives how many it was of both."""
+
+
+class LaneChoice:
+    """Share the steps of a loop among threads, as their measured times suggest.
+
+    For each stretch, ask `next` for the number of steps, do them, and pass the time that they took to `did`.
+
+    Args:
+        loop: The stepper in C.
+        algorithm: Its algorithm.
+        threads: Number of threads; None uses up to one per core if that is faster.
+    """
+
+    def __init__(self, loop: NativeLoop, algorithm: Algorithm, threads: int | None) -> None:
+        self._loop, self._algorithm = loop, algorithm
+        self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
+        reason = loop.why_one_thread
+        self._report: dict[str, Any] = {"why_one_thread": reason} if reason else {}
+        course = self._use_threads_if_faster() if threads is None else self._use_requested_threads()
+        self._course = course if self._most > 1 and not reason else None
+        self._goal = next(course) if self._course is not None else (0.0, 0)
+        self._steps, self._seconds, self._size = 0, 0.0, 1
+
+    def report(self) -> dict[str, Any]:
+        """Return the number of threads and the measurements as plain data for run.json; times in us."""
+        return {"threads": self._loop.threads, **self._report}
+
+    def next(self, count: int) -> int:
+        """Return how many of `count` steps to do before the next call of `did`."""
+        return count if self._course is None else min(count, self._size)
+
+    def did(self, steps: int, seconds: float) -> None:
+        """Take note of the time that some steps took, in s."""
+        if self._course is None or not steps:
+            return
+        self._steps, self._seconds = self._steps + steps, self._seconds + seconds
+        seconds_left, steps_left = self._goal[0] - self._seconds, self._goal[1] - self._steps
+        if seconds_left > 0.0 or steps_left > 0:
+            left = max(round(seconds_left / (self._seconds / self._steps)), steps_left)
+            self._size = max(1, min(2 * self._size, left))
+            return
+        measured, self._steps, self._seconds, self._size = (self._steps, self._seconds), 0, 0.0, 1
+        try:
+            self._goal = self._course.send(measured)
+        except StopIteration:
+            self._course = None
+
+    def _use_requested_threads(self) -> _Course:
+        """Measure the costs, then use the requested number of threads."""
+        yield 0.0, 1  # the profiler, if there is one, has begun then; and the first step takes longer
+        self._share(self._schedule((yield from self._measure_costs()), self._most))
+
+    def _use_threads_if_faster(self) -> _Course:
+        """Use threads while they are faster, which is looked at again from time to time."""
+        pause = _SOON
+        yield _FIRST, 1
+        while True:
+            schedule = self._find_schedule((yield from self._measure_costs()))
+            try:
+                if schedule is not None:
+                    self._share(schedule)
+                    yield from self._use_faster()
+            except RunError as error:  # one thread will do: the user did not request more
+                self._report["why_one_thread"] = str(error)
+                return
+            yield pause, 1
+            pause = min(2.0 * pause, _LATE)
+
+    def _measure_costs(self) -> Generator[tuple[float, int], tuple[int, float], list[float]]:
+        """Do some steps in one thread, and return the seconds per step that each instance takes at least."""
+        loop, before, costs = self._loop, self._loop.measured, np.full(len(self._loop.efforts), np.inf)
+        loop.is_shared, count = False, min(int(self._algorithm.multiples.max()), _MOST)
+        loop.measure(range(len(loop.efforts)))
+        for _ in range(_ROUNDS):  # other programs interrupt some
+            start = loop.efforts["nanoseconds"].sum(axis=1)
+            steps, _ = yield 0.0, count
+            costs = np.minimum(costs, (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps))
+        loop.measure(before)
+        return costs.tolist()
+
+    def _find_schedule(self, costs: Sequence[float]) -> ThreadSchedule | None:
+        """Return the schedule with the most lanes that still shorten a step; None if it saves too little."""
+        total = sum(costs)
+        if total * (1.0 - 1.0 / self._most) < WORTH:
+            return None
+        best, length = None, total
+        for count in range(2, self._most + 1):
+            found = self._schedule(costs, count)
+            if found.length > BETTER * length:
+                break
+            best, length = found, found.length
+        return best if total - length >= WORTH else None
+
+    def _schedule(self, costs: Sequence[float], count: int) -> ThreadSchedule:
+        return schedule_tasks(self._loop.tasks, costs, count, self._loop.first_lane_only)
+
+    def _share(self, schedule: ThreadSchedule) -> None:
+        tasks, instances = self._loop.tasks, self._algorithm.network.instances
+        self._loop.share_out(schedule.lanes)
+        members = [
+            dict.fromkeys(i for place in lane for i in tasks[place].instances) for lane in schedule.lanes
+        ]
+        self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
+
+    def _use_faster(self) -> _Course:
+        """Do steps in several threads and in one by turns, and go on in the faster way."""
+        measured: dict[bool, list[float]] = {True: [], False: []}
+        for way in (True, False) * 2:
+            self._loop.is_shared = way
+            steps, seconds = yield _PROBE, 1
+            measured[way].append(seconds / steps)
+        shared, alone = min(measured[True]), min(measured[False])
+        for name, seconds in {"step_in_threads_us": shared, "step_in_one_thread_us": alone}.items():
+            self._report[name] = round(1e6 * seconds, 3)
+        self._loop.is_shared = shared < BETTER * alone

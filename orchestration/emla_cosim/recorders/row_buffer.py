@@ -1,0 +1,121 @@
+"""The buffer that passes the rows of a run to its recorders."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import Vector
+from ..base.units import LinearTransformation
+from ..sandbox import crash_page
+from .recorder import Recorder, recording
+
+BLOCK_ROWS, BLOCK_SIZE = 4000, 2**22
+"""Number of rows in a block for the recorders, and its largest size in bytes."""
+
+RING_SIZE, LEAST_BLOCKS = 2**24, 4
+"""Size in bytes of a buffer that another process can read, and the least number of its blocks."""
+
+
+class RowBuffer:
+    """A buffer of rows that the stepping fills. Full blocks are passed to the recorders.
+
+    If a recorder has memory for it that outlives the process, the buffer is a ring there. It keeps rows until
+    the recorders have stored them, and `crash_page` has the number of all rows so far.
+
+    Args:
+        width: Number of values in a row.
+        recorders: The recorders.
+        every: Every `every`-th communication point is recorded.
+        block_rows: Largest number of rows in a block.
+        shown: Transformations of signals that recorders get in another unit, by position.
+        texts: Positions in a row of Strings. A row that has one is passed on at once, because another process
+            that finishes this run has no texts.
+        map_rows: Returns memory of a size in bytes that outlives the process, or None.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        recorders: Sequence[Recorder],
+        every: int = 1,
+        block_rows: int = BLOCK_ROWS,
+        shown: Mapping[int, LinearTransformation] | None = None,
+        texts: Sequence[int] = (),
+        map_rows: Callable[[int], Any] = lambda size: None,
+    ) -> None:
+        self.every = every
+        self._recorders, self._shown, self._texts = recorders, shown or {}, list(texts)
+        self._block = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
+        blocks = max(RING_SIZE // (8 * width * self._block), LEAST_BLOCKS)
+        memory = map_rows(blocks * self._block * width * 8)
+        self._is_mapped = memory is not None
+        rows = np.empty(self._block * width) if memory is None else np.frombuffer(memory)
+        self._ring = rows.reshape(-1, width)
+        self._activity = crash_page.current_activity()
+        self._filled = self._passed = 0
+        """Numbers of rows that are complete, and that the recorders have, since the beginning."""
+        self._count()
+
+    def room(self, most: int) -> Vector:
+        """Return free rows to fill: at least one, at most `most`."""
+        first = self._filled % len(self._ring)
+        return self._ring[first : first + min(most, self._block - first % self._block)]
+
+    def commit(self, count: int) -> None:
+        """Take the first `count` of the free rows as filled. Raises RecordingError."""
+        self._filled += count
+        self._count()
+        is_full = self._filled % self._block == 0
+        if is_full or self._has_texts():
+            self.flush()
+        if is_full and self._is_mapped:  # the next block may overwrite only what is stored
+            self._each(lambda recorder: recorder.release(len(self._ring) - self._block))
+
+    def flush(self) -> None:
+        """Pass the filled rows to the recorders. Raises RecordingError."""
+        self._count()
+        count = self._filled - self._passed
+        if not count:
+            return
+        first, self._passed = self._passed % len(self._ring), self._filled
+        rows = show_rows(self._ring[first : first + count], self._shown).view()
+        rows.flags.writeable = False  # all recorders get the same array
+        self._each(lambda recorder: recorder.write(rows))
+
+    def end(self) -> None:
+        """Pass the remaining rows to the recorders, and end all of them. Raises RecordingError."""
+        try:
+            self.flush()
+        finally:
+            self._each(lambda recorder: recorder.end())
+
+    def _count(self) -> None:
+        """Set the number of complete rows, which compiled code has counted, too."""
+        self._activity.rows = self._filled
+
+    def _has_texts(self) -> bool:
+        last = self._ring[(self._filled - 1) % len(self._ring)]
+        return bool(self._texts) and bool(np.isfinite(last[self._texts]).any())
+
+    def _each(self, call: Callable[[Recorder], None]) -> None:
+        """Call every recorder, also after a failure, then raise the first failure."""
+        failure: BaseException | None = None
+        for recorder in self._recorders:
+            try:
+                with recording(recorder):
+                    call(recorder)
+            except BaseException as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
+
+
+def show_rows(rows: Vector, shown: Mapping[int, LinearTransformation]) -> Vector:
+    """Return rows with signals in the units of results, in new memory if there are any; see `RowBuffer`."""
+    if shown:
+        rows = rows.copy()
+    for signal, transformation in shown.items():
+        column = rows[:, 1 + signal]
+        column[:] = transformation.factor * column + transformation.offset
+    return rows

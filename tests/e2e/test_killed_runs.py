@@ -1,0 +1,65 @@
+"""The process of a run that is killed at any instant: its parent has every completed row."""
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import polars
+import psutil
+import pytest
+
+import emla_cosim as ec
+from tests.support.processes import start
+from tests.support.waiting import wait_for
+from tests.support.whole_files import assert_whole, names
+
+STEP, STOP = 1e-4, 40.0
+DRAWS = 3
+"""Number of kills for each kind of table."""
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, so no supervision."),
+]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(fmu_folder: Path) -> np.ndarray:
+    """All rows of a run that nobody kills."""
+    with ec.load("lift", stop_time=STOP, output_interval=STEP, fmus=fmu_folder).prepare() as simulation:
+        return simulation.run().to_polars().to_numpy()
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+@pytest.mark.parametrize("every", [1, 10, 999])
+def test_every_completed_row_survives(
+    form: str, every: int, undisturbed: np.ndarray, fmu_folder: Path, tmp_path: Path
+) -> None:
+    random = np.random.default_rng(every)
+    options = ("--stop-time", STOP, "--output-interval", f"{every * STEP:g}", "--output-format", form)
+    found = 0
+    for out in (tmp_path / f"out{draw}" for draw in range(DRAWS)):
+        table = out / f"results.{form}"
+        command = ("run", "lift", "--fmus", fmu_folder, "--no-plots", *options, "--output", out.name)
+        process = start(tmp_path, *command)
+        begun = table if form == "csv" else table.with_name(f"{table.name}.parts")
+        wait_for(lambda begun=begun, process=process: begun.exists() or process.poll() is not None, 300.0)
+        time.sleep(random.uniform(0.0, 1.0))
+        for child in psutil.Process(process.pid).children():
+            child.send_signal(signal.SIGKILL)
+        _, errors = process.communicate(timeout=300.0)
+        assert process.returncode == 1 and errors.count("Error:") == 1, errors
+        assert_whole(out)
+        if "before its first step" in errors or "complete" in errors:
+            continue
+        found += 1
+        assert names(out) == {table.name, "metrics.json", "run.json"}
+        rows = polars.read_csv(table) if form == "csv" else polars.read_parquet(table)
+        steps = json.loads((out / "metrics.json").read_text())["run"]["steps"]
+        due = sorted({*range(0, steps + 1, every), steps})
+        assert np.array_equal(rows.to_numpy(), undisturbed[due])
+        assert f"the run ended at t = {rows['time'][-1]:.6g} s: the process was killed" in errors
+    assert found
