@@ -29,7 +29,7 @@ class StepControl:
         return 0.5 * remaining if 2.0 * step > remaining else step
 
     def judge(self, step: float, error: float) -> bool:
-        """Return whether a step is accepted; errors are relative to the allowed one. RunError if too short."""
+        """Return whether a step is accepted, by its error relative to the allowed one."""
         exponent = 1.0 / self.power
         error = max(error, 1e-10)
         if not error <= 1.0:  # NaN, too
