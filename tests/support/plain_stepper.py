@@ -117,16 +117,14 @@ class PlainStepper:
 
     def solve(self, group: CoupledGroup, time: float, length: float, halvings: int = HALVINGS) -> None:
         """Bring a group to the end of a step, in halves if one step fails."""
-        history = self.history
-        kept = [self.network.signals, history.previous, history.at, history.before]
+        kept = [self.network.signals, self.history.previous, self.history.at, self.history.before]
         copies = [values.copy() for values in kept]
-        can_repeat = group.is_saved
-        if can_repeat:
+        if group.is_saved:
             self.save(group)
         try:
             self.iterate(group, time, length)
         except (DiscardedStepError, NoAgreementError) as failure:
-            if not can_repeat or not group.is_halved or not halvings:
+            if not group.is_saved or not group.is_halved or not halvings:
                 if isinstance(failure, NoAgreementError):
                     raise group.disagreement_error(time, length, *failure.args) from failure
                 raise
@@ -199,7 +197,7 @@ def improve(
 ) -> np.ndarray:
     """Learn J from all sweeps of a step, and return the next guess. Sums are in the order of the terms."""
     jacobian[:] = earlier
-    largest = max(_sum(r / s * (r / s) for r, s in zip(x, sizes, strict=True)) for x in residuals)
+    largest = max(_dot(x / sizes, x / sizes) for x in residuals)
     basis = list[np.ndarray]()
     for k in range(len(residuals) - 1, 0, -1):
         direction = residuals[k] / sizes - residuals[k - 1] / sizes
@@ -218,15 +216,11 @@ def improve(
     return _minus(answers[-1], jacobian, residuals[-1])
 
 
-def _sum(terms: Any) -> float:
-    total = 0.0
-    for term in terms:
-        total += float(term)
-    return total
-
-
 def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    return _sum(x * y for x, y in zip(a, b, strict=True))
+    total = 0.0
+    for x, y in zip(a, b, strict=True):
+        total += float(x * y)
+    return total
 
 
 def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:

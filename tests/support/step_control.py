@@ -7,29 +7,11 @@ from emla_cosim.base.errors import RunError
 
 SAFETY = 0.9
 LARGEST_GROWTH, LARGEST_CUT = 2.0, 0.2
-"""Bounds of the ratio of a step to the previous one.
-
-The error of a step describes what happened within it. A step of twice the length looks just as far ahead.
-A longer one could pass over something that begins there, such as a valve that opens after a rest.
-"""
 
 
 @dataclass
 class StepControl:
-    """A PI controller of the step size (Gustafsson).
-
-    Args:
-        step: The next step in s.
-        power: The error is proportional to this power of the step.
-        smallest: Smallest step in s.
-        largest: Longest step in s.
-        accepted: Number of accepted steps.
-        rejected: Number of rejected steps.
-        last_error: Error of the last step, relative to the allowed error.
-
-    K. Gustafsson: Control theoretic techniques for stepsize selection in explicit Runge-Kutta
-    methods, ACM Trans. Math. Softw. 17 (1991), doi:10.1145/210232.210242.
-    """
+    """The controller for a step whose error is proportional to a power of it; see `control.h`."""
 
     step: float
     power: int
@@ -47,15 +29,7 @@ class StepControl:
         return 0.5 * remaining if 2.0 * step > remaining else step
 
     def judge(self, step: float, error: float) -> bool:
-        """Return whether to accept a step, and set the size of the next trial.
-
-        Args:
-            step: Length of the step in s.
-            error: Error relative to the allowed error: up to 1 is accepted.
-
-        Raises:
-            RunError: The next trial would be smaller than the smallest step.
-        """
+        """Return whether a step is accepted, by its error relative to the allowed one."""
         exponent = 1.0 / self.power
         error = max(error, 1e-10)
         if not error <= 1.0:  # NaN, too

@@ -285,7 +285,7 @@ class _Getter:
         functions: The FMI functions by their short names.
 
     Attributes:
-        groups: What compiled code needs to do the same.
+        groups: What the stepper needs to do the same.
     """
 
     def __init__(

@@ -74,7 +74,7 @@ class PythonExceptionError(InstanceError):
 
 @dataclass(frozen=True)
 class ObservedGroup:
-    """What compiled code needs to read observed variables of one type with one FMI call.
+    """What the stepper needs to read observed variables of one type with one FMI call.
 
     Attributes:
         call: the FMI function without its prefix, such as getInteger.
@@ -123,7 +123,7 @@ _NAMES = CallNames()
 
 @dataclass(frozen=True)
 class EntryPoints:
-    """Addresses that compiled code needs to call an instance through FMI functions.
+    """Addresses that the stepper needs to call an instance through FMI functions.
 
     `component` is the instance (`fmi2Component`); the functions are in its library. There is one value
     reference per element of `inputs` and `outputs`.
@@ -311,13 +311,13 @@ class FmuInstance(ABC):
         """Read the observed variables."""
 
     def observed_groups(self) -> list[ObservedGroup]:
-        """Return what compiled code needs to read the observed variables."""
+        """Return what the stepper needs to read the observed variables."""
         return []
 
     def entry_points(self) -> EntryPoints | None:
-        """Return addresses for compiled code; None if there are none."""
+        """Return addresses for the stepper; None if there are none."""
         return None
 
     def error(self, call: str, status: int) -> RunError:
-        """Return the error of an FMI call that compiled code made."""
+        """Return the error of an FMI call that the stepper made."""
         return InstanceError(self.name, call, f"status {status}", [])

@@ -61,7 +61,7 @@ _RESETS = "fmublock"
 """End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
 
 _TYPED_CALLS = {"setReal": "setting inputs", "getReal": "getting outputs"}
-"""Names of the calls of compiled code that consist of one for each type."""
+"""Names of the calls of the stepper that consist of one for each type."""
 
 LARGEST_STATE = 2**32
 """Largest accepted size of a serialized state, in bytes."""
@@ -316,7 +316,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error("getting recorded variables", status)
 
     def observed_groups(self) -> list[ObservedGroup]:
-        """Return what compiled code needs to read the observed variables."""
+        """Return what the stepper needs to read the observed variables."""
         is_version_3, address = self._library.is_version_3, self._library.addresses
         return [
             ObservedGroup(

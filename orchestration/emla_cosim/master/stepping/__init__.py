@@ -1,1 +1,1 @@
-"""Fixed and controlled step sizes, compiled loops, real-time pacing, and checkpoints."""
+"""Fixed and controlled step sizes, the loop in C, real-time pacing, and checkpoints."""
