@@ -430,9 +430,9 @@ def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
 def shuffle(stepping: ErrorControl, seed: int) -> Any:
     """Give the signals random roles, so that every rule applies to some."""
     random, tables = np.random.default_rng(seed), stepping._tables
-    for role in ("is_instant", "is_unread", "is_beside", "is_judged"):
+    for role in ("is_instant", "is_unread", "is_beside"):
         tables.signals[role] = random.random(len(tables.signals)) < 0.3
-    tables.signals["is_judged"] = random.random(len(tables.signals)) < 0.8
+    stepping.control.controlled_count -= int(random.integers(len(tables.signals) // 4))
     jumped = random.random(len(tables.signals)) < 0.5
     tables._flags["jumped"][:] = jumped
     if isinstance(stepping, PlainErrorControl):
@@ -456,18 +456,11 @@ class PlainShuffled(PlainErrorControlledStepSize):
         return shuffle(super().stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
 
 
-SHUFFLED = [
-    (0, {"jump", "beside"}, False),
-    (1, {"jump", "beside"}, True),  # no step is short enough in the end
-    (2, {"jump", "beside", "crawl"}, False),
-]
-"""Seeds, the rules that apply then, and whether the run fails."""
-
-
-@pytest.mark.parametrize(("seed", "rules", "fails"), SHUFFLED)
+@pytest.mark.parametrize(("seed", "fails"), [(0, False), (1, False), (2, False), (9, True)])
 def test_every_rule_for_errors_is_the_same(
-    seed: int, rules: set[str], fails: bool, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
+    seed: int, fails: bool, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Also in a run that fails because no step is short enough."""
     monkeypatch.setattr(step_size_control, "ErrorControl", Shuffled)
     monkeypatch.setattr(Shuffled, "seed", seed)
     monkeypatch.setattr(PlainShuffled, "seed", seed)
@@ -476,8 +469,8 @@ def test_every_rule_for_errors_is_the_same(
         "lift",
         stop_time=0.0003,
         fmus=fmu_folder,
-        algorithm=["jacobi", "gauss-seidel", "strong"][seed],
-        extrapolation=["none", "fmu", "none"][seed],
+        algorithm=["jacobi", "gauss-seidel", "strong"][seed % 3],
+        extrapolation=["none", "fmu", "none"][seed % 3],
     )
     plain = PlainShuffled(error_tolerance=tolerance, largest_step=2e-4)
     ways: list[dict[str, Any]] = [
@@ -495,8 +488,8 @@ def test_every_rule_for_errors_is_the_same(
     )
     assert (fast.problem, fast.steps, fast.end_s) == (here.problem, here.steps, here.end_s)
     assert fast.stepping == here.stepping
-    assert set(plain.made.rules) == rules
     assert (here.problem is not None) == fails
+    assert fails or set(plain.made.rules) == {"jump", "beside", "crawl"}
 
 
 def test_events_and_watched_steps_are_the_same(faulty_fmu: Path) -> None:

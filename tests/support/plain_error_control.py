@@ -68,19 +68,20 @@ class PlainErrorControl(ErrorControl):
             self.first = None
             control.accepted += 1
             return True
-        signals, allowed = tables.signals, self.tolerance
+        count, allowed = len(errors), self.tolerance
+        signals = tables.signals[:count]
         if control.is_per_unit:
             passed = self.time - self.times.start + step + EARLY * self.times.step
             allowed = max(self.tolerance * step / passed, ROUNDING_ERROR)
         jumps = np.zeros(len(errors), dtype=bool)
         if self.first is not None and step <= 0.5 * self.first[0]:
-            jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & ~self.jumped
+            jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & ~self.jumped[:count]
             self.rules["jump"] += int(jumps.any())
         is_beside, is_instant = signals["is_beside"] != 0, signals["is_instant"] != 0
         if step < UNREAD * self.times.step:
             jumps |= is_beside
             self.rules["beside"] += 1
-        judged = np.where(jumps | (signals["is_judged"] == 0), 0.0, errors)
+        judged = np.where(jumps, 0.0, errors)
         once = is_instant | (step < SHORT * self.times.step)
         shares = judged / np.where(once, max(ONCE * self.tolerance, allowed), allowed)
         try:
@@ -93,7 +94,7 @@ class PlainErrorControl(ErrorControl):
             self.start.restore()
             return False
         self.first, self.jumped = None, jumps & ~is_beside
-        tables.total += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
+        tables.total[:count] += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
         control.short_steps = control.short_steps + 1 if step < CRAWLING * self.times.step else 0
         if control.is_per_unit and control.short_steps == CRAWLING_STEPS:
             self.rules["crawl"] += 1
@@ -125,7 +126,8 @@ class PlainErrorControl(ErrorControl):
     def try_doubled_step(self, end: float) -> np.ndarray:
         """Do a step as a whole, restore, and do it in halves. Return the errors relative to the sizes."""
         signals, time = self.algorithm.network.signals, self.time
-        controlled, middle = self._tables.signals, time + 0.5 * (end - time)
+        controlled = self._tables.signals[: self.control.controlled_count]
+        middle = time + 0.5 * (end - time)
         which = controlled["signal"]
         self.stepper.step(time, end - time)
         whole = signals[which]

@@ -197,7 +197,7 @@ class Stepper(ctypes.Structure):
     )
 
 
-CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_beside=_WHOLE, is_judged=_WHOLE, is_instant=_WHOLE)
+CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_beside=_WHOLE, is_instant=_WHOLE)
 
 
 class Control(ctypes.Structure):

@@ -27,7 +27,6 @@ static Control *build_control(System *system) {
             signals[n++] = (Controlled){.signal = k,
                                         .is_unread = happens(dice, 0.4),
                                         .is_beside = happens(dice, 0.2),
-                                        .is_judged = happens(dice, 0.9),
                                         .is_instant = happens(dice, 0.2)};
     const double first = system->step * uniform(dice, 0.05, 1.0);
     const int32_t order = between(dice, 1, 2), is_per_unit = happens(dice, 0.5);

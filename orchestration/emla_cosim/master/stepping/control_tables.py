@@ -41,7 +41,6 @@ class ControlTables:
         times: Start time, stop time and first trial step.
         tolerance: Allowed error, as a fraction of each signal's size.
         longest: Longest step in s.
-        sampled: Whether a component computes at communication points.
         states: Places for the states of all instances at the start of a trial.
 
     Attributes:
@@ -57,11 +56,10 @@ class ControlTables:
         times: CommunicationPoints,
         tolerance: float,
         longest: float,
-        sampled: bool,
         states: SavedStates,
     ) -> None:
         network, step = algorithm.network, times.step
-        self.signals = find_controlled_signals(algorithm, sampled)
+        self.signals = find_controlled_signals(algorithm)
         count = len(self.signals)
         self._states = states
         self.watched = np.zeros((0, 1 + len(network.signals)))
@@ -84,6 +82,10 @@ class ControlTables:
         control.shortest, control.longest = SMALLEST * step, longest
         control.step, control.last_error = min(step, longest), 1.0
         control.first_rejected = np.nan
+
+    def leave_out_unread_signals(self) -> None:
+        """Control unread signals, such as noise, only in instances without any signal that is read."""
+        self.control.controlled_count = int((self.signals["is_beside"] == 0).sum())
 
     def watch(self, most: int) -> None:
         """Keep time and signals of at most so many steps in a call."""
@@ -110,13 +112,14 @@ _COUNTS = ("accepted", "rejected", "short_steps", "is_per_unit")
 """Fields of `Control` that steps change: numbers, and whole numbers."""
 
 
-def find_controlled_signals(algorithm: Algorithm, sampled: bool) -> Any:
+def find_controlled_signals(algorithm: Algorithm) -> Any:
     """Return the CONTROLLED records: all continuous signals, as unread ones also depend on states.
 
     Args:
         algorithm: An algorithm after `setup`.
-        sampled: Whether a component computes at communication points. Unread signals, such as noise, are
-            controlled then only in instances without any signal that is read.
+
+    Returns:
+        The records; unread signals of instances with others that are read come last.
     """
     network, exchange = algorithm.network, algorithm.exchange
     found = np.flatnonzero(exchange.smooth)
@@ -125,8 +128,9 @@ def find_controlled_signals(algorithm: Algorithm, sampled: bool) -> Any:
     is_read[exchange.owners[network.read]] = True
     is_beside = is_unread & is_read[exchange.owners[found]]
     late = {link.target for link in algorithm.late() if link.direct}
+    order = np.argsort(is_beside, kind="stable")
+    found, is_unread, is_beside = found[order], is_unread[order], is_beside[order]
     records = np.zeros(len(found), CONTROLLED)
     records["signal"], records["is_unread"], records["is_beside"] = found, is_unread, is_beside
-    records["is_judged"] = ~is_beside | (not sampled)
     records["is_instant"] = np.isin(exchange.owners[found], list(late))
     return records

@@ -92,8 +92,10 @@ class ErrorControl(Stepping):
         self.loop = self._loop = make_loop(algorithm)
         self._loop.allow_way_back()  # each step may be repeated
         self._states = self._loop.make_states()
-        self._tables = ControlTables(algorithm, times, tolerance, longest, sampled, self._states)
+        self._tables = ControlTables(algorithm, times, tolerance, longest, self._states)
         self.control = self._tables.control
+        if sampled:
+            self._tables.leave_out_unread_signals()
         self._control_error(algorithm.accuracy > 1 and not sampled)
         self._events = _event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
@@ -224,7 +226,7 @@ class ErrorControl(Stepping):
         """Control the error of each step instead of the error per unit step; see the class."""
         self._sampled = True
         self._control_error(per_unit=False)
-        self._tables.signals["is_judged"] = self._tables.signals["is_beside"] == 0
+        self._tables.leave_out_unread_signals()
 
     def _too_short_error(self) -> RunError:
         control = self.control

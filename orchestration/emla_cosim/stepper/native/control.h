@@ -80,7 +80,7 @@ static double compare_errors(Control *c, double step) {
            coupling would look the same. */
         c->jumps[j] = (can_jump && error > allowed && error > 0.9 * c->first_errors[j] && !c->jumped[j]) ||
                       (step < c->unread_limit && signal->is_beside);
-        c->judged[j] = c->jumps[j] || !signal->is_judged ? 0.0 : error;
+        c->judged[j] = c->jumps[j] ? 0.0 : error;
         const double share = c->judged[j] / (signal->is_instant || step < c->short_limit ? once : allowed);
         if (share > largest || isnan(share)) { /* nothing is larger than NaN */
             largest = share;

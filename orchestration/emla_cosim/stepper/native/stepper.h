@@ -207,7 +207,6 @@ typedef struct {
     int32_t signal;
     int32_t is_unread;  /* by any instance */
     int32_t is_beside;  /* unread, but others of its instance are read */
-    int32_t is_judged;  /* whether its error can reject a step */
     int32_t is_instant; /* it depends directly on an extrapolated input: its errors do not add up */
 } Controlled;
 
