@@ -209,7 +209,8 @@ DASK = "dask-scratch-space"
 def files_of_fmus(folder: Path) -> set[Path]:
     """FMUs, and what is unpacked from them; folders may vanish meanwhile."""
     found = {Path(at, name) for at, _, names in os.walk(folder) for name in names}
-    return {p for p in found if p.name == "modelDescription.xml" or p.suffix in (".fmu", ".so")}
+    libraries = {p for p in found if p.suffix == ".so" and not p.name.startswith("stepper-")}
+    return libraries | {p for p in found if p.name == "modelDescription.xml" or p.suffix == ".fmu"}
 
 
 @pytest.mark.slow

@@ -240,7 +240,7 @@ def test_unusable_cache_is_reported_once(fmu_folder: Path, tmp_path: Path) -> No
     environment = {cache.VARIABLE: str(tmp_path / "cache")}
     code, output, _ = call(tmp_path, *RUN, "--fmus", fmu_folder, environment=environment)
     assert code == 0
-    assert output.count("The compiled loop could not be stored; the next run compiles it again: ") == 1
+    assert output.count("The stepper in C could not be stored; the next run compiles it again: ") == 1
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ Results have the same bits either way, so a run can switch at any step.
 """
 
 from collections.abc import Generator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from ...base.errors import RunError
 from ...sandbox.crash_page import THREADS
 from ...sandbox.processes import count_cores
 from ..algorithms.algorithm import Algorithm
-from .native_loop import NativeLoop
 from .schedule import ThreadSchedule, schedule_tasks
+
+if TYPE_CHECKING:
+    from .native_loop import NativeLoop
 
 WORTH = 1e-5
 """Smallest saving per step, in s, for which threads are considered."""
@@ -48,7 +50,7 @@ class LaneChoice:
         threads: Number of threads; None uses up to one per core if that is faster.
     """
 
-    def __init__(self, loop: NativeLoop, algorithm: Algorithm, threads: int | None) -> None:
+    def __init__(self, loop: "NativeLoop", algorithm: Algorithm, threads: int | None) -> None:
         self._loop, self._algorithm = loop, algorithm
         self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
         reason = loop.why_one_thread

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from ...stepper.library import address_of_clock, load_stepper
 from ..instances.fmu_instance import FmuInstance
 from ..instances.isolated_instance import IsolatedInstance
 from ..instances.measured_calls import Calls, Effort, MeasuredCalls, OwnCost, measure_own_cost
-from .native_loop import NativeLoop
+
+if TYPE_CHECKING:
+    from .native_loop import NativeLoop
 
 PACING = "waiting for real time"
 """The activity of a run that is slower than it could be."""
@@ -63,7 +65,7 @@ class Profiler:
 
         return watched
 
-    def restart(self, loop: NativeLoop | None) -> None:
+    def restart(self, loop: "NativeLoop | None") -> None:
         """Forget everything measured so far, and measure the calls that this loop makes in C, too."""
         self._loop = loop
         if loop is not None:

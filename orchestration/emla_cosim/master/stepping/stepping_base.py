@@ -3,12 +3,14 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
-from .native_loop import NativeLoop
 from .timing import CommunicationPoints
+
+if TYPE_CHECKING:
+    from .native_loop import NativeLoop
 
 ROUNDING = 1e-6
 """Times that differ by less than this fraction of a step are equal."""
