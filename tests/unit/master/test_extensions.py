@@ -109,7 +109,7 @@ def energy(outline: ec.Outline) -> Energy | None:
 
 @pytest.fixture(autouse=True)
 def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    import emla_cosim.cli.commands.plot  # noqa: F401 - whose help names the formats there are
+    import emla_cosim.cli.commands.plot
     import emla_cosim.study.loading  # noqa: F401 - the study's own come first
 
     monkeypatch.setitem(ec.ALGORITHMS, "backwards", Backwards)
