@@ -306,14 +306,14 @@ STEPPERS: dict[str, Stepper] = {
     "checkpoint": Stepper(resume, lacks=HALVES),
     "isolated": Stepper(
         partial(run_isolated, first_alone=False),
-        lacks={"grouped", "error control"},
+        lacks={"grouped"},
         by_default=[
             ("types of FMI 3.0", "gauss-seidel"),
         ],
     ),
     "one isolated": Stepper(
         partial(run_isolated, first_alone=True),
-        lacks={"grouped", "error control"},
+        lacks={"grouped"},
         by_default=[("factors, early start", "jacobi, middles"), ("NAN_Y in a line", "gauss-seidel, lines")],
     ),
     "parts of FMI 3.0": Stepper(partial(run, kind=3), lacks=OLD, needs=VERSIONS),

@@ -1,6 +1,6 @@
 """Steps chosen by their error: the step control alone, and step doubling with every algorithm.
 
-That compiled code does the same is shown in test_matrix.py; here only rules that no system there needs.
+That C does the same is shown in test_matrix.py; here only rules that no system there needs.
 """
 
 from collections.abc import Callable

@@ -1,17 +1,15 @@
 """Threads that share a step, and FMUs in other processes that step at once.
 
 That they have the bits of one thread is shown in test_matrix.py and, for any schedule, in
-test_compiled_code.py.
+test_stepper.py.
 """
 
 import dataclasses
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -37,12 +35,12 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import lanes as choice
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.native_loop import NativeLoop
 from emla_cosim.master.stepping.schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.run.options import read_threads
 from emla_cosim.stepper.layout import Failure
 from emla_cosim.stepper.library import load_stepper
+from tests.support.ctrl_c import interrupt_steps
 from tests.support.faulty_systems import line_with_a_fault, open_system
 from tests.support.hand_written_fmus import Fault
 from tests.support.lanes import in_lanes
@@ -177,7 +175,7 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
 def test_threads_that_cannot_be_used_end_a_run_that_requests_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a request, the run goes on in one thread, and reports why."""
     no_threads = dataclasses.replace(load_stepper(), start_lanes=lambda *_: None)
-    monkeypatch.setattr("emla_cosim.master.stepping.compilation.require_stepper", lambda: no_threads)
+    monkeypatch.setattr("emla_cosim.stepper.library.require_stepper", lambda: no_threads)
     monkeypatch.setattr(choice, "count_cores", lambda: 2)
     words = "the system cannot start 2 threads for FMUs. Set fewer threads."
     times = make_communication_points(60.0, 1.0)
@@ -303,23 +301,10 @@ def test_systems_whose_steps_threads_cannot_share(
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals.")
 def test_ctrl_c_ends_lanes_after_the_present_step(faulty_fmu: Path) -> None:
-    ends, run = list[Failure](), NativeLoop.run
-
-    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, every: int, rows: Any) -> Any:
-        if not loop.is_shared:
-            return run(loop, first, count, clock, every, rows)
-        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
-        timer.start()
-        try:
-            return run(loop, first, 10**7, clock, 2**40, rows)
-        finally:
-            timer.cancel()
-            ends.append(Failure(loop._stepper.failure))
-
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
     options = {"step_size": 0.1, "algorithm": "jacobi"}
     with pytest.MonkeyPatch.context() as patch, ec.load(system, **options).prepare() as simulation:
-        patch.setattr(NativeLoop, "run", run_long)
+        ends = interrupt_steps(patch, lambda loop: loop.is_shared)
         result = simulation.attempt(threads=3, stop_time=1e6, recorders=[])
     assert result.interrupted
     assert ends[-1] == Failure.INTERRUPTED
@@ -362,9 +347,10 @@ class Apart(FakeSlave):
 
     def begin_step(self, time: float, step: float) -> None:
         self.calls.append(f"{self.name}.begin")
-        self._begun = (time, step)
+        self._begun, self.is_under_way = (time, step), True
 
     def end_step(self) -> None:
+        self.is_under_way = False
         self.do_step(*self._begun)
 
 

@@ -9,13 +9,13 @@ from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.snapshot import Snapshot
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT, UNREAD
-from emla_cosim.master.stepping.error_control import CRAWLING_STEPS, ErrorControl
+from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
 from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from tests.support.plain_stepper import PlainStepper
 from tests.support.step_control import StepControl
 
-EARLY, ONCE, ROUNDING_ERROR, CRAWLING = 10.0, 0.1, 1e-12, 1e-2
+EARLY, ONCE, ROUNDING_ERROR, CRAWLING, CRAWLING_STEPS = 10.0, 0.1, 1e-12, 1e-2, 200
 
 
 class PlainErrorControl(ErrorControl):

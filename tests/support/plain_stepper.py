@@ -16,8 +16,9 @@ from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.step_size_control import StepRequest, StepSizeControl
-from emla_cosim.master.stepping.stepping_base import LONGEST, ROUNDING, RowSink, Stepping
+from emla_cosim.master.stepping.stepping_base import LONGEST, RowSink, Stepping
 from emla_cosim.master.stepping.timing import CommunicationPoints
 
 
@@ -71,7 +72,9 @@ class PlainStepper:
         elif operation.store == SIGNALS:
             self.set_inputs(operation.instance, begin, span)
         else:
-            self.network.pass_inputs(operation.instance, self.vector(operation.store))
+            instance.inputs[:] = self.vector(operation.store)[self.network.sources[operation.instance]]
+            self.network.transform(operation.instance)
+            instance.set_inputs()
 
     # ---- the exchange of values ----
 
@@ -231,30 +234,15 @@ def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np
     return found
 
 
-class PlainSteps(Stepping):
+class PlainSteps(FixedSteps):
     """Steps of one length by the plain stepper."""
 
-    def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
-        super().__init__(algorithm, times)
-        self.stepper: PlainStepper | None = None
-
-    @property
-    def time(self) -> float:
-        return self.times.point(self.algorithm.steps)
-
-    @property
-    def steps(self) -> int:
-        return self.algorithm.steps
-
-    @property
-    def finished(self) -> bool:
-        return self.steps >= self.times.steps
+    stepper: PlainStepper | None = None
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
         self.stepper = self.stepper or PlainStepper(algorithm)
-        ahead = math.floor((min(until, times.stop) - times.start) / times.step + ROUNDING)
-        for k in range(self.steps, min(self.steps + most, times.steps, ahead)):
+        for k in range(self.steps, min(self.steps + most, self._last(until))):
             self.stepper.step(times.point(k), times.span(k, 1), times)
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
                 algorithm.steps = k
@@ -267,6 +255,7 @@ class PlainSteps(Stepping):
     def close(self) -> None:
         if self.stepper is not None:
             self.stepper.close()
+        super().close()
 
 
 class PlainStepSize(StepSizeControl):

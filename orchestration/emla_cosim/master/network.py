@@ -133,10 +133,10 @@ class Network:
         """Return the position in `signals` of the output that drives a link."""
         return int(self.parts[link.source].start) + link.output
 
-    def pass_inputs(self, i: int, signals: Vector | None = None) -> None:
-        """Set the inputs of instance i to the present signals that it reads, or to other values of these."""
+    def pass_inputs(self, i: int) -> None:
+        """Set the inputs of instance i to the present signals that it reads."""
         instance = self.instances[i]
-        (self.signals if signals is None else signals).take(self.sources[i], out=instance.inputs, mode="clip")
+        self.signals.take(self.sources[i], out=instance.inputs, mode="clip")
         if self.transforms[i]:
             self.transform(i)
         instance.set_inputs()

@@ -78,18 +78,6 @@ def exit_on_interrupt(end: Callable[[], None]) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def defer_interrupts() -> Iterator[None]:
-    """Delay these signals to the end of the block: an exception in a call from C would be lost."""
-    held: list[int] = []
-    try:
-        with _install_handler(lambda signum, frame: held.append(signum)):
-            yield
-    finally:
-        if held:
-            signal.raise_signal(held[0])
-
-
 def ignore_interrupts() -> None:
     """Ignore these signals from now on, because the process is about to end."""
     for number in POLITE:

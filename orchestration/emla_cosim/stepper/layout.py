@@ -246,7 +246,9 @@ class Control(ctypes.Structure):
         ("tried", _LONG),
         ("end", _DOUBLE),
         ("is_met", _INT),
+        ("crawls", _INT),
         ("worst", _INT),
+        ("unused", _INT),
     )
 
 

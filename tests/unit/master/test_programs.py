@@ -1,8 +1,6 @@
-"""Programs of users: combined values, groups, sampled components, in C and in Python."""
+"""Programs of users: combined values, groups, sampled components, in C and by the plain stepper."""
 
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +12,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.stepper.layout import Failure
 from fmublock import Block, Input, Output, Parameter, State
+from tests.support.ctrl_c import interrupt_steps
 from tests.support.plain_stepper import PlainStepSize
 
 H, STEPS = 0.01, 40
@@ -177,21 +176,8 @@ def test_a_program_that_combines_is_not_exported(ring: ec.Simulation, tmp_path: 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_signal_ends_the_steps_at_once(ring: ec.Simulation) -> None:
     """Not after a second of wall time, when the steps end in any case."""
-    from emla_cosim.master.stepping.native_loop import NativeLoop
-
-    ends, run = list[Failure](), NativeLoop.run
-
-    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, every: int, rows: Any) -> Any:
-        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
-        timer.start()
-        try:
-            return run(loop, first, 10**7, clock, 2**40, rows)
-        finally:
-            timer.cancel()
-            ends.append(Failure(loop._stepper.failure))
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(NativeLoop, "run", run_long)
+        ends = interrupt_steps(patch)
         result = ring.attempt(algorithm=relaxed(0.5), stop_time=1e6, recorders=[])
     assert result.interrupted
     assert ends[-1] == Failure.INTERRUPTED

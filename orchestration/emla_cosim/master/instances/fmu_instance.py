@@ -196,6 +196,8 @@ class FmuInstance(ABC):
     differentiates = False
     steps_apart = False
     """Whether it supports `begin_step` and `end_step`, so that others can step meanwhile."""
+    is_under_way = False
+    """Whether a step has begun and not ended. Any call but `end_step` ends it, too, and drops its result."""
 
     @property
     def components(self) -> Collection[str]:
@@ -245,7 +247,7 @@ class FmuInstance(ABC):
         """
 
     def begin_step(self, time: float, step: float) -> None:
-        """Begin a step if `steps_apart`; call nothing else before `end_step`."""
+        """Begin a step if `steps_apart`; see `is_under_way`."""
         raise NotImplementedError
 
     def end_step(self) -> None:

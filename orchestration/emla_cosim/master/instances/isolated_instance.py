@@ -64,7 +64,6 @@ class IsolatedInstance(DescribedInstance):
         self._observed_of_step: bytes | None = None
         self._observed: Vector = np.empty(0)
         self._end: InstanceError | None = None
-        self._under_way = False
         self._violations = list[str]()
         self._present, self._number = crash_page.current_activity(), number
         try:
@@ -155,11 +154,11 @@ class IsolatedInstance(DescribedInstance):
         """Begin to advance from `time` by `step`, both in s."""
         self._present.time = time
         self._request("do_step", (time, step))
-        self._under_way = True
+        self.is_under_way = True
 
     def end_step(self) -> None:
         """Wait until the step is done."""
-        self._under_way = False
+        self.is_under_way = False
         try:
             self._outputs_of_step, self._observed_of_step, self._violations = self._receive(call="doStep")
         except RunError:
@@ -219,7 +218,7 @@ class IsolatedInstance(DescribedInstance):
         return self._receive(timeout, _FMI_CALLS.get(call, ""))
 
     def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
-        if self._under_way:  # an interrupted step: wait for its end and discard the result
+        if self.is_under_way:  # an interrupted step: wait for its end and discard the result
             with contextlib.suppress(InstanceError):
                 self.end_step()
         request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)

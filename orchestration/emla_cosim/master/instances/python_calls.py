@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import RunError
 from ...fmu.instance import DISCARD, ERROR, OK
 from .fmu_instance import DiscardedStepError, EntryPoints, FmuInstance
 
@@ -29,12 +28,10 @@ class PythonCalls:
 
     Attributes:
         error: what the last call that failed has raised; None without one.
-        is_under_way: whether a step has begun, and has not ended.
     """
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
-        self.is_under_way = False
         self._states = dict[int, Any]()
         self._held = list[Any]()  # the functions, which C knows by address only
 
@@ -52,7 +49,6 @@ class PythonCalls:
 
         def begin(component: Any, time: float, step: float, no_way_back: int) -> None:
             instance.begin_step(time, step)
-            self.is_under_way = True
 
         def step(component: Any, time: float, step: float, no_way_back: int) -> None:
             instance.do_step(time, step)
@@ -67,7 +63,7 @@ class PythonCalls:
             set_real=self.address(_Values, lambda *_: instance.set_inputs()),
             get_real=self.address(_Values, lambda *_: instance.get_outputs()),
             do_step=self.address(_Step, begin if splits else step),
-            end_step=self.address(_Wait, lambda _: self._end_step(instance)) if splits else 0,
+            end_step=self.address(_Wait, lambda _: instance.end_step()) if splits else 0,
             set_real_input_derivatives=self.address(_Slopes, set_slopes),
             get_state=self.address(_Save, save),
             set_state=self.address(_Restore, lambda _, number: instance.restore(self._states[number])),
@@ -84,15 +80,6 @@ class PythonCalls:
     def getter(self, call: Callable[[], Any]) -> int:
         """Return the address of a `get_real` that calls this function."""
         return self.address(_Values, lambda *_: call())
-
-    def finish(self, instance: FmuInstance) -> RunError | None:
-        """Wait for the end of a step that is still under way; return its error, or None."""
-        try:
-            if self.is_under_way:
-                self._end_step(instance)
-        except RunError as error:
-            return error
-        return None
 
     def close(self, instance: FmuInstance) -> None:
         """Free the saved states; never raises."""
@@ -114,7 +101,3 @@ class PythonCalls:
         function = kind(checked)
         self._held.append(function)
         return ctypes.cast(function, ctypes.c_void_p).value or 0
-
-    def _end_step(self, instance: FmuInstance) -> None:
-        self.is_under_way = False
-        instance.end_step()

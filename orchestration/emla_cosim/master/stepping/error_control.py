@@ -12,16 +12,12 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from .compilation import make_loop
 from .control_tables import JUST_BEFORE, WATCHED, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
 LARGEST_SHARE, SHORTEST_LIMIT = 50, 10
 """Default limit of a step: a `LARGEST_SHARE`-th of the run, at least `SHORTEST_LIMIT` first steps."""
-
-CRAWLING_STEPS = 200
-"""Number of successive short steps that show a jump at every point."""
 
 REMARK_THRESHOLD = 10.0
 """Sum of all errors above which a remark is added, as a multiple of the tolerance."""
@@ -79,7 +75,6 @@ class ErrorControl(Stepping):
             CommandError: An instance cannot restore its state, cannot vary its step, or has a step multiple.
             RunError: The C code cannot be built on this machine.
         """
-        super().__init__(algorithm, times)
         if any(algorithm.exchange.rare):
             raise CommandError(
                 "step multiples need fixed steps. Remove the error tolerance or the multiples."
@@ -87,11 +82,11 @@ class ErrorControl(Stepping):
         instances = algorithm.network.instances
         require(instances, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(instances, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
+        super().__init__(algorithm, times)
         self.tolerance, self._sampled = tolerance, sampled
         longest = largest or default_largest_step(times)
-        self.loop = self._loop = make_loop(algorithm)
-        self._loop.allow_way_back()  # each step may be repeated
-        self._states = self._loop.make_states()
+        self.loop.allow_way_back()  # each step may be repeated
+        self._states = self.loop.make_states()
         self._tables = ControlTables(algorithm, times, tolerance, longest, self._states)
         self.control = self._tables.control
         if sampled:
@@ -141,13 +136,13 @@ class ErrorControl(Stepping):
         block = rows.room(most) if records_each and not one_by_one else None
         self._tables.watch(1 if one_by_one else 0 if self.watch is None else WATCHED)
         accepted = control.accepted
-        ended, failure = self._loop.control(control, most, block)
+        ended, failure = self.loop.control(control, most, block)
         if self.watch is not None:
             for row in self._tables.watched[: control.watched_count]:
                 self.watch(float(row[0]), row[1:])
-        if control.is_per_unit and control.short_steps == CRAWLING_STEPS:
+        if control.crawls:
             self._judge_each_step()
-        if block is not None and (recorded := self._loop.recorded):
+        if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
         if ended == Failure.TOO_SHORT:
             raise self._too_short_error()
@@ -163,15 +158,13 @@ class ErrorControl(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Add how the steps were made, and the sum of the errors, to the report."""
-        control, found = self.control, super().report()
-        found |= {
+        control = self.control
+        return super().report() | {
             "rejected_steps": int(control.rejected),
             "largest_step_s": float(control.longest),
             "estimated_error": float(self._tables.total.max(initial=0.0)),
             "error_per_unit_step": bool(control.is_per_unit),
         }
-        reason = self._loop.why_not_kept()
-        return found | ({"compiled_code_not_kept": reason} if reason else {})
 
     def remarks(self) -> list[str]:
         """Return a remark if the errors of all steps add up to far more than the tolerance."""
@@ -207,7 +200,7 @@ class ErrorControl(Stepping):
     def close(self) -> None:
         """Free the saved states."""
         self._states.free(self.algorithm.network.instances)
-        self._loop.close()
+        super().close()
 
     def _next_point(self, until: float) -> tuple[float, bool, bool]:
         """Return the next time in s to reach exactly, whether to record it, and whether it is an event."""

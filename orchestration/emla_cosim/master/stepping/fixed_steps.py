@@ -9,7 +9,6 @@ import numpy as np
 from ...base.errors import CommandError
 from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
-from .compilation import make_loop
 from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
@@ -30,11 +29,10 @@ class FixedSteps(Stepping):
             CommandError: The number of threads is not supported.
             RunError: The C code cannot be built on this machine.
         """
-        super().__init__(algorithm, times)
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
-        self.loop = self._loop = make_loop(algorithm)
-        self._choice = None if threads == 1 else LaneChoice(self._loop, algorithm, threads)
+        super().__init__(algorithm, times)
+        self._choice = None if threads == 1 else LaneChoice(self.loop, algorithm, threads)
 
     @property
     def time(self) -> float:
@@ -62,7 +60,7 @@ class FixedSteps(Stepping):
 
     def allow_way_back(self) -> None:
         """Tell FMUs in each step that a state from before it may be restored."""
-        self._loop.allow_way_back()
+        self.loop.allow_way_back()
 
     def repeat_step(self, i: int, j: int, offset: float) -> None:
         """Do one step without recording it, with an offset to input j of instance i in its unit.
@@ -72,11 +70,11 @@ class FixedSteps(Stepping):
         """
         network, first = self.algorithm.network, self.algorithm.steps
         nowhere = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
-        self._loop.offset_input(i, j, offset)
+        self.loop.offset_input(i, j, offset)
         try:
-            _, failure = self._loop.run(first, 1, self.times.clock, first + 2, nowhere)
+            _, failure = self.loop.run(first, 1, self.times.clock, first + 2, nowhere)
         finally:
-            self._loop.offset_input(i, j, 0.0)
+            self.loop.offset_input(i, j, 0.0)
         if failure is not None:
             raise failure
 
@@ -86,14 +84,7 @@ class FixedSteps(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Add the use of threads to the report."""
-        found = super().report()
-        found |= self._choice.report() if self._choice is not None else {"threads": 1}
-        reason = self._loop.why_not_kept()
-        return found | ({"compiled_code_not_kept": reason} if reason else {})
-
-    def close(self) -> None:
-        """Free the saved states."""
-        self._loop.close()
+        return super().report() | (self._choice.report() if self._choice is not None else {"threads": 1})
 
     def _last(self, until: float) -> int:
         """Return the number of the last communication point up to a time in s, apart from rounding."""
@@ -107,7 +98,7 @@ class FixedSteps(Stepping):
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
-        recorded, failure = self._loop.run(first, count, self.times.clock, every, block)
+        recorded, failure = self.loop.run(first, count, self.times.clock, every, block)
         if recorded and failure is None and observer.is_due(self.algorithm.steps):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values

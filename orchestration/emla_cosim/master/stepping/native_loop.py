@@ -34,16 +34,13 @@ _CALL_NAMES = {
     Failure.OBSERVE: "getting recorded variables",
 }
 
-_MADE = {
+_PROGRAM_CALLS = {
     Failure.SET: Call.SET,
     Failure.DERIVATIVES: Call.SET,
     Failure.STEP: Call.STEP,
     Failure.GET: Call.GET,
-    Failure.SAVE: None,
-    Failure.RESTORE: None,
-    Failure.OBSERVE: None,
 }
-"""The call of a program that failed; None for others."""
+"""The call of a program that failed; states and recorded variables are none."""
 
 _ENDS = (Failure.NONE, Failure.LATE, Failure.INTERRUPTED)
 """What is no failure."""
@@ -278,13 +275,18 @@ class NativeLoop:
         if failure == Failure.STEP and failed == len(instances):
             assert self._tables.passing is not None
             return self._tables.passing.error
-        if failure in _MADE:
-            calls, place = self._calls[failed], self._places.get((_MADE[failure], failed), math.inf)
+        if failure == Failure.STEP or failure in _CALL_NAMES:
+            calls = self._calls[failed]
             error = None if calls is None else calls.error
-        for i, (instance, calls) in enumerate(zip(instances, self._calls, strict=True)):
-            late = None if calls is None else calls.finish(instance)
-            if late is not None and (began := self._places[Call.STEP, i]) < place:
-                error, place = late, began
+        if failure in _PROGRAM_CALLS:
+            place = self._places[_PROGRAM_CALLS[failure], failed]
+        for i, instance in enumerate(instances):
+            try:
+                if instance.is_under_way:
+                    instance.end_step()
+            except RunError as late:
+                if (began := self._places[Call.STEP, i]) < place:
+                    error, place = late, began
         return error
 
     def _describe(self, failure: Failure, end: float) -> RunError | None:

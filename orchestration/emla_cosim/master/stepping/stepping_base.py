@@ -3,14 +3,12 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
+from .compilation import make_loop
 from .timing import CommunicationPoints
-
-if TYPE_CHECKING:
-    from .native_loop import NativeLoop
 
 ROUNDING = 1e-6
 """Times that differ by less than this fraction of a step are equal."""
@@ -44,14 +42,16 @@ class Stepping(ABC):
         algorithm: algorithm after its `setup`.
         times: start time, stop time and step size, in s.
 
+    Raises:
+        RunError: the C code cannot be built on this machine.
+
     Attributes:
+        loop: stepper in C.
         watch: function that receives the time in s and the signals of each step, if not all have a row.
     """
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
-        self.algorithm = algorithm
-        self.loop: NativeLoop | None = None
-        """The stepper in C, if it does the steps."""
+        self.algorithm, self.loop = algorithm, make_loop(algorithm)
         self.times = times
         self.watch: Callable[[float, Vector], None] | None = None
         """Called with time in s and signals at every point, if the stepping does not record all points."""
@@ -90,7 +90,8 @@ class Stepping(ABC):
 
     def report(self) -> dict[str, Any]:
         """Return how the steps were made, as plain data for run.json."""
-        return {"steps": self.steps, **self.algorithm.report()}
+        found, reason = {"steps": self.steps, **self.algorithm.report()}, self.loop.why_not_kept()
+        return found | ({"compiled_code_not_kept": reason} if reason else {})
 
     def remarks(self) -> list[str]:
         """Return notes on the steps that a reader of the results needs."""
@@ -104,8 +105,9 @@ class Stepping(ABC):
         """Continue from what `memory` returned in a stepping of the same class."""
         self.algorithm.remember(memory)
 
-    def close(self) -> None:  # noqa: B027 - most hold nothing
+    def close(self) -> None:
         """Free what the stepping holds of the FMU instances; never raises."""
+        self.loop.close()
 
     def record(self, rows: RowSink, due: bool = True) -> None:
         """Record the current signals as one row, with observed texts if it is `due`.

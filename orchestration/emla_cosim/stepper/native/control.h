@@ -183,6 +183,7 @@ int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, doub
     c->n_watched = 0;
     c->tried = 0;
     c->is_met = 0;
+    c->crawls = 0;
     while (c->tried < most) {
         const int64_t accepted = c->accepted;
         const double step = propose(c);
@@ -199,8 +200,8 @@ int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, doub
             c->is_met = is_met;
             if (c->watch_room > 0) show(s, c);
             if (rows != NULL && (s->failure = record(s, end, rows)) != DONE) return s->failure;
-            const int crawls = c->is_per_unit && c->short_steps == CRAWLING_STEPS;
-            if (is_met || crawls || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
+            c->crawls = c->is_per_unit && c->short_steps == CRAWLING_STEPS;
+            if (is_met || c->crawls || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
                 (c->watch_room > 0 && c->n_watched == c->watch_room))
                 return DONE;
         }

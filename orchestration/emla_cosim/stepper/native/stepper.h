@@ -241,7 +241,9 @@ typedef struct {
     int64_t n_watched, tried;
     double end; /* of the last trial */
     int32_t is_met; /* whether `point` is reached */
+    int32_t crawls; /* whether many steps in a row were short: a signal jumps at every point */
     int32_t worst;  /* signal with the largest error */
+    int32_t unused;
 } Control;
 
 extern STEPPER_API const size_t

@@ -1,6 +1,6 @@
-"""Compiled code: random networks, loops that are solved in halves, failing functions, and hosts without it.
+"""The stepper: random networks, loops that are solved in halves, failing functions, and hosts without it.
 
-That it has the bits of Python with other systems is shown in test_matrix.py.
+That it has the bits of the plain stepper with other systems is shown in test_matrix.py.
 """
 
 import os
@@ -46,7 +46,7 @@ def rows(
     algorithm: Algorithm,
     times: CommunicationPoints,
     *,
-    compiled: bool,
+    plain: bool,
     every: int = 1,
     room: int = 7,
     shared: int | None = None,
@@ -56,7 +56,7 @@ def rows(
     `shared` is the seed by which threads share its steps.
     """
     begun(network, algorithm, times)
-    stepping = FixedSteps(algorithm, times) if compiled else PlainSteps(algorithm, times)
+    stepping = PlainSteps(algorithm, times) if plain else FixedSteps(algorithm, times)
     if shared is not None:
         in_lanes(stepping, shared)
     return recorded(stepping, every, room=room)
@@ -128,7 +128,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
     )
     times = make_communication_points(1.2, 0.05)
     found, seed = [], data.draw(st.integers(0, 99), label="share")
-    for compiled, shared in ((False, None), (True, None), (True, seed)):
+    for plain, shared in ((True, None), (False, None), (False, seed)):
         with open_system(system, transformations) as assembly:
             assembly.network.reorder(order)
             found.append(
@@ -136,7 +136,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
                     assembly.network,
                     kind(extrapolation, multiples),
                     times,
-                    compiled=compiled,
+                    plain=plain,
                     every=every,
                     room=room,
                     shared=shared,
@@ -188,19 +188,19 @@ def mirrored(answer: Callable[[np.ndarray, np.ndarray, float, float], Any]) -> N
 def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extrapolation: str) -> None:
     """So has what the algorithm keeps: history, sizes of signals, Jacobians, and the number of sweeps."""
     results = []
-    for compiled in (False, True):
+    for plain in (True, False):
         network = build()
         algorithm = begun(network, Strong(extrapolation), TIMES)
-        stepping = FixedSteps(algorithm, TIMES) if compiled else PlainSteps(algorithm, TIMES)
+        stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
         found = recorded(stepping)
         assert not any(s.states for s in network.instances)  # saved states that were not freed
         results.append((found, stepping.memory()))
-    (expected, memory), (found, compiled_memory) = results
+    (expected, memory), (found, native_memory) = results
     assert len(expected) == TIMES.steps + 1 and np.isfinite(expected).all()
     assert_same_bits(found, expected)
-    assert memory.keys() == compiled_memory.keys()
+    assert memory.keys() == native_memory.keys()
     for key, value in memory.items():
-        assert_same_bits(compiled_memory[key], value)
+        assert_same_bits(native_memory[key], value)
     assert memory["counts"][1] > TIMES.steps
 
 
@@ -212,11 +212,11 @@ def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path)
         *map(str, system.connections),
         "j.bad.y -> j.sampled.u",
     )
-    for compiled in (False, True):
+    for plain in (True, False):
         with open_system(system) as assembly:
             (counts,) = counts_of(assembly)
             algorithm = begun(assembly.network, Strong(step_multiples={"j.sampled": 2}), TIMES)
-            stepping = FixedSteps(algorithm, TIMES) if compiled else PlainSteps(algorithm, TIMES)
+            stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
             table = Table(1 + len(assembly.network.signals))
             stepping.advance(table, 5)
             assert counts.states == 3
