@@ -1,6 +1,6 @@
-"""The system as C: the tables of `shim/tables.h`, and the functions of the parts."""
+"""The system as C: the tables of `shim/tables.h`, and those of the stepper."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from fmpy.model_description import ModelVariable
@@ -8,326 +8,262 @@ from fmpy.model_description import ModelVariable
 from fmublock.compiling import c_number
 
 from ..base.errors import CommandError
-from ..fmu.elements import ElementVariable, place_in_array
-from ..master.algorithms import group, newton, quasi_newton
-from ..master.instances.described_instance import DescribedInstance
-from ..master.instances.typed_values import PlannedCall, plan_calls
+from ..fmu.clocks import is_clocked
+from ..fmu.elements import BINARY, ElementVariable, place_in_array, value_type
+from ..master.algorithms import newton
+from ..master.instances.event_mode_instance import EventModeInstance
+from ..master.instances.typed_values import start_memory
 from ..master.stepping.timing import MAXIMUM_STEPS
-from .plan import ContainerPlan, Group
-from .variables import ContainerVariable, own_letter, time_name
+from ..stepper.layout import TRUTH_OF_FMI_2, TYPES
+from .image import table
+from .plan import ContainerPlan
+from .variables import ContainerVariable, time_name
 
-FUNCTIONS = (
-    *("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode"),
-    *("ExitInitializationMode", "Terminate"),
-    *("GetReal", "GetInteger", "GetBoolean", "GetString"),
-    *("SetReal", "SetInteger", "SetBoolean", "SetString"),
-    *("SetRealInputDerivatives", "DoStep", "GetBooleanStatus"),
-)
-"""Functions of a part that the FMU calls."""
-
-STATE_FUNCTIONS = ("GetFMUstate", "SetFMUstate", "FreeFMUstate")
-BYTE_FUNCTIONS = ("SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate")
-
-_OTHERS = (
-    *("GetTypesPlatform", "GetVersion", "SetDebugLogging", "Reset", "GetDirectionalDerivative"),
-    *("GetRealOutputDerivatives", "CancelStep", "GetStatus", "GetRealStatus", "GetIntegerStatus"),
-    *("GetStringStatus", "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode"),
-    *("CompletedIntegratorStep", "SetTime", "SetContinuousStates", "GetDerivatives", "GetEventIndicators"),
-    *("GetContinuousStates", "GetNominalsOfContinuousStates"),
-)
-"""Further functions of the standard, which a part that is compiled in has, too."""
-
-
-def functions_header(plan: ContainerPlan) -> str:
-    """Return the table of functions, and that of each FMU that is compiled in."""
-    states = plan.all_can("canGetAndSetFMUstate")
-    has = {"HAS_STATE": states, "HAS_SERIALIZATION": states and plan.all_can("canSerializeFMUstate")}
-    needed = [*FUNCTIONS, *(STATE_FUNCTIONS if states or any(part.saved for part in plan.parts) else ())]
-    needed += BYTE_FUNCTIONS if has["HAS_SERIALIZATION"] else ()
-    names = (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS)
-    lines = ["/* The functions of a part. Libraries may lack those that are not needed. */"]
-    lines += [f"#define {name}" for name, is_so in has.items() if is_so]
-    lines += ["", *_list("FUNCTIONS", names), *_list("NEEDED", needed)]
-    fields = ["    FUNCTIONS(DECLARE)"]
-    if any(library.fmi == 3 for library in plan.libraries):
-        groups = {"ALWAYS": FUNCTIONS, "STATE": STATE_FUNCTIONS, "BYTES": BYTE_FUNCTIONS}
-        shared = [f"SHARED_{name}(X)" for name, group in groups.items() if group[0] in needed]
-        lines += ["#define HAS_FMI3_PARTS", '#include "fmi3FunctionTypes.h"', '#include "part_functions.h"']
-        lines += [f"#define SHARED_NEEDED(X) {' '.join(shared)}", ""]
-        fields += ["    Functions3 three;"]
-    lines += [
-        "#define DECLARE(name) fmi2##name##TYPE *name;",
-        "typedef struct {",
-        *fields,
-        "} Functions;",
-        "",
-    ]
-    for library in (x for x in plan.libraries if x.source):
-        prefix = _prefix(library.folder)
-        lines += [f"fmi2{name}TYPE {prefix}fmi2{name};" for name in names]
-        values = ", ".join(f".{name} = {prefix}fmi2{name}" for name in names)
-        lines += [f"static const Functions {prefix}functions = {{{values}}};", ""]
-    return "\n".join(lines)
-
-
-def _list(name: str, functions: Sequence[str]) -> list[str]:
-    """Return a macro that applies another one to each function."""
-    inner = [f"    X({function}) \\" for function in functions[:-1]]
-    return [f"#define {name}(X) \\", *inner, f"    X({functions[-1]})", ""]
-
-
-def _prefix(folder: str) -> str:
-    return f"{folder}_"
+_TEXT = TRUTH_OF_FMI_2 + 1
+"""The number of the type of Strings; see `shim/tables.h`."""
 
 
 def part_source(folder: str, source: str) -> str:
     """Return the C file that compiles one part in, with a prefix before its functions."""
-    prefix = _prefix(folder)
-    lines = [f"/* The part {folder}: its functions with a prefix. */", '#include "fmi2Functions.h"', ""]
-    for name in (*FUNCTIONS, *STATE_FUNCTIONS, *BYTE_FUNCTIONS, *_OTHERS):
-        lines += [
-            f"#undef fmi2{name}",
-            f"#define fmi2{name} {prefix}fmi2{name}",
-            f"fmi2{name}TYPE fmi2{name};",
-        ]
-    return "\n".join([*lines, "", f'#include "{folder}/{source}"', ""])
+    return f"""/* The part {folder}: its functions with a prefix. */
+#include "fmi2Functions.h"
+#undef fmi2FullName
+#define fmi2FullName(name) {folder}_##name
+fmi2FreeInstanceTYPE fmi2FreeInstance; /* which is called before it is defined */
+
+#include "{folder}/{source}"
+"""
 
 
-def system_header(
-    plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], fmi: int
-) -> str:
-    """Return the tables of a system for a version of FMI."""
-    network, parts, groups, loops = plan.network, plan.parts, plan.groups, plan.initial_groups
-    clock = plan.times.clock
-    reads = [v for part in parts for v in part.instance.read]
-    writes = [v for part in parts for v in part.instance.written]
-    coupling = [c for g in groups for c in g.coupling]
-    initial_coupling = [c for g in loops for c in g.coupling]
-    starts = [(v, x) for v, x in enumerate(variables) if x.changed and x.settable]
-    arrays = _Arrays(plan, variables)
-    calls = _Calls(plan, arrays)
-    values = [*calls.sizes, *(v.size for v in variables), len(reads), len(writes)]
-    numbers = {
-        "N_LIBRARIES": len(plan.libraries),
-        "N_LOADED": sum(library.source is None for library in plan.libraries),
-        "N_PARTS": len(parts),
-        "N_INPUTS": len(reads),
-        "N_SIGNALS": len(writes),
-        "N_READ": len(network.read),
-        "N_OPERATIONS": len(plan.operations),
-        "N_GROUPS": len(groups),
-        "N_JACOBIANS": sum(len(g.values) for g in groups),
-        "N_INITIAL_GROUPS": len(loops),
-        "N_INITIAL": len(initial_coupling),
-        "N_VALUES": len(variables),
-        "N_STARTS": len(starts),
-        "N_ELEMENTS": len(arrays.starts),
-        "MOST_VALUES": max(values, default=0),
-        "MOST_INPUTS": max((len(p.instance.read) for p in parts), default=0),
-        "MOST_OUTPUTS": max((len(p.instance.written) for p in parts), default=0),
-        "MOST_COUPLING": max((len(g.coupling) for g in groups), default=0),
-        "MOST_INITIAL": max((len(g.coupling) for g in loops), default=0),
-        "SWEEPS": group.SWEEPS,
-        "HALVINGS": group.HALVINGS,
-        "LOOP_ITERATIONS": newton.ITERATIONS,
-        "LOOP_HALVINGS": newton.HALVINGS,
-    }
-    reals = {
-        "START_TIME": plan.times.start,
-        "STEP_SIZE": plan.times.step,
-        "CLOCK_FIRST": clock.first,
-        "CLOCK_PER_STEP": clock.per_step,
-        "CLOCK_DENOMINATOR": clock.denominator,
-        "COUPLING_TOLERANCE": plan.coupling_tolerance,
-        "MAXIMUM_STEPS": MAXIMUM_STEPS,
-        "RELAXATION": quasi_newton.RELAXATION,
-        "NOISE": quasi_newton.NOISE,
-        "FILTER": quasi_newton.FILTER,
-        "LOOP_TOLERANCE": newton.TOLERANCE,
-        "LOOP_DIFFERENCE": newton.DIFFERENCE,
-        "LOOP_ROUGH": newton.ROUGH,
-    }
-    orders = ", ".join("1" for _ in range(max(numbers["MOST_INPUTS"], 1)))
-    lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39"]
-    lines += [f"#define {name} {value}" for name, value in numbers.items()]
-    lines += [f"#define {name} {c_number(value)}" for name, value in reals.items()]
-    lines += [f"#define FIRST_ORDERS {{{orders}}}", ""]
-    lines += _libraries(plan) + _parts(plan, calls)
-    lines += _table("Input", "inputs", _inputs(plan))
-    lines += _table("fmi2ValueReference", "input_references", [str(v.valueReference) for v in reads])
-    lines += _table("Signal", "signals", _signals(plan))
-    lines += _table("fmi2ValueReference", "output_references", [str(v.valueReference) for v in writes])
-    lines += calls.tables()
-    lines += _table("double", "first_elements", map(c_number, arrays.starts))
-    lines += _table("int", "read_signals", map(str, network.read))
-    lines += _table("int", "order", map(str, network.order))
-    does = ("SET_INPUTS", "STEP_PART", "GET_OUTPUTS")
-    lines += _table("Operation", "operations", [f"{{{does[o.call]}, {o.instance}}}" for o in plan.operations])
-    lines += _table("int", "members", [str(i) for g in groups for i in g.members])
-    lines += _table("int", "coupling", map(str, coupling))
-    lines += _table("Group", "groups", _groups(groups))
-    lines += _table("double", "first_jacobians", [c_number(x) for g in groups for x in g.values])
-    lines += _table("int", "initial_members", [str(i) for g in loops for i in g.members])
-    lines += _table("int", "initial_coupling", map(str, initial_coupling))
-    lines += _table("Group", "initial_groups", _groups(loops))
-    lines += _table("double", "initial_guesses", [c_number(x) for g in loops for x in g.values])
-    rows = [
-        f"{{{_text(v.name)}, '{v.letter(fmi)}', '{own_letter(v.own)}', {_settable(v)}, {v.part}, "
-        f"{v.own.valueReference}, {place_in_array(v.own)}, {v.size}, {arrays.place(v.part, v.own)}, "
-        f"{v.signal}}}"
-        for v in variables
-    ]
-    if fmi == 3:
-        rows.append(f"{{{_text(time_name(variables))}, 'R', 'R', 0, -1, 0, 0, 1, -1, -1}}")
-    lines += _table("Variable", "variables", rows)
-    lines += _table("Start", "starts", [_start(v, x) for v, x in starts])
-    return "\n".join(lines)
+class SystemTables:
+    """The tables of a system for a version of FMI of the host.
 
+    Args:
+        plan: The system.
+        identifier: The model identifier.
+        variables: The variables that it shows.
+        fmi: The version of FMI.
 
-def _settable(variable: ContainerVariable) -> int:
-    """Return when a host may set a variable; see shim/tables.h."""
-    if not variable.settable:
-        return 0
-    while_stepping = variable.causality == "input" or variable.variability == "tunable"
-    return 1 if while_stepping else 2
-
-
-class _Arrays:
-    """The arrays of which elements are set, and their start values: an array is set as a whole.
+    Attributes:
+        header: what the rest of the C files is made for.
+        wiring: what connects the tables of the stepper with the memory of an instance.
 
     Raises:
         CommandError: A start value is an integer that a double cannot hold.
     """
 
-    def __init__(self, plan: ContainerPlan, variables: Sequence[ContainerVariable]) -> None:
-        self.starts = list[float]()
-        self._places: dict[tuple[int, int], int] = {}
-        for i, part in enumerate(plan.parts):
-            own = [*part.instance.read, *(v.own for v in variables if v.part == i and v.settable)]
-            for variable in own:
-                key = i, int(variable.valueReference)
-                if isinstance(variable, ElementVariable) and variable.size > 1 and key not in self._places:
-                    self._places[key] = len(self.starts)
-                    self.starts += (_exact(f"{part.name}.{variable.name}", x) for x in variable.array_start)
+    def __init__(
+        self, plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], fmi: int
+    ) -> None:
+        self._plan, self._image = plan, plan.image.image
+        rows = [self._variable(v, fmi) for v in variables]
+        if fmi == 3:
+            rows.append(f"{{{_text(time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
+        starts = [_start(place, x) for place, x in enumerate(variables) if x.changed and x.settable]
+        tables = [
+            *self._libraries(),
+            *self._parts(),
+            *self._network(),
+            *self._initial_groups(),
+            *table("Variable", "variables", rows),
+            *table("Start", "starts", starts),
+            *self._texts(),
+        ]
+        sizes = [1, *(v.size for v in variables)]
+        lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39", *self._flags()]
+        lines += [
+            f"#define {name} {value}" for name, value in self._numbers(variables, sizes, starts).items()
+        ]
+        lines += [f"#define {name} {c_number(value)}" for name, value in self._reals().items()]
+        self.wiring = self._image.text()
+        self.header = "\n".join([*lines, "", *tables, *self._image.constants])
 
-    def place(self, part: int, variable: ModelVariable) -> int:
-        """Return the place of a variable's array; -1 if it has none."""
-        return self._places.get((part, int(variable.valueReference)), -1)
+    def _flags(self) -> list[str]:
+        plan = self._plan
+        has_states = plan.all_can("canGetAndSetFMUstate")
+        flags = {
+            "HAS_STATE": has_states,
+            "HAS_SERIALIZATION": has_states and plan.all_can("canSerializeFMUstate"),
+            "HAS_FMI3_PARTS": any(library.fmi == 3 for library in plan.libraries),
+        }
+        return [f"#define {name}" for name, value in flags.items() if value]
 
+    def _numbers(
+        self, variables: Sequence[ContainerVariable], sizes: Sequence[int], starts: Sequence[str]
+    ) -> dict[str, int]:
+        plan, image, loops = self._plan, self._plan.image, self._plan.initial_groups
+        return {
+            "N_LIBRARIES": len(plan.libraries),
+            "N_LOADED": sum(library.source is None for library in plan.libraries),
+            "N_PARTS": len(plan.parts),
+            "N_INPUTS": len(plan.network.inputs),
+            "N_SIGNALS": len(plan.network.signals),
+            "N_GROUPS": image.groups,
+            "N_CALLS": image.image.pools["calls"],
+            "N_CLOCKED_CALLS": image.image.pools["clocked_calls"],
+            "N_EVENTS": sum(part.events >= 0 for part in image.parts),
+            "N_STORES": image.stores,
+            "N_RESTORED": image.restored,
+            "N_JACOBIANS": len(image.jacobians),
+            "N_SAVED": image.image.saved,
+            "N_ROOM": image.image.room,
+            "N_LOOPS": len(loops),
+            "N_INITIAL": sum(len(loop.coupling) for loop in loops),
+            "MOST_INITIAL": max((len(loop.coupling) for loop in loops), default=0),
+            "N_VALUES": len(variables),
+            "N_STARTS": len(starts),
+            "MOST_SIZE": max(sizes),
+            "N_TEXT_LINKS": len(plan.network.opaque_links),
+            "LOOP_ITERATIONS": newton.ITERATIONS,
+            "LOOP_HALVINGS": newton.HALVINGS,
+        }
 
-class _Calls:
-    """The calls that set the inputs and get the signals of the parts."""
+    def _reals(self) -> dict[str, float]:
+        times, clock = self._plan.times, self._plan.times.clock
+        return {
+            "START_TIME": times.start,
+            "STEP_SIZE": times.step,
+            "CLOCK_FIRST": clock.first,
+            "CLOCK_PER_STEP": clock.per_step,
+            "CLOCK_DENOMINATOR": clock.denominator,
+            "MAXIMUM_STEPS": MAXIMUM_STEPS,
+            "LOOP_TOLERANCE": newton.TOLERANCE,
+            "LOOP_DIFFERENCE": newton.DIFFERENCE,
+            "LOOP_ROUGH": newton.ROUGH,
+        }
 
-    def __init__(self, plan: ContainerPlan, arrays: _Arrays) -> None:
-        self._rows, self._references = list[str](), list[int]()
-        self._items, self._places = list[int](), list[int]()
-        self.sizes = list[int]()
-        """Numbers of values of the calls."""
-        self.ranges = list[tuple[int, int, int, int]]()
-        """For each part, position and number of the calls that set, and of those that get."""
-        for i, part in enumerate(plan.parts):
-            places = (plan.network.input_parts[i].start, plan.network.parts[i].start)
-            counts = list[int]()
-            for access, variables, first in zip(
-                ("set", "get"), (part.instance.read, part.instance.written), places, strict=True
-            ):
-                begin = len(self._rows)
-                for call in plan_calls(access, variables):
-                    memory = arrays.place(i, variables[call.members[0]]) if access == "set" else -1
-                    self._add(call, own_letter(variables[call.members[0]]), first, memory)
-                counts += [begin, len(self._rows) - begin]
-            self.ranges.append((counts[0], counts[1], counts[2], counts[3]))
+    def _libraries(self) -> list[str]:
+        """Return the FMUs, and the functions of those that are compiled in."""
+        plan, rows = self._plan, list[str]()
+        has_states = plan.all_can("canGetAndSetFMUstate")
+        has_bytes = has_states and plan.all_can("canSerializeFMUstate")
+        saved = {plan.parts[i].library for group in plan.groups if group.is_saved for i in group.members}
+        handling = {p.library for p in plan.parts if isinstance(p.instance, EventModeInstance)}
+        passing = {
+            part.library
+            for link in plan.network.opaque_links
+            if link.input.type == BINARY
+            for part in plan.parts
+            if part.instance in (link.source, link.target)
+        }
+        for n, library in enumerate(plan.libraries):
+            functions = f"{library.folder}_functions" if library.source else "NULL"
+            file = "NULL" if library.source else _text(library.file.model_identifier)
+            guid = _text(str(library.file.description.guid))
+            needs = {
+                "ALWAYS": True,
+                "FOR_STATES": has_states or n in saved,
+                "FOR_BYTES": has_bytes,
+                "FOR_EVENTS": n in handling,
+                "FOR_BINARY": n in passing,
+            }
+            reasons = " | ".join(name for name, value in needs.items() if value)
+            rows.append(f"{{{guid}, {_text(library.folder)}, {file}, {functions}, {library.fmi}, {reasons}}}")
+        compiled = [f"COMPILED_IN({library.folder})" for library in plan.libraries if library.source]
+        return [*compiled, "", *table("Library", "libraries", rows)]
 
-    def _add(self, call: PlannedCall, letter: str, first: int, memory: int) -> None:
-        cells = (len(self._references), len(call.references), len(self._items), len(call.members))
-        self._rows.append(f"{{'{letter}', {', '.join(map(str, cells))}, {call.size}, {memory}}}")
-        self._references += call.references.tolist()
-        self._items += [first + m for m in call.members]
-        self._places += call.places.tolist()
-        self.sizes.append(call.size)
+    def _parts(self) -> list[str]:
+        rows = list[str]()
+        for part, own in zip(self._plan.parts, self._plan.image.parts, strict=True):
+            options = part.instance.instantiation
+            cells = [
+                *(_text(part.name), part.library, *own.setters, *own.getters),
+                *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
+                *(own.events, *own.memory, c_number(part.instance.file.interface.tolerance or 0.0)),
+            ]
+            rows.append(f"{{{', '.join(map(str, cells))}}}")
+        return table("Part", "parts", rows)
 
-    def tables(self) -> list[str]:
-        """Return the tables in C."""
+    def _network(self) -> list[str]:
+        network, parts = self._plan.network, self._plan.parts
+        starts = [c_number(float(x)) for part in parts for x in part.instance.input_starts]
         return [
-            *_table("Call", "calls", self._rows),
-            *_table("fmi2ValueReference", "call_references", map(str, self._references)),
-            *_table("int", "call_items", map(str, self._items)),
-            *_table("int", "call_places", map(str, self._places)),
+            *table("double", "input_starts", starts),
+            *table("char *const", "signal_names", map(_text, network.names)),
+            *table("int", "order", map(str, network.order)),
+            *table("double", "first_jacobians", map(c_number, self._plan.image.jacobians)),
         ]
 
-
-def _libraries(plan: ContainerPlan) -> list[str]:
-    rows = []
-    for library in plan.libraries:
-        functions = f"&{_prefix(library.folder)}functions" if library.source else "NULL"
-        file = "NULL" if library.source else _text(library.file.model_identifier)
-        guid = _text(str(library.file.description.guid))
-        rows.append(f"{{{guid}, {_text(library.folder)}, {file}, {functions}, {library.fmi}}}")
-    return _table("Library", "libraries", rows)
-
-
-def _parts(plan: ContainerPlan, calls: _Calls) -> list[str]:
-    rows = []
-    modes = ("HOLD", "MIDDLE", "LINE")
-    for i, part in enumerate(plan.parts):
-        taken, written = plan.network.input_parts[i], plan.network.parts[i]
-        tolerance = part.instance.file.interface.tolerance or 0.0
-        cells: list[Any] = [
-            *(_text(part.name), part.library, taken.start, taken.stop - taken.start),
-            *(written.start, written.stop - written.start, *calls.ranges[i]),
-            *(
-                modes[part.mode],
-                part.multiple,
-                int(part.rare),
-                int(_is_typed(part.instance)),
-                int(part.saved),
-            ),
-            c_number(tolerance),
+    def _initial_groups(self) -> list[str]:
+        loops, rows, members, coupling = self._plan.initial_groups, list[str](), 0, 0
+        for loop in loops:
+            rows.append(f"{{{members}, {len(loop.members)}, {coupling}, {len(loop.coupling)}}}")
+            members, coupling = members + len(loop.members), coupling + len(loop.coupling)
+        return [
+            *table("int", "initial_members", [str(i) for loop in loops for i in loop.members]),
+            *table("int", "initial_coupling", [str(c) for loop in loops for c in loop.coupling]),
+            *table("double", "initial_guesses", [c_number(x) for loop in loops for x in loop.guess]),
+            *table("Loop", "loops", rows),
         ]
-        rows.append(f"{{{', '.join(map(str, cells))}}}")
-    return _table("Part", "parts", rows)
+
+    def _texts(self) -> list[str]:
+        """Return the connections of Strings and Binary values."""
+        rows, numbers = list[str](), {id(part.instance): i for i, part in enumerate(self._plan.parts)}
+        for link in self._plan.network.opaque_links:
+            names = (f"{link.source.name}.{link.output.name}", f"{link.target.name}.{link.input.name}")
+            cells = [
+                *(numbers[id(link.source)], numbers[id(link.target)]),
+                *(link.output.valueReference, link.input.valueReference),
+                *(int(link.input.type == BINARY), _way(link.target, link.input)),
+                *(getattr(link.input, "most_bytes", None) or 0, *map(_text, names)),
+            ]
+            rows.append(f"{{{', '.join(map(str, cells))}}}")
+        return table("TextLink", "text_links", rows)
+
+    def _variable(self, variable: ContainerVariable, fmi: int) -> str:
+        own, instance = variable.own, self._plan.parts[variable.part].instance
+        cells = [
+            *(_text(variable.name), f"'{variable.letter(fmi)}'", _type(own), _settable(variable)),
+            *(_way(instance, own), variable.part, own.valueReference, place_in_array(own), variable.size),
+            *(self._array(variable), variable.signal),
+            self._plan.image.parts[variable.part].ticks.get(str(own.name), -1),
+        ]
+        return f"{{{', '.join(map(str, cells))}}}"
+
+    def _array(self, variable: ContainerVariable) -> int:
+        """Return where its array is kept, or a value that waits or may cause an event; -1 without."""
+        own, part = variable.own, self._plan.parts[variable.part]
+        held = self._plan.image.parts[variable.part].held
+        if own.type == "String" or not variable.settable:
+            return -1
+        if str(own.name) in held:
+            return self._image.save(held[str(own.name)])
+        if isinstance(own, ElementVariable) and variable.size > 1:
+            reference = int(own.valueReference)
+            start = start_memory(part.instance.array(reference))
+            for x in start.tolist():
+                _exact(f"{part.name}.{own.name}", x)
+            return self._image.save(part.instance.arrays.setdefault(reference, start), start)
+        return self._kept(own) if _way(part.instance, own) == "IN_EVENT_MODE" else -1
+
+    def _kept(self, own: ModelVariable) -> int:
+        start = start_memory(own) if isinstance(own, ElementVariable) else None
+        assert start is not None  # only FMI 3.0 has event mode
+        return self._image.save(start, start)
 
 
-def _is_typed(instance: DescribedInstance) -> bool:
-    """Return whether an instance exchanges other types than doubles, or arrays."""
-    has_arrays = any(
-        isinstance(v, ElementVariable) and v.size > 1 for v in (*instance.read, *instance.written)
-    )
-    return instance.typed or has_arrays
+def _type(variable: ModelVariable) -> int:
+    """Return the number in C of the type of a variable of a part."""
+    if variable.type == "String":
+        return _TEXT
+    if variable.type == "Boolean" and not isinstance(variable, ElementVariable):
+        return TRUTH_OF_FMI_2
+    return TYPES.index(value_type(variable).name)
 
 
-def _inputs(plan: ContainerPlan) -> list[str]:
-    network, rows = plan.network, []
-    for i, part in enumerate(plan.parts):
-        for j in range(len(part.instance.read)):
-            signal = int(network.sources[i][j])
-            moves = plan.smooth[signal] and bool(part.instance.continuous_inputs[j])
-            start = part.instance.input_starts[j]
-            numbers = (network.factors[i][j], network.offsets[i][j], start)
-            rows.append(f"{{{signal}, {int(moves)}, {', '.join(c_number(float(x)) for x in numbers)}}}")
-    return rows
+def _way(instance: Any, variable: ModelVariable) -> str:
+    """Return how a part takes the value of a variable between its steps; see `shim/tables.h`."""
+    if not instance.instantiation.get("eventModeUsed") or variable.variability == "continuous":
+        return "AT_ONCE"
+    return "AT_TICKS" if is_clocked(variable) and variable.causality == "input" else "IN_EVENT_MODE"
 
 
-def _signals(plan: ContainerPlan) -> list[str]:
-    rows = []
-    for i, part in enumerate(plan.parts):
-        first = plan.network.parts[i].start
-        for s in range(first, first + len(part.instance.written)):
-            floor, name = c_number(float(plan.floors[s])), _text(plan.network.names[s])
-            rows.append(f"{{{i}, {int(plan.smooth[s])}, {floor}, {name}}}")
-    return rows
-
-
-def _groups(groups: Iterable[Group]) -> list[str]:
-    rows, members, coupling, values = [], 0, 0, 0
-    for g in groups:
-        rows.append(
-            f"{{{members}, {len(g.members)}, {coupling}, {len(g.coupling)}, {values}, {int(g.saved)}, "
-            f"{int(g.halves)}}}"
-        )
-        members, coupling = members + len(g.members), coupling + len(g.coupling)
-        values += len(g.values)
-    return rows
+def _settable(variable: ContainerVariable) -> str:
+    """Return when a host may set a variable; see `shim/tables.h`."""
+    if not variable.settable:
+        return "NEVER_SET"
+    while_stepping = variable.causality == "input" or variable.variability == "tunable"
+    return "ALWAYS_SET" if while_stepping else "SET_BEFORE_STEPS"
 
 
 def _start(place: int, variable: ContainerVariable) -> str:
@@ -347,12 +283,6 @@ def _exact(name: str, value: Any) -> float:
             variable=name,
         )
     return float(value)
-
-
-def _table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
-    """Return an array, with one empty element if it has none: C has no empty arrays."""
-    listed = list(rows)
-    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in listed or ["0"]), "};", ""]
 
 
 def _text(text: str) -> str:

@@ -1,8 +1,8 @@
 """What a system as one FMU consists of: its FMUs, and how the master steps them."""
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,37 +10,31 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
+from ..fmu.clocks import is_clocked
 from ..fmu.elements import is_version_3
 from ..fmu.file import FmuFile
 from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
+from ..master.algorithms.group import CoupledGroup
 from ..master.algorithms.initialization import find_initial_loops, settle_initial_values
 from ..master.algorithms.program import Operation
 from ..master.algorithms.scale import Scale
 from ..master.assembly import Assembly
-from ..master.instances.described_instance import DescribedInstance
-from ..master.instances.event_mode_instance import handles_events
+from ..master.instances.in_process_instance import InProcessInstance
 from ..master.network import Network
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
+from .system_image import SystemImage, draw_system
 
 _COMPILED = ("fmi2_block.c", "fmi2_table.c")
 """Source files of FMUs whose C can be compiled into another FMU."""
 
-_MAIN_STEMS = ("fmi2_container", "fmi3_container")
-"""Names of the container's own C files."""
+_MAIN_STEMS = ("fmi2_container", "fmi3_container", "stepper")
+"""Names of the container's own C files and folders."""
 
 _BUILDER = "fmublock"
 """End of the name of the tool that builds these."""
-
-
-_NOT_IN_STEPS: Mapping[str, Callable[[FmuFile], bool]] = {
-    "clocks": lambda file: bool(file.interface.clocks),
-    "event mode (hasEventMode)": lambda file: file.has_capability("hasEventMode"),
-    "early return (mightReturnEarlyFromDoStep)": handles_events,
-}
-"""What FMUs of FMI 3.0 do in runs and not in an FMU of a system."""
 
 
 @dataclass(frozen=True)
@@ -76,44 +70,48 @@ class Part:
 
     name: str
     library: int
-    instance: DescribedInstance
+    instance: InProcessInstance
     mode: int
     multiple: int
-    rare: bool
-    saved: bool
     starts: Sequence[TypedValue]
 
 
 @dataclass(frozen=True)
-class Group:
-    """Parts that are stepped, or initialized, until they agree."""
+class InitialGroup:
+    """Parts that are initialized until they agree, with the first guess of what they exchange."""
 
     members: Sequence[int]
     coupling: Sequence[int]
-    saved: bool = False
-    halves: bool = False
-    values: Vector = field(default_factory=lambda: np.empty(0))
-    """First Jacobian of a group that steps, or first guess of one that is initialized."""
+    guess: Vector
 
 
 @dataclass(frozen=True)
 class ContainerPlan:
-    """All that the FMU of a system knows, besides the variables that it shows."""
+    """All that the FMU of a system knows, besides the variables that it shows.
+
+    Attributes:
+        libraries: its FMUs.
+        parts: its components, as the network has them.
+        network: the connected components.
+        operations: calls of the components in a step, outside of groups.
+        groups: groups of strong coupling.
+        initial_groups: groups that are initialized together.
+        image: the stepper as C.
+        times: start, stop and step size.
+        known: names in the system of variables that their FMU calls otherwise, by component.
+        lost: start values that an FMU did not take, by component.
+    """
 
     libraries: Sequence[Library]
     parts: Sequence[Part]
     network: Network
-    smooth: Sequence[bool]
-    floors: Vector
     operations: Sequence[Operation]
-    groups: Sequence[Group]
-    initial_groups: Sequence[Group]
-    coupling_tolerance: float
+    groups: Sequence[CoupledGroup]
+    initial_groups: Sequence[InitialGroup]
+    image: SystemImage
     times: CommunicationPoints
     known: Mapping[str, Mapping[str, str]]
-    """Names in the system of variables that their FMU calls otherwise, by component."""
     lost: Mapping[str, Mapping[str, Any]]
-    """Start values that an FMU did not take, by component."""
 
     def any_has(self, capability: str) -> bool:
         """Return whether any FMU has a capability of the standard."""
@@ -143,11 +141,6 @@ def plan_container(
         _refuse_what_does_not_fit(assembly)
         assembly.start(system)
         algorithm.setup(assembly.network)
-        if not algorithm.is_plain:
-            raise CommandError(
-                f"an FMU cannot combine values or solve loops as {type(algorithm).__name__} does; "
-                "choose another algorithm."
-            )
         guesses = _initial_guesses(assembly.network, times)
         if any(len(guess) for guess in guesses):  # which initialized the instances
             assembly.start(system, fresh=True)
@@ -165,17 +158,12 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
         raise CommandError(
             f"{join_names(others)} would run as Model Exchange; an FMU of a system needs co-simulation FMUs."
         )
-    for what, has in _NOT_IN_STEPS.items():
-        owners = [name for name, file in assembly.files.items() if has(file)]
-        if owners:
-            raise CommandError(
-                f"an FMU of a system cannot step FMUs with {what}; {join_names(owners)} has it."
-            )
-    opaque = [f"{x.target.name}.{x.input.name}" for x in assembly.network.opaque_links]
-    if opaque:
+    links = assembly.network.opaque_links
+    clocked = [f"{x.target.name}.{x.input.name}" for x in links if is_clocked(x.input)]
+    if clocked:
         raise CommandError(
-            f"an FMU of a system cannot pass on Strings or Binary values; {join_names(opaque)} has a "
-            "connection."
+            f"an FMU of a system cannot pass on Strings or Binary values of clocks; {join_names(clocked)} "
+            "has a connection."
         )
     sizes = [f"{name}.{own}" for name, file in assembly.files.items() for own in file.interface.structure]
     if sizes:
@@ -209,45 +197,30 @@ def _plan(
     network, exchange = assembly.network, algorithm.exchange
     libraries = _libraries(list(assembly.files.values()))
     place = {library.file.folder: i for i, library in enumerate(libraries)}
-    groups = [
-        Group(
-            members=g.members,
-            coupling=g.coupling_variables.tolist(),
-            saved=g.is_saved,
-            halves=g.is_halved,
-            values=g.jacobian.ravel().copy(),
+    instances = [x for x in network.instances if isinstance(x, InProcessInstance)]  # all of co-simulation are
+    numbers = [place[instance.file.folder] for instance in instances]
+    parts = [
+        Part(
+            name=instance.name,
+            library=numbers[i],
+            instance=instance,
+            mode=exchange.modes[i],
+            multiple=int(algorithm.multiples[i]),
+            starts=assembly.start_values(instance.name),
         )
-        for g in algorithm.groups
+        for i, instance in enumerate(instances)
     ]
-    saved = {i for group in groups if group.saved for i in group.members}
-    parts = []
-    for i, stepped in enumerate(network.instances):
-        instance = assembly.instances[stepped.name]
-        parts.append(
-            Part(
-                name=stepped.name,
-                library=place[instance.file.folder],
-                instance=instance,
-                mode=exchange.modes[i],
-                multiple=int(algorithm.multiples[i]),
-                rare=exchange.rare[i],
-                saved=i in saved,
-                starts=assembly.start_values(stepped.name),
-            )
-        )
     return ContainerPlan(
         libraries=libraries,
         parts=parts,
         network=network,
-        smooth=exchange.smooth.tolist(),
-        floors=Scale(network).floor,
         operations=algorithm.operations,
-        groups=groups,
+        groups=algorithm.groups,
         initial_groups=[
-            Group(members, cut.tolist(), values=guess)
+            InitialGroup(members, cut.tolist(), guess)
             for (members, cut), guess in zip(find_initial_loops(network), guesses, strict=True)
         ],
-        coupling_tolerance=algorithm.coupling_tolerance if groups else 0.0,
+        image=draw_system(algorithm, instances, numbers),
         times=times,
         known={name: assembly.names_in_system(name) for name in assembly.files},
         lost={c.name: assembly.list_lost_values(c) for c in assembly.system.components},

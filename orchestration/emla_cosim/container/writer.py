@@ -19,7 +19,7 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..stepper.library import native_sources
 from ..system.model import System
-from .c_tables import functions_header, part_source, system_header
+from .c_tables import SystemTables, part_source
 from .description import describe_container
 from .page import container_page
 from .plan import ContainerPlan, Library, plan_container
@@ -156,11 +156,11 @@ def _content(
     shim = files("emla_cosim.container").joinpath("shim")
     own = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
     content = {f"sources/{f.name}": f.read_bytes() for f in own if is_for(f.name, fmi)}
-    content["sources/quasi_newton.h"] = native_sources()["quasi_newton.h"]  # the same as in the stepper
+    content |= {f"sources/stepper/{name}": text for name, text in _stepper_files().items()}
     blocks = sources("shim", fmi)
     content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
-    content["sources/functions.h"] = functions_header(plan).encode()
-    content["sources/system.h"] = system_header(plan, identifier, variables, fmi).encode()
+    tables = SystemTables(plan, identifier, variables, fmi)
+    content["sources/system.h"], content["sources/wiring.h"] = tables.header.encode(), tables.wiring.encode()
     mains = [f"fmi{fmi}_container.c"]
     for library in plan.libraries:
         folder = library.folder
@@ -178,6 +178,17 @@ def _content(
     if fmi == 3 and all(x.source for x in plan.libraries):
         content["sources/buildDescription.xml"] = build_description(identifier, mains)
     return content, mains
+
+
+def _stepper_files() -> dict[str, bytes]:
+    """Return the C files of the stepper that `step.h` includes."""
+    found, wanted = dict[str, bytes](), ["step.h"]
+    for name in wanted:
+        found[name] = native_sources()[name]
+        wanted += [
+            x for x in re.findall(r'#include "(\w+\.h)"', found[name].decode()) if x in native_sources()
+        ]
+    return found
 
 
 def _moved(library: Library, folder: str, inside: str) -> dict[str, bytes]:

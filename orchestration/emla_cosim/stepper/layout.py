@@ -184,6 +184,7 @@ class Stepper(ctypes.Structure):
         ("activity", _POINTER),
         ("stop", _POINTER),
         ("clock", 3 * _DOUBLE),
+        ("last_point", _DOUBLE),
         ("reached", _LONG),
         ("recorded", _LONG),
         ("sweeps", _LONG),

@@ -100,7 +100,7 @@ static fmi2Status restore_toy(fmi2Component c, fmi2FMUstate state) {
 typedef struct {
     Stepper stepper;
     Toy toys[MOST_INSTANCES];
-    Instance instances[MOST_INSTANCES];
+    FmuInstance instances[MOST_INSTANCES];
     Effort efforts[MOST_INSTANCES];
     Call calls[2 * MOST_INSTANCES];
     Input inputs[MOST_INSTANCES * MOST_INPUTS];
@@ -124,7 +124,7 @@ typedef struct {
 static const fmi2ValueReference references[MOST_INPUTS] = {0, 1, 2};
 
 static void build_instance(System *system, int32_t i, Dice *dice) {
-    Instance *instance = &system->instances[i];
+    FmuInstance *instance = &system->instances[i];
     Toy *toy = &system->toys[i];
     const int32_t first_input = MOST_INPUTS * i, first_output = N_OUTPUTS * i;
     *toy = (Toy){.state = {.x = uniform(dice, -1.0, 1.0)},
@@ -135,7 +135,7 @@ static void build_instance(System *system, int32_t i, Dice *dice) {
                  .effect = happens(dice, 0.75) ? FAIR : between(dice, FAILS, STOPS),
                  .first_bad = happens(dice, 0.5) ? 9 : between(dice, 1, 60), /* at times several in one step */
                  .stop = &system->stop};
-    *instance = (Instance){.component = toy,
+    *instance = (FmuInstance){.component = toy,
                            .do_step = (Function)do_step_of_toy,
                            .get_state = (Function)save_toy,
                            .set_state = (Function)restore_toy,
@@ -254,6 +254,7 @@ static System *build_system(uint64_t seed) {
     s->largest = system->largest;
     s->activity = &system->activities[0];
     s->stop = &system->stop;
+    s->last_point = INFINITY;
     s->clock = (Clock){0.0, 1.0, 10.0};
     return system;
 }

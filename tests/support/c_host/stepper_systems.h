@@ -49,7 +49,7 @@ static void shuffle(Dice *dice, int32_t *numbers, int32_t n) {
 
 /* Room for the draft of a system; tables of exactly the right size are copies of its parts. */
 typedef struct {
-    Instance instances[MOST_INSTANCES];
+    FmuInstance instances[MOST_INSTANCES];
     int32_t every[MOST_INSTANCES]; /* steps that an instance does at once */
     int32_t group[MOST_INSTANCES]; /* -1 without one */
     Input inputs[MOST_INSTANCES * MOST_VALUES];
@@ -145,7 +145,7 @@ static void add_calls(System *system, Calls *list, int32_t i, int32_t is_version
 static void draft_instance(System *system, Draft *draft, int32_t i) {
     Dice *dice = &system->dice;
     Stepper *s = &system->stepper;
-    Instance *instance = &draft->instances[i];
+    FmuInstance *instance = &draft->instances[i];
     memset(instance, 0, sizeof *instance);
     instance->is_version_3 = happens(dice, 0.5);
     instance->mode = instance->is_version_3 ? below(dice, LINE) : below(dice, LINE + 1);
@@ -164,7 +164,7 @@ static void draft_instance(System *system, Draft *draft, int32_t i) {
 /* Connect the inputs of an instance, once all signals are known. */
 static void draft_inputs(System *system, Draft *draft, int32_t i) {
     Dice *dice = &system->dice;
-    Instance *instance = &draft->instances[i];
+    FmuInstance *instance = &draft->instances[i];
     instance->first_input = draft->n_inputs;
     if (system->stepper.n_signals > 0) instance->n_inputs = below(dice, MOST_VALUES + 1);
     for (int32_t k = 0; k < instance->n_inputs; k++)
@@ -193,7 +193,7 @@ static void adapt_inputs(System *system, Draft *draft, const Calls *setters) {
 static void finish_instance(System *system, Draft *draft, int32_t i) {
     Dice *dice = &system->dice;
     Stepper *s = &system->stepper;
-    Instance *instance = &draft->instances[i];
+    FmuInstance *instance = &draft->instances[i];
     const int32_t is_version_3 = instance->is_version_3, n_inputs = instance->n_inputs;
     const int is_saved = system->is_controlled || (draft->group[i] >= 0 && draft->is_saved[draft->group[i]]);
     Calls setters = {.n = 0}, getters = {.n = 0};
@@ -372,7 +372,7 @@ static Effect draw_effect(Dice *dice, Occasion occasion, int32_t is_version_3) {
 
 /* Whether calls of this kind are made. */
 static int can_occur(const Draft *draft, int32_t i, Occasion occasion) {
-    const Instance *instance = &draft->instances[i];
+    const FmuInstance *instance = &draft->instances[i];
     switch (occasion) {
         case SETTING: return instance->n_inputs > 0;
         case GETTING: return instance->n_outputs > 0;
@@ -412,6 +412,7 @@ static void draw_faults(System *system, const Draft *draft) {
 static void draw_times(System *system) {
     static const double denominators[] = {1000.0, 64.0, 7.0, 3.0};
     Dice *dice = &system->dice;
+    system->stepper.last_point = INFINITY;
     system->stepper.clock = (Clock){.first = between(dice, -3, 3),
                                     .per_step = between(dice, 1, 4),
                                     .denominator = denominators[below(dice, 4)]};
@@ -494,7 +495,7 @@ static void build_read(System *system) {
 /* Copy the draft into tables of exactly the right size. */
 static void build_tables(System *system, const Draft *draft) {
     Stepper *s = &system->stepper;
-    s->instances = own_copy(system, draft->instances, system->n_instances, sizeof(Instance));
+    s->instances = own_copy(system, draft->instances, system->n_instances, sizeof(FmuInstance));
     s->inputs = own_copy(system, draft->inputs, draft->n_inputs, sizeof(Input));
     s->signals = own_copy(system, draft->signals, s->n_signals, sizeof(Signal));
     s->groups = own_copy(system, draft->groups, s->n_groups, sizeof(Group));

@@ -216,7 +216,7 @@ enum { PER_OCCASION = 10000, PER_CALL = 100 };
 /* Codes in Activity. */
 enum { INSTANCE_CODE = 1000, CODE_OF_CALLS = 100 };
 
-static const Instance *instance_of(const Toy *toy) { return &toy->system->stepper.instances[toy->instance]; }
+static const FmuInstance *instance_of(const Toy *toy) { return &toy->system->stepper.instances[toy->instance]; }
 
 static void check_activity(const Toy *toy, int64_t code) {
     const Activity *activity = toy->system->activity;
@@ -233,7 +233,7 @@ static const Call *find_call(const Toy *toy, const uint32_t *references, size_t 
                              size_t n_values, int32_t type, int32_t is_version_3) {
     REQUIRE(n > 0, "a call has no value references");
     const Stepper *s = &toy->system->stepper;
-    const Instance *instance = instance_of(toy);
+    const FmuInstance *instance = instance_of(toy);
     const int32_t occasion = (int32_t)references[0] / PER_OCCASION;
     const int32_t number = (int32_t)references[0] % PER_OCCASION / PER_CALL;
     const Call *calls = occasion == SETTING   ? instance->setters
@@ -294,7 +294,7 @@ static int32_t set_toy(Toy *toy, const uint32_t *references, size_t n, const voi
                        int32_t type, int32_t is_version_3) {
     const Call *call = find_call(toy, references, n, values, n_values, type, is_version_3);
     const Stepper *s = &toy->system->stepper;
-    const Instance *instance = instance_of(toy);
+    const FmuInstance *instance = instance_of(toy);
     const Fault *fault = next_fault(toy, SETTING);
     int32_t is_set[64] = {0};
     for (int32_t k = 0; k < call->n_items; k++) {
@@ -350,7 +350,7 @@ static int32_t get_toy(Toy *toy, const uint32_t *references, size_t n, void *val
 
 static int32_t derive_toy(Toy *toy, const uint32_t *references, size_t n, const fmi2Integer *orders,
                           const double *values) {
-    const Instance *instance = instance_of(toy);
+    const FmuInstance *instance = instance_of(toy);
     const Fault *fault = next_fault(toy, DERIVING);
     check_activity(toy, code_of(toy, DERIVING));
     REQUIRE(instance->mode == LINE, "the instance does not interpolate");
@@ -457,7 +457,7 @@ static fmi2Status get_status_of_toy(fmi2Component component, const fmi2StatusKin
 /* A state that is saved again is one that was restored: the stepper must then know the same as before. */
 static void check_knowledge(Toy *toy) {
     const Stepper *s = &toy->system->stepper;
-    const Instance *instance = instance_of(toy);
+    const FmuInstance *instance = instance_of(toy);
     Knowledge present;
     memset(&present, 0, sizeof present);
     present.id = toy->state.id;

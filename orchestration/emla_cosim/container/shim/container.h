@@ -1,10 +1,9 @@
-/* A system of FMUs, the parts, which this code steps as the master of emla_cosim does.
+/* A system of FMUs, the parts, which the stepper of emla_cosim steps: its files are in stepper/.
  *
- * guid.h, functions.h and system.h are generated for the system. The order of all floating-point operations is
- * that of the master, so that the results have the same bits. Each part has the functions of FMI 2.0 or 3.0; the
- * host sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
+ * guid.h, system.h and wiring.h are generated for the system. Each part has the functions of FMI 2.0 or 3.0; the host
+ * sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
  */
-#include "fmi2FunctionTypes.h"
+#include "stepper/step.h"
 
 #define StatusFatal ((Status)fmi2Fatal) /* both versions have the same numbers */
 
@@ -12,25 +11,23 @@
 
 #include "functions.h"
 
-#include "part_types.h"
-
 #include "tables.h"
 
 #include "system.h"
 
 #include "instance.h"
 
-#include "library.h"
+#include "wiring.h"
 
-#include "part_versions.h"
+#include "library.h"
 
 #include "parts.h"
 
-#include "exchange.h"
+#include "part_values.h"
 
-#include "quasi_newton.h"
+#include "problems.h"
 
-#include "strong.h"
+#include "texts.h"
 
 #include "newton.h"
 
@@ -38,7 +35,7 @@
 
 #include "lifecycle.h"
 
-#include "step.h"
+#include "communication.h"
 
 #include "values.h"
 

@@ -28,7 +28,7 @@ GET_AND_SET(Boolean, fmi2Boolean, 'B', AS_BOOLEAN, AS_TRUTH)
 Status fmi2DoStep(Handle c, double currentCommunicationPoint, double communicationStepSize,
                   Boolean noSetFMUStatePriorToCurrentPoint) {
     (void)noSetFMUStatePriorToCurrentPoint;
-    return do_step(c, currentCommunicationPoint, communicationStepSize);
+    return do_steps(c, currentCommunicationPoint, communicationStepSize);
 }
 
 #include "fmi2_status.h"

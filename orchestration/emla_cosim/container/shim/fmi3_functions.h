@@ -97,10 +97,13 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefi
 
 /* ---- the types ------------------------------------------------------------------------- */
 
-enum {
-#define LETTER(letter, Name, lowest, limit) LETTER_##Name = letter,
-    WHOLE_TYPES(LETTER) OTHER_TYPES(LETTER)
-};
+#define LETTER_Float32 'r'
+#define LETTER_Int8 'b'
+#define LETTER_UInt8 'c'
+#define LETTER_Int16 's'
+#define LETTER_UInt16 't'
+#define LETTER_UInt32 'u'
+#define LETTER_UInt64 'U'
 
 #define OTHER_TYPE(Name, Type) GET_AND_SET(Name, Type, LETTER_##Name, (Type), AS_DOUBLE)
 
@@ -117,7 +120,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi
     if (check_place(c, terminateSimulation, "terminateSimulation") != StatusOK) return StatusError;
     if (check_place(c, earlyReturn, "earlyReturn") != StatusOK) return StatusError;
     if (check_place(c, lastSuccessfulTime, "lastSuccessfulTime") != StatusOK) return StatusError;
-    const Status status = do_step(c, currentCommunicationPoint, communicationStepSize);
+    const Status status = do_steps(c, currentCommunicationPoint, communicationStepSize);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = has_ended(c) ? fmi3True : fmi3False;
     *earlyReturn = fmi3False;

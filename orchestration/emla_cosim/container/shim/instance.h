@@ -1,40 +1,22 @@
 /* One instance of the system: its memory, and its messages to the host. */
 
-#define TIME_TOLERANCE 1e-6 /* of times of the host, as a fraction of the step */
-
 enum { INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, TERMINATED = 8, FAILED = 16, DEAD = 32 };
-
-/* Communication point k is (first + k * per_step) / denominator, so that only the division rounds. */
-typedef struct {
-    double first, per_step, denominator;
-} Clock;
-
-/* What a repeated step restores. */
-typedef struct {
-    double signals[ROOM(N_SIGNALS)];
-    double previous[ROOM(N_SIGNALS)]; /* signals one communication point earlier */
-    double largest[ROOM(N_SIGNALS)];  /* absolute values so far */
-    double at[ROOM(N_PARTS)];         /* time of the signals of each part */
-    double before[ROOM(N_PARTS)];     /* time of the previous ones */
-    double taken[ROOM(N_INPUTS)];     /* signal that an input with a rare reader read last */
-    double taken_at[ROOM(N_INPUTS)];
-} Exchange;
 
 /* All that evolves outside of the parts. */
 typedef struct {
     char guid[GUID_SIZE];
     int phase;
-    double steps; /* communication steps so far */
+    int ended;     /* a part asked to end the simulation */
+    int64_t steps; /* communication steps so far */
     double start_time, stop_time;
+    double tolerance; /* of the solvers; 0 for those of the parts */
     Clock clock;
-    Exchange now;
-    double jacobians[ROOM(N_JACOBIANS)];
+    double saved[ROOM(N_SAVED)]; /* what steps change, and arrays that are set, because they are set as a whole */
     double chosen[ROOM(N_VARIABLES)]; /* start values of numbers */
     unsigned char is_chosen[ROOM(N_VARIABLES)];
-    double elements[ROOM(N_ELEMENTS)]; /* of arrays that are set, because they are set as a whole */
-    double tolerance; /* of the solvers; 0 for those of the parts */
-    int ended;        /* a part asked to end the simulation */
 } Memory;
+
+#define AT(pool, place) ((void *)&m->pool[place])
 
 struct Instance;
 
@@ -47,14 +29,20 @@ typedef struct Sender {
 
 typedef struct Instance {
     Memory memory;
+    Stepper stepper;
+    FmuInstance instances[N_PARTS + 1]; /* the last one passes Strings on */
+    Group groups[ROOM(N_GROUPS)];
+    Call calls[ROOM(N_CALLS)];
+    ClockedCall clocked_calls[ROOM(N_CLOCKED_CALLS)];
+    Events events[ROOM(N_EVENTS)];
+    StepEnd ends[ROOM(N_PARTS)];
+    SavedState states[ROOM(N_PARTS)]; /* those at the start of the present step, of groups */
+    double *stores[N_STORES];
+    double room[ROOM(N_ROOM)];       /* for what no step keeps */
+    double numbers[ROOM(MOST_SIZE)]; /* the values of a variable in the type of its part: no type is larger */
     fmi2Component parts[ROOM(N_PARTS)];
-    fmi2FMUstate begin[ROOM(N_PARTS)]; /* states at the begin of the present step, of groups */
-    Exchange kept;                     /* the exchange at the begin of the present step */
-    Functions functions[ROOM(N_LIBRARIES)];
+    Function functions[ROOM(N_LIBRARIES)][N_FUNCTIONS];
     void *handles[ROOM(N_LIBRARIES)];
-    double inputs[ROOM(N_INPUTS)], derivatives[ROOM(N_INPUTS)];
-    double numbers[ROOM(MOST_VALUES)];   /* those of a call, */
-    double converted[ROOM(MOST_VALUES)]; /* and in the type of the part: no type is larger */
     char *name;
     char *location; /* URI of the resources, or NULL */
     fmi2CallbackFunctions callbacks[ROOM(N_PARTS)];
@@ -111,12 +99,11 @@ static Status failed(const Instance *instance) {
     return instance->memory.phase == DEAD ? StatusFatal : StatusError;
 }
 
-/* Whether a status is worse than a warning. */
-static int is_bad(fmi2Status status) { return status > fmi2Warning || status < fmi2OK; }
+static int is_version_3(int part) { return libraries[parts[part].library].fmi == 3; }
 
 /* Report what a part answered. After an error the instance can only be reset or set to a
    state, after fmi2Fatal not even that. */
-static Status blame(Instance *instance, int part, const char *what, fmi2Status status) {
+static Status blame_part(Instance *instance, int part, const char *what, int32_t status) {
     static const char *const names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     const int is_known = status >= fmi2OK && status <= fmi2Pending, fatal = status == fmi2Fatal;
     instance->memory.phase = fatal ? DEAD : FAILED;

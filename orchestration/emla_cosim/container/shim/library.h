@@ -91,44 +91,23 @@ static void *find_symbol(void *handle, const char *name) {
 #endif
 }
 
-#define LOAD(place, name)                                 \
-    {                                                     \
-        void *found = find_symbol(handle, name);          \
-        memcpy(&functions->place, &found, sizeof found);  \
-    }
-#define LOAD_2(name) LOAD(name, "fmi2" #name)
-#define CHECK_2(name) \
-    if (functions->name == NULL) return "fmi2" #name;
-
 /* Fill the functions from a library; returns the name of a missing one that is needed, or NULL. */
-static const char *load_functions_2(void *handle, Functions *functions) {
-    FUNCTIONS(LOAD_2)
-    NEEDED(CHECK_2)
-    return NULL;
-}
-
+static const char *load_functions(const Library *library, void *handle, Function *functions) {
+    static const FunctionName names_2[] = {FUNCTIONS_2(NAME_2, _)};
 #ifdef HAS_FMI3_PARTS
-#define LOAD_3(name) LOAD(three.name, "fmi3" #name)
-#define CHECK_3(name) \
-    if (functions->three.name == NULL) return "fmi3" #name;
-#define LOAD_SHARED(name, name_3) LOAD(name, "fmi3" #name_3)
-#define CHECK_SHARED(name, name_3) \
-    if (functions->name == NULL) return "fmi3" #name_3;
-
-static const char *load_functions_3(void *handle, Functions *functions) {
-    SHARED_FUNCTIONS(LOAD_SHARED)
-    SHARED_NEEDED(CHECK_SHARED)
-    FUNCTIONS_3(LOAD_3)
-    FUNCTIONS_3(CHECK_3)
+    static const FunctionName names_3[] = {FUNCTIONS_3(NAME_3, _)};
+    const FunctionName *names = library->fmi == 3 ? names_3 : names_2;
+    const int n = library->fmi == 3 ? N_FUNCTIONS_3 : N_FUNCTIONS_2;
+#else
+    const FunctionName *names = names_2;
+    const int n = N_FUNCTIONS_2;
+#endif
+    for (int f = 0; f < n; f++) {
+        void *found = find_symbol(handle, names[f].name);
+        if (found == NULL && names[f].need & library->needs) return names[f].name;
+        memcpy(&functions[f], &found, sizeof found);
+    }
     return NULL;
-}
-#endif
-
-static const char *load_functions(int fmi, void *handle, Functions *functions) {
-#ifdef HAS_FMI3_PARTS
-    if (fmi == 3) return load_functions_3(handle, functions);
-#endif
-    return (void)fmi, load_functions_2(handle, functions);
 }
 
 static Status load_library(Instance *instance, int i) {
@@ -144,7 +123,7 @@ static Status load_library(Instance *instance, int i) {
     if (instance->handles[i] == NULL) report(instance, StatusError, "the library %s cannot be loaded.", path);
     free(path);
     if (instance->handles[i] == NULL) return StatusError;
-    const char *missing = load_functions(library->fmi, instance->handles[i], &instance->functions[i]);
+    const char *missing = load_functions(library, instance->handles[i], instance->functions[i]);
     if (missing == NULL) return StatusOK;
     return report(instance, StatusError, "the library of %s has no function %s.", library->folder, missing);
 }
@@ -166,7 +145,7 @@ static void close_libraries(Instance *instance) { (void)instance; }
 static Status open_libraries(Instance *instance) {
     for (int i = 0; i < N_LIBRARIES; i++)
         if (libraries[i].functions != NULL)
-            instance->functions[i] = *libraries[i].functions;
+            memcpy(instance->functions[i], libraries[i].functions, N_FUNCTIONS_2 * sizeof(Function));
         else if (load_library(instance, i) != StatusOK)
             return StatusError;
     return StatusOK;

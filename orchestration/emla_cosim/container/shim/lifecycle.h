@@ -25,7 +25,7 @@ static void begin_memory(Instance *instance) {
     instance->memory.phase = INSTANTIATED;
     instance->memory.stop_time = HUGE_VAL;
     instance->memory.start_time = START_TIME;
-    memcpy(instance->memory.elements, first_elements, sizeof instance->memory.elements);
+    begin_arrays(instance->memory.saved);
     instance->settled = 0;
     for (int i = 0; i < N_STARTS; i++)
         if (starts[i].text == NULL) {
@@ -34,25 +34,34 @@ static void begin_memory(Instance *instance) {
         }
 }
 
+/* Let the stepper use the times of the memory. */
+static void use_memory(Instance *instance) {
+    instance->stepper.clock = instance->memory.clock;
+    instance->stepper.last_point = instance->memory.stop_time;
+    for (int i = 0; i < N_PARTS && instance->goes_back; i++) instance->instances[i].has_no_way_back = 0;
+}
+
 /* Set the start values, which the system or the host chose. */
 static Status set_chosen(Instance *instance) {
     for (int v = 0; v < N_VARIABLES; v++) {
         const Variable *variable = &variables[v];
         if (!instance->memory.is_chosen[v]) continue;
-        const fmi2Status status = set_number(instance, variable, instance->memory.chosen[v]);
-        if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
+        const int32_t status = set_number(instance, variable, instance->memory.chosen[v]);
+        if (is_bad(status)) return blame_part(instance, variable->part, variable->name, status);
     }
     return StatusOK;
 }
 
 static Status begin_parts(Instance *instance) {
-    if (make_parts(instance) != StatusOK || set_chosen(instance) != StatusOK) return StatusError;
+    if (make_parts(instance) != StatusOK) return StatusError;
+    wire(instance);
+    use_memory(instance);
+    if (set_chosen(instance) != StatusOK) return StatusError;
     for (int i = 0; i < N_STARTS; i++) {
         const Variable *variable = &variables[starts[i].variable];
         if (starts[i].text == NULL) continue;
-        const fmi2Status status =
-            version_of(variable->part)->set_text(instance, variable->part, variable->reference, starts[i].text);
-        if (is_bad(status)) return blame(instance, variable->part, variable->name, status);
+        const int32_t status = set_text(instance, variable->part, AT_ONCE, variable->reference, starts[i].text);
+        if (is_bad(status)) return blame_part(instance, variable->part, variable->name, status);
     }
     return StatusOK;
 }
@@ -97,10 +106,6 @@ static Clock make_clock(double start) {
     return (Clock){start, STEP_SIZE, 1.0};
 }
 
-static double point(const Clock *clock, double k) {
-    return (clock->first + k * clock->per_step) / clock->denominator;
-}
-
 static Status set_experiment(Instance *instance, Boolean toleranceDefined, double tolerance, double startTime,
                              Boolean stopTimeDefined, double stopTime) {
     if (check_experiment(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime) != StatusOK)
@@ -116,37 +121,62 @@ static Experiment experiment_of(const Memory *memory, int i) {
     return (Experiment){tolerance, memory->start_time, memory->stop_time};
 }
 
+/* Forget all events of a part. */
+static void restart_events(Instance *instance, int i) {
+    const Part *part = &parts[i];
+    double *memory = &instance->memory.saved[part->first_event];
+    for (int k = 0; k < part->n_event; k++) memory[k] = k < part->first_count ? NAN : 0.0;
+    memory[NEXT_EVENT] = HUGE_VAL;
+    instance->events[part->events].time = instance->memory.start_time;
+    instance->events[part->events].first_return = NAN;
+}
+
 static Status enter_initialization(Instance *instance) {
     Memory *memory = &instance->memory;
     for (int i = 0; i < N_PARTS; i++) {
         const Experiment experiment = experiment_of(memory, i);
-        if (version_of(i)->set_up == NULL) continue;
-        const fmi2Status status = version_of(i)->set_up(instance, i, &experiment);
-        if (is_bad(status)) return blame(instance, i, "fmi2SetupExperiment", status);
+        const int32_t status = set_up(instance, i, &experiment);
+        if (is_bad(status)) return blame_part(instance, i, "fmi2SetupExperiment", status);
     }
     if (set_chosen(instance) != StatusOK) return failed(instance); /* some FMUs forget values in fmi2SetupExperiment */
     for (int i = 0; i < N_PARTS; i++) {
         const Experiment experiment = experiment_of(memory, i);
-        const fmi2Status status = version_of(i)->enter(instance, i, &experiment);
-        if (is_bad(status)) return blame(instance, i, "the begin of initialization", status);
+        const int32_t status = enter(instance, i, &experiment);
+        if (is_bad(status)) return blame_part(instance, i, "the start of initialization", status);
     }
     memory->phase = INITIALIZATION;
     memory->clock = make_clock(memory->start_time);
-    memory->steps = 0.0;
-    memset(&memory->now, 0, sizeof memory->now);
-    memcpy(memory->jacobians, first_jacobians, sizeof memory->jacobians);
+    memory->steps = 0;
+    use_memory(instance);
+    memset(memory->saved, 0, N_RESTORED * sizeof(double));
+    if (N_JACOBIANS > 0) memcpy(&memory->saved[N_RESTORED], first_jacobians, N_JACOBIANS * sizeof(double));
+    for (int i = 0; i < N_PARTS; i++)
+        if (parts[i].events >= 0) restart_events(instance, i);
     assume_inputs(instance);
     instance->settled = 0;
     return StatusOK;
 }
 
+/* Leave initialization mode, and handle the events at the start. */
+static Status exit_part(Instance *instance, int i) {
+    Events *events = parts[i].events < 0 ? NULL : &instance->events[parts[i].events];
+    if (events != NULL && events_start(NULL, events, instance->memory.start_time) != NO_PROBLEM)
+        return blame_events(instance, i);
+    const int32_t status = (int32_t)CALL(instance, i, ExitInitializationMode, ExitInitializationMode)(instance->parts[i]);
+    if (is_bad(status)) return blame_part(instance, i, "the end of initialization", status);
+    if (events == NULL) return StatusOK;
+    for (int k = 0; k < events->n_discrete; k++) events->passed[k] = events->inputs[events->discrete[k]];
+    if (events->has_event_mode && events_leave(NULL, events) != NO_PROBLEM) return blame_events(instance, i);
+    return StatusOK;
+}
+
 static void begin_history(Instance *instance) {
-    Exchange *now = &instance->memory.now;
-    memcpy(now->previous, now->signals, sizeof now->previous);
-    for (int i = 0; i < N_PARTS; i++) now->at[i] = now->before[i] = instance->memory.start_time;
+    const Stepper *s = &instance->stepper;
+    for (int k = PREVIOUS; k < N_STORES; k++) memcpy(s->stores[k], s->stores[SIGNALS], N_SIGNALS * sizeof(double));
+    for (int i = 0; i < N_PARTS; i++) s->at[i] = s->before[i] = instance->memory.start_time;
     for (int j = 0; j < N_INPUTS; j++) {
-        now->taken[j] = now->signals[inputs[j].signal];
-        now->taken_at[j] = instance->memory.start_time;
+        s->taken[j] = s->stores[SIGNALS][s->inputs[j].signal];
+        s->taken_at[j] = instance->memory.start_time;
     }
 }
 
@@ -156,22 +186,20 @@ Status FMI(ExitInitializationMode)(Handle c) {
     if (settle(instance) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++) /* inputs that no initial value depends on */
         if (pass_inputs(instance, i) != StatusOK) return failed(instance);
-    for (int i = 0; i < N_PARTS; i++) {
-        const fmi2Status status = CALL(instance, i, ExitInitializationMode)(instance->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "the end of initialization", status);
-    }
     for (int i = 0; i < N_PARTS; i++)
-        if (get_outputs(instance, i) != StatusOK) return failed(instance);
+        if (exit_part(instance, i) != StatusOK) return failed(instance);
+    instance->memory.phase = STEP;
+    for (int i = 0; i < N_PARTS; i++)
+        if (read_outputs(instance, i) != StatusOK) return failed(instance);
     for (int i = 0; i < N_PARTS; i++)
         if (pass_inputs(instance, order[i]) != StatusOK) return failed(instance);
-    const int bad = find_not_finite(&instance->memory.now);
+    const int bad = find_not_finite(&instance->stepper);
     if (bad >= 0) {
         instance->memory.phase = FAILED;
-        return report(instance, StatusError, "%s is %g at the start.", signals[bad].name,
-                      instance->memory.now.signals[bad]);
+        return report(instance, StatusError, "%s is %g at the start.", signal_names[bad],
+                      instance->stepper.stores[SIGNALS][bad]);
     }
     begin_history(instance);
-    instance->memory.phase = STEP;
     return StatusOK;
 }
 
@@ -179,8 +207,8 @@ Status FMI(Terminate)(Handle c) {
     Instance *instance = c;
     if (require(instance, STEP, "terminate") != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
-        const fmi2Status status = CALL(instance, i, Terminate)(instance->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "its termination", status);
+        const int32_t status = (int32_t)CALL(instance, i, Terminate, Terminate)(instance->parts[i]);
+        if (is_bad(status)) return blame_part(instance, i, "its termination", status);
     }
     instance->memory.phase = TERMINATED;
     return StatusOK;

@@ -5,6 +5,8 @@
  * values the solution agrees with the master's to rounding errors.
  */
 
+#define NO_SOLUTION ((Status)100) /* besides the statuses of FMI */
+
 /* Solve A x = b by elimination with row pivoting, in place; 0 if A is singular. The rows of A are scaled. */
 static int solve_linear(int n, double *A, double *b) {
     for (int k = 0; k < n; k++) {
@@ -33,7 +35,7 @@ static int solve_linear(int n, double *A, double *b) {
     return 1;
 }
 
-typedef Status Answer(Instance *instance, const Group *group, const double *x, double *found);
+typedef Status Answer(Instance *instance, const Loop *loop, const double *x, double *found);
 
 static double weigh(int n, const double *x, const double *floors, const double *difference) {
     double largest = 0.0;
@@ -45,15 +47,15 @@ static double weigh(int n, const double *x, const double *floors, const double *
 }
 
 /* Compute the correction that solves (1 - F') dx = gap, with derivatives at x, where F(x) = found. */
-static Status correct(Instance *instance, const Group *group, Answer *answer, const double *floors,
+static Status correct(Instance *instance, const Loop *loop, Answer *answer, const double *floors,
                           const double *x, const double *found, double *correction) {
-    const int n = group->n_coupling;
+    const int n = loop->n_coupling;
     double A[ROOM(MOST_INITIAL * MOST_INITIAL)], moved[ROOM(MOST_INITIAL)], there[ROOM(MOST_INITIAL)];
     for (int j = 0; j < n; j++) {
         memcpy(moved, x, (size_t)n * sizeof(double));
         moved[j] += LOOP_DIFFERENCE * (fabs(x[j]) + floors[j]);
         const double step = moved[j] - x[j];
-        const Status status = answer(instance, group, moved, there);
+        const Status status = answer(instance, loop, moved, there);
         if (status != StatusOK) return status;
         for (int i = 0; i < n; i++) {
             const double scale = (fabs(x[j]) + floors[j]) / (fabs(x[i]) + floors[i]);
@@ -61,30 +63,30 @@ static Status correct(Instance *instance, const Group *group, Answer *answer, co
         }
     }
     for (int i = 0; i < n; i++) correction[i] = (found[i] - x[i]) / (fabs(x[i]) + floors[i]);
-    if (!solve_linear(n, A, correction)) return NO_AGREEMENT;
+    if (!solve_linear(n, A, correction)) return NO_SOLUTION;
     for (int i = 0; i < n; i++) correction[i] *= fabs(x[i]) + floors[i];
     return StatusOK;
 }
 
-/* Solve x = F(x) from the guess x; NO_AGREEMENT if no solution is found. */
-static Status solve_loop(Instance *instance, const Group *group, Answer *answer, const double *floors,
+/* Solve x = F(x) from the guess x; NO_SOLUTION if no solution is found. */
+static Status solve_loop(Instance *instance, const Loop *loop, Answer *answer, const double *floors,
                              double *x) {
-    const int n = group->n_coupling;
+    const int n = loop->n_coupling;
     double found[ROOM(MOST_INITIAL)], gap[ROOM(MOST_INITIAL)], correction[ROOM(MOST_INITIAL)];
     double tried[ROOM(MOST_INITIAL)];
     double last = HUGE_VAL; /* size of the correction before */
-    Status status = answer(instance, group, x, found);
+    Status status = answer(instance, loop, x, found);
     for (int iteration = 0; iteration < LOOP_ITERATIONS && status == StatusOK; iteration++) {
         for (int i = 0; i < n; i++) gap[i] = found[i] - x[i];
         const double size = weigh(n, x, floors, gap);
         if (size <= LOOP_TOLERANCE) return StatusOK;
-        if (size == HUGE_VAL) return NO_AGREEMENT;
-        status = correct(instance, group, answer, floors, x, found, correction);
+        if (size == HUGE_VAL) return NO_SOLUTION;
+        status = correct(instance, loop, answer, floors, x, found, correction);
         if (status != StatusOK) return status;
         double part = 1.0;
         for (int k = 0; k < LOOP_HALVINGS && status == StatusOK; k++, part *= 0.5) {
             for (int i = 0; i < n; i++) tried[i] = x[i] + part * correction[i];
-            status = answer(instance, group, tried, found);
+            status = answer(instance, loop, tried, found);
             for (int i = 0; i < n; i++) gap[i] = found[i] - tried[i];
             if (weigh(n, x, floors, gap) < size) break;
         }
@@ -94,5 +96,5 @@ static Status solve_loop(Instance *instance, const Group *group, Answer *answer,
         if (moved <= LOOP_TOLERANCE || (moved <= LOOP_ROUGH && moved >= 0.5 * last)) return status;
         last = moved;
     }
-    return status == StatusOK ? NO_AGREEMENT : status;
+    return status == StatusOK ? NO_SOLUTION : status;
 }

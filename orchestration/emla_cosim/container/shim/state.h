@@ -17,7 +17,7 @@ Status FMI(FreeFMUState)(Handle c, FmuState *FMUState) {
     if (FMUState == NULL || *FMUState == NULL) return StatusOK;
     State *state = *FMUState;
     for (int i = 0; i < N_PARTS && instance->memory.phase != DEAD; i++)
-        if (state->parts[i] != NULL) CALL(instance, i, FreeFMUstate)(instance->parts[i], &state->parts[i]);
+        if (state->parts[i] != NULL) CALL(instance, i, FreeFMUstate, FreeFMUState)(instance->parts[i], &state->parts[i]);
     free(state);
     *FMUState = NULL;
     return StatusOK;
@@ -33,12 +33,13 @@ Status FMI(GetFMUState)(Handle c, FmuState *FMUState) {
     State *state = is_new ? calloc(1, sizeof *state) : *FMUState;
     if (state == NULL) return report(instance, StatusError, "out of memory.");
     instance->goes_back = 1;
+    use_memory(instance);
     for (int i = 0; i < N_PARTS; i++) {
-        const fmi2Status status = CALL(instance, i, GetFMUstate)(instance->parts[i], &state->parts[i]);
+        const int32_t status = (int32_t)CALL(instance, i, GetFMUstate, GetFMUState)(instance->parts[i], &state->parts[i]);
         if (!is_bad(status)) continue;
         FmuState whole = state;
         if (is_new) FMI(FreeFMUState)(instance, &whole);
-        return blame(instance, i, "the saving of its state", status);
+        return blame_part(instance, i, "the saving of its state", status);
     }
     state->memory = instance->memory;
     *FMUState = state;
@@ -51,11 +52,12 @@ Status FMI(SetFMUState)(Handle c, FmuState FMUState) {
     if (require(instance, ~DEAD, "restore a state") != StatusOK) return StatusError;
     if (check_state(instance, state) != StatusOK) return StatusError;
     for (int i = 0; i < N_PARTS; i++) {
-        const fmi2Status status = CALL(instance, i, SetFMUstate)(instance->parts[i], state->parts[i]);
-        if (is_bad(status)) return blame(instance, i, "the restoring of its state", status);
+        const int32_t status = (int32_t)CALL(instance, i, SetFMUstate, SetFMUState)(instance->parts[i], state->parts[i]);
+        if (is_bad(status)) return blame_part(instance, i, "the restoring of its state", status);
     }
     instance->memory = state->memory;
     instance->settled = 0;
+    use_memory(instance);
     return StatusOK;
 }
 
@@ -82,9 +84,9 @@ static uint64_t checksum(const unsigned char *bytes, size_t size) {
 }
 
 static Status size_of_part(Instance *instance, const State *state, int i, size_t *size) {
-    const fmi2Status status =
-        CALL(instance, i, SerializedFMUstateSize)(instance->parts[i], state->parts[i], size);
-    return is_bad(status) ? blame(instance, i, "the question for the size of its state", status) : StatusOK;
+    const int32_t status =
+        (int32_t)CALL(instance, i, SerializedFMUstateSize, SerializedFMUStateSize)(instance->parts[i], state->parts[i], size);
+    return is_bad(status) ? blame_part(instance, i, "the question for the size of its state", status) : StatusOK;
 }
 
 Status FMI(SerializedFMUStateSize)(Handle c, FmuState FMUState, size_t *size) {
@@ -119,9 +121,9 @@ Status FMI(SerializeFMUState)(Handle c, FmuState FMUState, Byte serializedState[
         const uint64_t written = own;
         memcpy(next, &written, sizeof written);
         next += sizeof written;
-        const fmi2Status status =
-            CALL(instance, i, SerializeFMUstate)(instance->parts[i], state->parts[i], next, own);
-        if (is_bad(status)) return blame(instance, i, "the serializing of its state", status);
+        const int32_t status =
+            (int32_t)CALL(instance, i, SerializeFMUstate, SerializeFMUState)(instance->parts[i], state->parts[i], next, own);
+        if (is_bad(status)) return blame_part(instance, i, "the serializing of its state", status);
         next += own;
     }
     const uint64_t hash = checksum((const unsigned char *)serializedState, needed - sizeof hash);
@@ -148,12 +150,12 @@ Status FMI(DeserializeFMUState)(Handle c, const Byte serializedState[], size_t s
     next += sizeof state->memory;
     for (int i = 0; i < N_PARTS; i++) {
         uint64_t own = 0;
-        fmi2Status status = fmi2Error;
+        int32_t status = fmi2Error;
         if ((size_t)(end - next) >= sizeof own) {
             memcpy(&own, next, sizeof own);
             next += sizeof own;
             if ((uint64_t)(end - next) >= own) {
-                status = CALL(instance, i, DeSerializeFMUstate)(instance->parts[i], next, (size_t)own,
+                status = (int32_t)CALL(instance, i, DeSerializeFMUstate, DeserializeFMUState)(instance->parts[i], next, (size_t)own,
                                                                 &state->parts[i]);
                 next += own;
             }

@@ -1,5 +1,32 @@
 /* Get and set variables: those of the parts. */
 
+/* The types for the host as letters, as the headers of all FMUs here have them: that of the stepper, and its name. */
+static const struct {
+    char letter, type;
+    const char *name;
+} host_types[] = {
+    {'R', FLOAT64, TYPE_NAME('R')}, {'I', INT32, TYPE_NAME('I')}, {'E', INT64, TYPE_NAME('E')},
+    {'B', BOOLEAN, TYPE_NAME('B')}, {'S', TEXT, "String"},        {'r', FLOAT32, "Float32"},
+    {'b', INT8, "Int8"},            {'c', UINT8, "UInt8"},        {'s', INT16, "Int16"},
+    {'t', UINT16, "UInt16"},        {'u', UINT32, "UInt32"},      {'U', UINT64, "UInt64"}};
+
+static int place_of_type(char letter) {
+    int k = 0;
+    while (host_types[k].letter != letter) k++;
+    return k;
+}
+
+static int type_of(char letter) { return host_types[place_of_type(letter)].type; }
+
+static const char *type_name(char letter) { return host_types[place_of_type(letter)].name; }
+
+#define LARGEST_EXACT 9007199254740992.0 /* above 2^53, doubles leave out whole numbers */
+
+/* Whether a value from or to the host fits into a type of which no digit may be lost. */
+static int fits_exactly(int type, double value) {
+    return fits_type(type, value) && ((type != INT64 && type != UINT64) || fabs(value) < LARGEST_EXACT);
+}
+
 static Status check_type(const Instance *instance, ValueReference reference, char type) {
     if (reference >= N_VARIABLES)
         return report(instance, StatusError, "there is no variable with value reference %u.", (unsigned)reference);
@@ -46,16 +73,19 @@ static Status prepare_set(Instance *instance, const ValueReference vr[], size_t 
 /* The value of a variable: at communication points that of its signal, so that an input that is set then
    acts from the next step on. */
 static Status get_value(Instance *instance, const Variable *variable, double *value) {
-    fmi2Status status = fmi2OK;
+    const int runs = instance->memory.phase & (STEP | TERMINATED);
+    int32_t status = fmi2OK;
     if (variable->part < 0)
         *value = reached_time(instance);
-    else if (variable->signal >= 0 && instance->memory.phase & (STEP | TERMINATED))
-        *value = instance->memory.now.signals[variable->signal];
+    else if (variable->signal >= 0 && runs)
+        *value = instance->stepper.stores[SIGNALS][variable->signal];
+    else if (variable->kept >= 0 && runs)
+        *value = instance->memory.saved[variable->kept];
     else
         status = get_number(instance, variable, value);
     if (is_bad(status))
         return report(instance, (Status)status, "%s cannot be read.", variable->name);
-    if (fits_exactly(variable->type, *value)) return StatusOK;
+    if (fits_exactly(type_of(variable->type), *value)) return StatusOK;
     return report(instance, StatusError, "%s = %.17g does not fit into its type, %s.", variable->name, *value,
                   type_name(variable->type));
 }
@@ -64,8 +94,8 @@ static Status set_value(Instance *instance, ValueReference reference, double val
     const Variable *variable = &variables[reference];
     if (!fits_exactly(variable->own, value))
         return report(instance, StatusError, "%s = %.17g does not fit into the type of %s, %s.", variable->name,
-                      value, parts[variable->part].name, type_name(variable->own));
-    const fmi2Status status = set_number(instance, variable, value);
+                      value, parts[variable->part].name, own_type_name(variable->own));
+    const int32_t status = set_number(instance, variable, value);
     if (is_bad(status)) return report(instance, (Status)status, "%s = %.9g was refused.", variable->name, value);
     instance->settled = 0;
     if (instance->memory.phase == INSTANTIATED) {
@@ -104,8 +134,7 @@ Status FMI(GetString)(Handle c, const ValueReference vr[], size_t nvr, String va
     if (prepare_get(instance, vr, nvr, 'S', values, COUNT_OF(n, nvr)) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         const Variable *variable = &variables[vr[i]];
-        const fmi2Status status =
-            version_of(variable->part)->get_text(instance, variable->part, variable->reference, &values[i]);
+        const int32_t status = get_text(instance, variable->part, variable->reference, &values[i]);
         if (is_bad(status)) return report(instance, (Status)status, "%s cannot be read.", variable->name);
     }
     return StatusOK;
@@ -117,8 +146,8 @@ Status FMI(SetString)(Handle c, const ValueReference vr[], size_t nvr, const Str
     for (size_t i = 0; i < nvr; i++) {
         const Variable *variable = &variables[vr[i]];
         if (values[i] == NULL) return report(instance, StatusError, "the text for %s is NULL.", variable->name);
-        const fmi2Status status =
-            version_of(variable->part)->set_text(instance, variable->part, variable->reference, values[i]);
+        const int32_t status =
+            set_text(instance, variable->part, variable->way, variable->reference, values[i]);
         if (is_bad(status)) return report(instance, (Status)status, "%s was refused.", variable->name);
         instance->settled = 0;
     }

@@ -78,7 +78,7 @@ class EventModeInstance(InProcessInstance):
         }
         super().__init__(name, file, inputs, outputs, log, number)
         clocks = read_input_clocks(file.folder, file.path) if self._uses_event_mode else []
-        access = FmiAccess(self._functions, self._library.addresses, self._codes, self._arrays)
+        access = FmiAccess(self._functions, self._library.addresses, self._codes, self.arrays)
         tables = EventTables(file.variables, self.read, clocks, self._uses_event_mode, access)
         tables.record.may_return_early = self.instantiation["earlyReturnAllowed"]
         tables.record.varies_step = self.varies_step
@@ -104,23 +104,23 @@ class EventModeInstance(InProcessInstance):
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
         if self._tables is not None:
-            self._tables.bind(self._address, inputs)
+            self._tables.bind(self.address, inputs)
 
     def reset(self) -> None:
         """Return to the state right after instantiation."""
         super().reset()
-        self._events.record.first_return = math.nan
+        self.tables.record.first_return = math.nan
 
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, None without a fixed stop time."""
-        self._events.restart(start_time)
+        self.tables.restart(start_time)
         self._values_by_hand.clear()
-        self._events.set_by_hand([])
+        self.tables.set_by_hand([])
         super().enter_initialization(start_time, stop_time)
 
     def exit_initialization(self) -> None:
         """Leave initialization mode, and handle the events at the start."""
-        stepper, tables = require_stepper(), self._events
+        stepper, tables = require_stepper(), self.tables
         self._do("getIntervalDecimal", stepper.start_events, tables.record.time)
         super().exit_initialization()
         tables.passed[:] = self.inputs[tables.discrete]
@@ -134,7 +134,7 @@ class EventModeInstance(InProcessInstance):
         elif is_clocked(variable):
             self._values_by_hand[str(variable.name)] = variable, value
             setters = [(v, self._setter_by_hand(v, x)) for v, x in self._values_by_hand.values()]
-            self._events.set_by_hand(setters)
+            self.tables.set_by_hand(setters)
         else:
             self._do("enterEventMode", require_stepper().enter_events)
             super().set_value(variable, value)
@@ -172,7 +172,7 @@ class EventModeInstance(InProcessInstance):
             super().set_inputs()
             return
         try:
-            status = self._events.continuous.set(self._component, self.inputs)
+            status = self.tables.continuous.set(self._component, self.inputs)
         except ValueRangeError as error:
             raise self._range_error(error) from error
         if status not in FINE:
@@ -210,33 +210,33 @@ class EventModeInstance(InProcessInstance):
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
         self._no_way_back = 0
         saved = self._copy_state(SavedState() if state is None else state)
-        saved.memory = self._events.memory.copy()
+        saved.memory = self.tables.memory.copy()
         return saved
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
         super().restore(state)
-        self._events.memory[:] = state.memory
+        self.tables.memory[:] = state.memory
 
     def serialize(self) -> bytes:
         """Return the state as bytes."""
-        return self._events.memory.tobytes() + super().serialize()
+        return self.tables.memory.tobytes() + super().serialize()
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
-        memory = self._events.memory
+        memory = self.tables.memory
         super().deserialize(content[memory.nbytes :])
         memory[:] = np.frombuffer(content[: memory.nbytes])
 
     def entry_points(self) -> EntryPoints:
         """Return the addresses of the FMU's functions, and of the tables of its events."""
         address = self._library.addresses
-        setters = [GroupCall(address[g.call], g) for g in self._events.continuous.groups]
+        setters = [GroupCall(address[g.call], g) for g in self.tables.continuous.groups]
         names = CallNames(_SETTING, _GETTING, "getFMUState", "setFMUState")
         getters = [GroupCall(address.get(g.call, 0), g) for g in self._getter.groups]
         points = super().entry_points()
         assert points is not None
-        return replace(points, names=names, setters=setters, getters=getters, events=self._events.address)
+        return replace(points, names=names, setters=setters, getters=getters, events=self.tables.address)
 
     @property
     def _observed_types(self) -> Sequence[TypeGroup]:
@@ -244,26 +244,27 @@ class EventModeInstance(InProcessInstance):
 
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status, or for what went wrong in a step."""
-        if call.startswith(DO_STEP) and self._events.record.problem:
+        if call.startswith(DO_STEP) and self.tables.record.problem:
             return self._explain()
         call = _CALLS.get(call, call)
         if call == _SETTING and status == OUT_OF_RANGE:
             try:
-                self._events.continuous.check(self.inputs)
-                self._events.check_range(self.inputs)
+                self.tables.continuous.check(self.inputs)
+                self.tables.check_range(self.inputs)
             except ValueRangeError as error:
                 return self._range_error(error)
         return super().error(call, status)
 
     @property
-    def _events(self) -> EventTables:
+    def tables(self) -> EventTables:
+        """Return the tables for the stepper."""
         assert self._tables is not None
         return self._tables
 
     def _do(self, call: str, function: Callable[..., int], *arguments: Any) -> None:
         """Call a function of the stepper; an exception of Python in it counts as one of this FMI call."""
         try:
-            problem = function(ctypes.addressof(self._present), self._events.address, *arguments)
+            problem = function(ctypes.addressof(self._present), self.tables.address, *arguments)
         except SystemError as error:
             raise self.python_error(call, error) from error
         self.returned()
@@ -273,7 +274,7 @@ class EventModeInstance(InProcessInstance):
     def _explain(self) -> RunError:
         """Return the error for what went wrong in the last call of the stepper."""
         error, self._error_by_hand = self._error_by_hand, None
-        return error or explain_problem(self, self._events)
+        return error or explain_problem(self, self.tables)
 
 
 class _Getter:

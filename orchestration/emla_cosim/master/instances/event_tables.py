@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...fmu.clocks import CLOCK, COUNTDOWN, PERIODIC, InputClock, clocks_of, is_clocked, is_triggered_input
-from ...fmu.elements import BINARY
+from ...fmu.elements import BINARY, ElementVariable
 from ...stepper.event_layout import (
     CLOCK_SET,
     CLOCKED_CALL,
@@ -26,7 +26,7 @@ from ...stepper.event_layout import (
 )
 from ...stepper.layout import CALL
 from .call_records import fill_typed_call
-from .typed_values import TypedValues, TypeGroup
+from .typed_values import TypedValues, TypeGroup, start_memory
 
 _CALLED = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t
@@ -100,6 +100,17 @@ class EventTables:
         self.restart(math.nan)
 
     @property
+    def first_count(self) -> int:
+        """Return where the numbers of ticks begin in the memory."""
+        return self._first_count
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """Return all memory to which the record points."""
+        held = [x for x in self._held if isinstance(x, np.ndarray)]
+        return [*held, self.memory, *self._by_hand[:2]]
+
+    @property
     def address(self) -> int:
         """Return the address of the record."""
         return ctypes.addressof(self.record)
@@ -143,10 +154,28 @@ class EventTables:
             record["call"]["function"] = ctypes.cast(function, ctypes.c_void_p).value
             record["call"]["is_version_3"] = True
             record["clocks"] = self._list_clocks(clocks_of(variable))
+        self._use_by_hand(calls, functions)
+
+    def _use_by_hand(self, calls: NDArray[Any], held: Sequence[Any]) -> None:
         listed = np.array(self._listed, dtype=np.int32)
-        self._by_hand = calls, functions, listed  # which C knows by address only
+        self._by_hand = calls, listed, held  # which C knows by address only
         self.record.hand_setters, self.record.hand_setter_count = calls.ctypes.data, len(calls)
         self.record.listed = listed.ctypes.data
+
+    def hold_inputs(self, variables: Sequence[ElementVariable]) -> dict[str, NDArray[Any]]:
+        """Set these variables, whenever a clock of theirs ticks, to what the returned memory has, by name."""
+        del self._listed[self._list_size :]
+        calls, memory = np.zeros(len(variables), CLOCKED_CALL), dict[str, NDArray[Any]]()
+        for record, variable in zip(calls, variables, strict=True):
+            (group,) = TypedValues("set", [variable], self._access.functions, self._access.arrays).groups
+            group.values[:] = start_memory(variable)
+            memory[str(variable.name)] = group.values
+            self._fill_call(record["call"], group)
+            record["call"]["item_count"] = 0  # its memory has the values already
+            record["call"]["component"] = self.record.component
+            record["clocks"] = self._list_clocks(clocks_of(variable))
+        self._use_by_hand(calls, [])
+        return memory
 
     def check_range(self, inputs: Vector) -> None:
         """Raise ValueRangeError if an input that changes in event mode does not fit into its type."""

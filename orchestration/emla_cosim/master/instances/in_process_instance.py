@@ -3,7 +3,8 @@
 import contextlib
 import ctypes
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             except BaseException:
                 self._library.leave()
                 raise
-        self._arrays: dict[int, NDArray[Any]] = {}
+        self.arrays: dict[int, NDArray[Any]] = {}
         """The memory of arrays that are set; see `TypedValues`."""
         self._step_end = StepEnd()
         self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
@@ -129,12 +130,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._typed = None
         if self.typed:
             self._typed = (
-                TypedValues("set", self.read, self._functions, self._arrays),
+                TypedValues("set", self.read, self._functions, self.arrays),
                 TypedValues("get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
         self.observe([], np.empty(0))
-        self._start_values = StartValues(self._functions, self._arrays)
+        self._start_values = StartValues(self._functions, self.arrays)
 
     @property
     def configuration(self) -> Sequence[TypedValue]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -142,9 +143,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
 
     @property
-    def _address(self) -> int:
+    def address(self) -> int:
         """Return the address of the FMU's instance."""
         return ctypes.cast(self._component, _POINTER).value or 0
+
+    @property
+    def addresses(self) -> Mapping[str, int]:
+        """Return the addresses of the FMU's functions by their short names, such as `setReal`."""
+        return self._library.addresses
 
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
@@ -175,17 +181,23 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def _set_start_values(self) -> None:
         """Set start values; InstanceError if the FMU rejects one."""
-        for variable in self.file.variables.values() if self._arrays else ():
-            if isinstance(variable, ElementVariable) and not variable.place:
-                memory = self._arrays.get(int(variable.valueReference))
-                if memory is not None:
-                    memory[:] = start_memory(variable)
+        for reference, memory in self.arrays.items():
+            memory[:] = start_memory(self.array(reference))
         values = self._start_values
         if (rejected := values.set_numbers(self._component)) is not None:
             (variable, value), status = rejected
             raise self._rejection(variable, value, status)
         for i in values.texts:
             self.set_value(*values.all[i])
+
+    def array(self, reference: int) -> ElementVariable:
+        """Return the first element of an array by its value reference."""
+        return self._first_elements[reference]
+
+    @cached_property
+    def _first_elements(self) -> dict[int, ElementVariable]:
+        variables = self.file.variables.values()
+        return {int(v.valueReference): v for v in variables if isinstance(v, ElementVariable) and not v.place}
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -195,7 +207,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         elif variable.type == BINARY:
             status = self.status("fmi3SetBinary", reference, 1, *_in_memory(value), 1)
         elif isinstance(variable, ElementVariable):
-            (group,) = TypedValues("set", [variable], self._functions, self._arrays).groups
+            (group,) = TypedValues("set", [variable], self._functions, self.arrays).groups
             group.values[group.places] = value
             status = group.function(self._component, *group.arguments)
         else:  # tables have thousands of values, and the calls of fmpy are slow
@@ -322,7 +334,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             ObservedGroup(
                 call=group.call,
                 function=address.get(group.call, 0),
-                component=self._address,
+                component=self.address,
                 references=group.references,
                 values=group.values,
                 boolean=group.boolean,
@@ -432,7 +444,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             set_, get = ("setFloat64", "getFloat64") if self._typed is None else _TYPED_CALLS.values()
             names = CallNames(set_, get, "getFMUState", "setFMUState")
         return EntryPoints(
-            component=self._address,
+            component=self.address,
             set_real=address["setFloat64" if is_3 else "setReal"],
             get_real=address["getFloat64" if is_3 else "getReal"],
             do_step=address["doStep"],

@@ -18,15 +18,14 @@ class SavedStates:
 
     Attributes:
         records: The records that the functions in C get, one per instance.
+        memory: The memory of their events.
     """
 
     def __init__(self, points: Sequence[EntryPoints]) -> None:
         self.records = np.zeros(len(points), SAVED_STATE)
         self._points = points
-        self._memory = [
-            np.zeros(Events.from_address(p.events).memory_size if p.events else 0) for p in points
-        ]
-        self.records["events"] = [memory.ctypes.data for memory in self._memory]
+        self.memory = [np.zeros(Events.from_address(p.events).memory_size if p.events else 0) for p in points]
+        self.records["events"] = [m.ctypes.data for m in self.memory]
 
     def free(self, instances: Sequence[FmuInstance]) -> None:
         """Free the states; never raises."""

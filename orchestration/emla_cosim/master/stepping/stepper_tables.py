@@ -1,10 +1,12 @@
 """Fill the tables of the stepper in C from an algorithm and its network; see `emla_cosim.stepper.layout`."""
 
 import ctypes
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...sandbox import crash_page
 from ...stepper.layout import (
@@ -50,6 +52,7 @@ class StepperTables:
         instances: The records of the instances.
         inputs: The records of all inputs.
         efforts: The records of measured calls, per instance; an instance has none unless it is measured.
+        stores: The addresses of the vectors of the program.
         passing: What passes Strings and Binary values on before each step; None without any.
     """
 
@@ -62,6 +65,13 @@ class StepperTables:
         self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
         self.stepper = Stepper()
         self._fill()
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """Return all memory to which the tables point."""
+        references = [[p.input_references, p.output_references, p.derivative_orders] for p in self._points]
+        held = [x for x in self._held if isinstance(x, np.ndarray)]
+        return [*held, *self.states.memory, *(array for group in references for array in group)]
 
     def _keep(self, values: Any) -> int:
         """Keep an array, and return its address."""
@@ -82,15 +92,16 @@ class StepperTables:
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)
         observers = self._observers()
         stepper.observers, stepper.observer_count = self._keep(observers), len(observers)
-        stepper.observed, stepper.observed_count = observer.values.ctypes.data, len(observer.values)
+        stepper.observed, stepper.observed_count = self._keep(observer.values), len(observer.values)
         stepper.coupling_tolerance = algorithm.coupling_tolerance
         stepper.sweep_limit, stepper.halving_limit = SWEEPS, HALVINGS
-        stepper.signal_count = len(network.signals)
-        stepper.stores = self._keep(np.array([v.ctypes.data for v in vectors], dtype=np.intp))
+        stepper.signal_count, stepper.last_point = len(network.signals), math.inf
+        self.stores = np.array([v.ctypes.data for v in vectors], dtype=np.intp)
+        stepper.stores = self._keep(self.stores)
         stepper.at, stepper.before = history.at.ctypes.data, history.before.ctypes.data
         stepper.taken, stepper.taken_at = history.taken.ctypes.data, history.taken_at.ctypes.data
-        stepper.input_values = network.inputs.ctypes.data
-        stepper.derivatives = algorithm.exchange.derivatives.ctypes.data
+        stepper.input_values = self._keep(network.inputs)
+        stepper.derivatives = self._keep(algorithm.exchange.derivatives)
         stepper.largest = algorithm.scale.largest.ctypes.data
         stepper.activity = ctypes.addressof(crash_page.current_activity())
 
@@ -174,26 +185,34 @@ class StepperTables:
 
     def _fill_calls(self, records: Any) -> None:
         """Make the calls that set inputs and get outputs: all in one array, as they are read one by one."""
-        network, found = self._algorithm.network, list[Any]()
+        found = list[Any]()
         first = np.zeros((len(records), 2), dtype=np.intp)
         for i, points in enumerate(self._points):
             first[i, 0] = len(found)
-            found.extend(self._calls(i, points, network.inputs, network.input_parts[i].start, "set"))
+            found.extend(self._calls(i, points, "set"))
             first[i, 1] = len(found)
-            found.extend(self._calls(i, points, network.signals, network.parts[i].start, "get"))
+            found.extend(self._calls(i, points, "get"))
         calls = np.array(found, dtype=CALL)
         address = self._keep(calls)
         records["setters"], records["getters"] = address + calls.itemsize * first.T
         records["setter_count"] = first[:, 1] - first[:, 0]
         records["getter_count"] = np.append(first[1:, 0], len(calls)) - first[:, 1]
 
-    def _calls(self, i: int, points: EntryPoints, vector: Any, first: int, access: str) -> Sequence[Any]:
+    def list_calls(self, i: int, points: EntryPoints, access: str) -> NDArray[Any]:
+        """Return further CALL records that `set` the inputs, or `get` the outputs, of an instance."""
+        calls = np.array(self._calls(i, points, access), dtype=CALL)
+        self._keep(calls)
+        return calls
+
+    def _calls(self, i: int, points: EntryPoints, access: str) -> Sequence[Any]:
         """Return the CALL records that set the inputs, or get the outputs, of an instance."""
-        sets = access == "set"
+        network, sets = self._algorithm.network, access == "set"
+        vector = network.inputs if sets else network.signals
+        first = (network.input_parts if sets else network.parts)[i].start
         typed = points.setters if sets else points.getters
         if typed is not None:
             return self._typed_calls(i, points, typed, first)
-        instance = self._algorithm.network.instances[i]
+        instance = network.instances[i]
         count = len(instance.inputs if sets else instance.outputs)
         references = points.input_references if sets else points.output_references
         record = np.zeros((), CALL)

@@ -1,11 +1,11 @@
 /* Calls of FMI functions: values of any type, steps, states. */
 
 #if defined __GNUC__ /* calls take less time than what surrounds them, so that a call of our own matters */
-#define OFTEN __attribute__((always_inline)) inline
-#define RARE __attribute__((noinline))
+#define ALWAYS_INLINE __attribute__((always_inline)) inline
+#define NOINLINE __attribute__((noinline))
 #else
-#define OFTEN
-#define RARE
+#define ALWAYS_INLINE
+#define NOINLINE
 #endif
 
 #include "effort.h"
@@ -15,7 +15,7 @@
 /* Whether a status is worse than a warning, or not in the standard. */
 static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
 
-OFTEN static void announce(const Stepper *s, int64_t code) {
+ALWAYS_INLINE static void announce(const Stepper *s, int64_t code) {
     if (s->activity != NULL) s->activity->code = code;
 }
 
@@ -89,7 +89,7 @@ static void convert_from(const Call *call, double *vector) {
 typedef fmi2Status Exchange2(fmi2Component, const fmi2ValueReference *, size_t, void *);
 typedef fmi3Status Exchange3(fmi3Instance, const fmi3ValueReference *, size_t, void *, size_t);
 
-OFTEN static int32_t exchange(const Stepper *s, const Call *call) {
+ALWAYS_INLINE static int32_t exchange(const Stepper *s, const Call *call) {
     const size_t n = (size_t)call->n_references;
     announce(s, call->code);
     if (call->is_version_3)
@@ -102,7 +102,7 @@ OFTEN static int32_t exchange(const Stepper *s, const Call *call) {
 static int64_t badness(int32_t status) { return status < 0 ? fmi2Warning - (int64_t)status : status; }
 
 /* Set numbers of a vector with all these calls, and return the worst status. */
-RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
+NOINLINE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
     int32_t worst = fmi2OK;
     for (int32_t k = 0; k < n; k++) {
         if (calls[k].n_items > 0 && !convert_to(&calls[k], vector)) return OUT_OF_RANGE;
@@ -112,12 +112,12 @@ RARE static int32_t set_converted(const Stepper *s, const Call *calls, int32_t n
     return worst;
 }
 
-OFTEN static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
+ALWAYS_INLINE static int32_t set_values(const Stepper *s, const Call *calls, int32_t n, const double *vector) {
     return n == 1 && calls->n_items == 0 ? exchange(s, calls) : set_converted(s, calls, n, vector);
 }
 
 /* Get numbers of a vector with all these calls, and return the worst status. */
-RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n, double *vector) {
+NOINLINE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n, double *vector) {
     int32_t worst = fmi2OK;
     for (int32_t k = 0; k < n; k++) {
         const int32_t status = calls[k].function == NULL ? fmi2OK : exchange(s, &calls[k]);
@@ -127,12 +127,12 @@ RARE static int32_t get_converted(const Stepper *s, const Call *calls, int32_t n
     return worst;
 }
 
-OFTEN static int32_t get_values(const Stepper *s, const Call *calls, int32_t n, double *vector) {
+ALWAYS_INLINE static int32_t get_values(const Stepper *s, const Call *calls, int32_t n, double *vector) {
     return n == 1 && calls->n_items == 0 ? exchange(s, calls) : get_converted(s, calls, n, vector);
 }
 
 /* Note which call failed. */
-RARE static int32_t fail(Stepper *s, int32_t failure, int32_t instance, int32_t status) {
+NOINLINE static int32_t fail(Stepper *s, int32_t failure, int32_t instance, int32_t status) {
     s->instance = instance;
     s->status = status;
     return failure;
@@ -140,7 +140,7 @@ RARE static int32_t fail(Stepper *s, int32_t failure, int32_t instance, int32_t 
 
 /* Do the step of an instance of FMI 3.0. A step that is not whole is an error; one after which the instance wants
    the end counts as discarded. `judge_step` of fmi_3_calls.py. */
-RARE static int32_t step_3(const Instance *instance, double time, double length) {
+NOINLINE static int32_t step_3(const FmuInstance *instance, double time, double length) {
     StepEnd *end = instance->end;
     end->needs_event = end->terminates = end->is_early = fmi3False;
     const int32_t status = (int32_t)((fmi3DoStepTYPE *)instance->do_step)(
@@ -153,8 +153,8 @@ RARE static int32_t step_3(const Instance *instance, double time, double length)
 
 static int32_t step_with_events(const Stepper *s, Events *events, double time, double length, int32_t has_no_way_back);
 
-OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
-    const Instance *instance = &s->instances[i];
+ALWAYS_INLINE static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
+    const FmuInstance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     if (s->activity != NULL) s->activity->time = time;
     const int64_t start = start_clock(instance->effort);
@@ -173,8 +173,8 @@ OFTEN static int32_t do_step(Stepper *s, int32_t i, double time, double length) 
 }
 
 /* Wait for the end of a step that `do_step` has only begun, in another process. */
-RARE static int32_t end_step(Stepper *s, int32_t i, double time, double length) {
-    const Instance *instance = &s->instances[i];
+NOINLINE static int32_t end_step(Stepper *s, int32_t i, double time, double length) {
+    const FmuInstance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
     const int32_t status = (int32_t)instance->end_step(instance->component);
     if (!is_bad(status)) return DONE;
@@ -185,7 +185,7 @@ RARE static int32_t end_step(Stepper *s, int32_t i, double time, double length) 
 
 /* Whether an instance discarded its step because it wants the run to end: a shorter step is no help then. */
 static int wants_end(const Stepper *s, int32_t i) {
-    const Instance *instance = &s->instances[i];
+    const FmuInstance *instance = &s->instances[i];
     fmi2Boolean answer = fmi2False;
     if (instance->is_version_3) return instance->end->terminates;
     if (instance->get_status == NULL) return 0;
@@ -201,7 +201,7 @@ static void copy_memory(double *to, const double *from, const Events *events) {
 
 /* Both versions of FMI have the same arguments and statuses for states. */
 static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
-    const Instance *instance = &s->instances[i];
+    const FmuInstance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_save);
     const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2GetFMUstateTYPE *)instance->get_state)(instance->component, &saved->state);
@@ -212,7 +212,7 @@ static int32_t save_state(Stepper *s, int32_t i, SavedState *saved) {
 }
 
 static int32_t restore_state(Stepper *s, int32_t i, const SavedState *saved) {
-    const Instance *instance = &s->instances[i];
+    const FmuInstance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_restore);
     const int64_t start = start_clock(instance->effort);
     const int32_t status = (int32_t)((fmi2SetFMUstateTYPE *)instance->set_state)(instance->component, saved->state);

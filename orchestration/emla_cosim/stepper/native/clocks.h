@@ -2,15 +2,15 @@
 
 enum { WAITS = 1, STARTS, TICKS }; /* marks of clocks in an event */
 
-RARE static int32_t blame(Events *e, int32_t problem) { return e->problem = problem; }
+NOINLINE static int32_t blame(Events *e, int32_t problem) { return e->problem = problem; }
 
-RARE static int32_t blame_call(Events *e, int32_t call, int32_t status) {
+NOINLINE static int32_t blame_call(Events *e, int32_t call, int32_t status) {
     e->call = call;
     e->status = status;
     return blame(e, CALL_FAILED);
 }
 
-RARE static int32_t blame_clock(Events *e, int32_t problem, int32_t clock, double value) {
+NOINLINE static int32_t blame_clock(Events *e, int32_t problem, int32_t clock, double value) {
     e->clock = clock;
     e->value = value;
     return blame(e, problem);
@@ -210,7 +210,7 @@ static int32_t get_clocked(const Stepper *s, Events *e, int is_all) {
     return is_bad(worst) ? blame_call(e, GETTING_CLOCKED_VARIABLES, worst) : NO_PROBLEM;
 }
 
-RARE static int32_t blame_waiting(Events *e) {
+NOINLINE static int32_t blame_waiting(Events *e) {
     int32_t clock = 0;
     for (int32_t k = e->n_triggered - 1; k >= 0; k--)
         if (e->marks[e->triggered[k].clock] == WAITS) clock = e->triggered[k].clock;

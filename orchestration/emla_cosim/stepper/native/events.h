@@ -24,13 +24,13 @@ static int32_t switch_mode(const Stepper *s, Events *e, int32_t call) {
     return is_bad(status) ? blame_call(e, call, status) : NO_PROBLEM;
 }
 
-RARE static int32_t end_run(Events *e, int32_t call, double time) {
+NOINLINE static int32_t end_run(Events *e, int32_t call, double time) {
     e->call = call;
     e->value = time;
     return blame(e, RUN_ENDED);
 }
 
-RARE static int32_t blame_count(Events *e, int32_t problem, int32_t count) {
+NOINLINE static int32_t blame_count(Events *e, int32_t problem, int32_t count) {
     e->count = count;
     return blame(e, problem);
 }
@@ -97,7 +97,7 @@ static int32_t handle_event(const Stepper *s, Events *e, double near, int is_tri
 }
 
 /* Judge an early return; one that is not declared is accepted if the rest of the step can follow as another one. */
-RARE static int32_t accept_return(Events *e, double length, double reached) {
+NOINLINE static int32_t accept_return(Events *e, double length, double reached) {
     const double low = e->time - spacing(e->time), end = e->time + length;
     if (!e->may_return_early) {
         if (!(e->has_event_mode && e->varies_step)) return blame(e, RETURN_REFUSED);
@@ -172,7 +172,7 @@ static int32_t check_triggered(Events *e, double end) {
 
 /* Step from `time` by `length`, and handle the events in between and at the end. Returns a status, which is DISCARD only
    if the FMU discards a step. */
-RARE static int32_t step_with_events(const Stepper *s, Events *e, double time, double length, int32_t has_no_way_back) {
+NOINLINE static int32_t step_with_events(const Stepper *s, Events *e, double time, double length, int32_t has_no_way_back) {
     const double end = time + length, rounding = 4.0 * spacing(end);
     const double near = SAME_TIME * length > rounding ? SAME_TIME * length : rounding;
     e->time = time;

@@ -10,14 +10,14 @@ static double predict(const Stepper *s, int32_t signal, double time) {
     return now[signal] + (time - newest) * slope;
 }
 
-OFTEN static void hold_inputs(Stepper *s, const Instance *instance, const double *values) {
+ALWAYS_INLINE static void hold_inputs(Stepper *s, const FmuInstance *instance, const double *values) {
     const Input *restrict inputs = s->inputs + instance->first_input;
     double *restrict results = s->input_values + instance->first_input;
     for (int32_t j = 0; j < instance->n_inputs; j++)
         results[j] = inputs[j].factor * values[inputs[j].signal] + inputs[j].offset;
 }
 
-RARE static void extrapolate_inputs(Stepper *s, const Instance *instance, double time, double length) {
+NOINLINE static void extrapolate_inputs(Stepper *s, const FmuInstance *instance, double time, double length) {
     const double *now = s->stores[SIGNALS], *previous = s->stores[PREVIOUS];
     const double middle = instance->mode == MIDDLE ? 0.5 * length : 0.0;
     const int32_t last = instance->first_input + instance->n_inputs;
@@ -44,8 +44,8 @@ RARE static void extrapolate_inputs(Stepper *s, const Instance *instance, double
 
 /* Set the inputs of an instance for the step from `time` of this length. Those from another vector than the
    signals are held. */
-OFTEN static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
-    const Instance *instance = &s->instances[i];
+ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
+    const FmuInstance *instance = &s->instances[i];
     if (instance->n_inputs == 0) return DONE;
     const int is_held = instance->mode == HOLD || store != SIGNALS;
     if (is_held)
@@ -66,8 +66,8 @@ OFTEN static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double tim
     return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
 }
 
-OFTEN static int32_t get_outputs(Stepper *s, int32_t i) {
-    const Instance *instance = &s->instances[i];
+ALWAYS_INLINE static int32_t get_outputs(Stepper *s, int32_t i) {
+    const FmuInstance *instance = &s->instances[i];
     if (instance->n_outputs == 0) return DONE;
     const int64_t start = start_clock(instance->effort);
     const int32_t status = get_values(s, instance->getters, instance->n_getters, s->stores[SIGNALS]);
@@ -76,8 +76,8 @@ OFTEN static int32_t get_outputs(Stepper *s, int32_t i) {
 }
 
 /* Move the signals of an instance to the history, before those of `time`. */
-OFTEN static void shift(Stepper *s, int32_t i, double time) {
-    const Instance *instance = &s->instances[i];
+ALWAYS_INLINE static void shift(Stepper *s, int32_t i, double time) {
+    const FmuInstance *instance = &s->instances[i];
     const double *restrict now = s->stores[SIGNALS] + instance->first_output;
     double *restrict previous = s->stores[PREVIOUS] + instance->first_output;
     for (int32_t k = 0; k < instance->n_outputs; k++) previous[k] = now[k];
@@ -85,8 +85,8 @@ OFTEN static void shift(Stepper *s, int32_t i, double time) {
     s->at[i] = time;
 }
 
-RARE static void combine(Stepper *s, const Combination *combination) {
-    const Instance *instance = &s->instances[combination->instance];
+NOINLINE static void combine(Stepper *s, const Combination *combination) {
+    const FmuInstance *instance = &s->instances[combination->instance];
     const Term *terms = &s->terms[combination->first_term];
     double *into = s->stores[combination->into];
     const int32_t last = instance->first_output + instance->n_outputs;

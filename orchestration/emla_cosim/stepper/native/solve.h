@@ -15,7 +15,7 @@ static int32_t save_group(Stepper *s, const Group *group) {
     double *kept = group->kept;
     for (int32_t m = 0; m < group->n_members; m++) {
         const int32_t i = group->members[m];
-        const Instance *instance = &s->instances[i];
+        const FmuInstance *instance = &s->instances[i];
         const size_t size = (size_t)instance->n_outputs * sizeof(double);
         const int32_t failure = save_state(s, i, instance->state);
         if (failure != DONE) return failure;
@@ -43,7 +43,7 @@ static int32_t restore_group(Stepper *s, const Group *group) {
     const double *kept = group->kept;
     for (int32_t m = 0; m < group->n_members; m++) {
         const int32_t i = group->members[m];
-        const Instance *instance = &s->instances[i];
+        const FmuInstance *instance = &s->instances[i];
         const size_t size = (size_t)instance->n_outputs * sizeof(double);
         if (size > 0) {
             memcpy(now + instance->first_output, kept, size);

@@ -1,76 +1,12 @@
 /* The stepping loop; see stepper.h. */
-#include "stepper.h"
+#include "step.h"
 
-#include <math.h>
-#include <string.h>
 #include <time.h>
 
-#include "calls.h"
-
-#include "clocks.h"
-
-#include "events.h"
-
-#include "exchange.h"
-
-#define RELAXATION 0.1 /* while nothing is known of the Jacobian; as quasi_newton.py, which has the equations */
-#define NOISE 1e-10    /* changes of the residual below this fraction of it are rounding errors */
-#define FILTER 1e-3    /* a difference is used if this fraction of it is orthogonal to newer ones */
-
-#include "quasi_newton.h"
-
-#include "solve.h"
-
 /* Sizes of the records, for those who fill them in another language. */
-const size_t stepper_sizes[] = {sizeof(Call), sizeof(Instance), sizeof(Input), sizeof(Signal), sizeof(Operation),
+const size_t stepper_sizes[] = {sizeof(Call), sizeof(FmuInstance), sizeof(Input), sizeof(Signal), sizeof(Operation),
                                 sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
                                 sizeof(Controlled), sizeof(Control), sizeof(SavedState), sizeof(Effort)};
-
-static double point(const Clock *clock, int64_t k) {
-    return (clock->first + (double)k * clock->per_step) / clock->denominator;
-}
-
-static int divides(int64_t every, int64_t k) { return every == 1 || k % every == 0; }
-
-/* Do one operation of step k, from `time` of this length. */
-OFTEN static int32_t operate(Stepper *s, const Operation *operation, int64_t k, double time, double length) {
-    double start = time, span = length;
-    if (!divides(operation->every, k + 1)) return DONE;
-    if (operation->every > 1) {
-        start = point(&s->clock, k + 1 - operation->every);
-        span = point(&s->clock, k + 1) - start;
-    }
-    switch (operation->call) {
-        case SET_INPUTS: return set_inputs(s, operation->target, operation->store, start, span);
-        case DO_STEP: return do_step(s, operation->target, start, span);
-        case END_STEP: return end_step(s, operation->target, start, span);
-        case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
-        case SOLVE: return solve(s, operation->target, time, length, s->halvings);
-        default: combine(s, &s->combinations[operation->target]); return DONE;
-    }
-}
-
-/* Do step k, from `time` of this length. */
-OFTEN static int32_t work_through(Stepper *s, int64_t k, double time, double length) {
-    if (s->n_groups > 0) see(s);
-    for (int32_t o = 0; o < s->n_operations; o++) {
-        const int32_t failure = operate(s, &s->operations[o], k, time, length);
-        if (failure != DONE) return failure;
-    }
-    return DONE;
-}
-
-static int32_t step(Stepper *s, int64_t k, double time, double length) {
-    const int32_t failure = work_through(s, k, time, length);
-    if (failure != DONE) return failure;
-    announce(s, 0);
-    return are_finite(s) ? DONE : NOT_FINITE;
-}
-
-int32_t stepper_step(Stepper *s, int64_t k) {
-    const double time = point(&s->clock, k);
-    return s->failure = step(s, k, time, point(&s->clock, k + 1) - time);
-}
 
 /* Count a complete row: after its numbers, as the process can be killed at any instruction. */
 static void count_row(Activity *activity) {
@@ -105,10 +41,10 @@ static int32_t record(Stepper *s, double time, double *rows) {
 /* Does step k, from `time` of this length; returns why it failed, or DONE. */
 typedef int32_t Work(void *worker, int64_t k, double time, double length);
 
-OFTEN static int32_t run_steps(Stepper *s, Work *work, void *worker, int64_t first, int64_t count, int64_t every,
+ALWAYS_INLINE static int32_t run_steps(Stepper *s, Work *work, void *worker, int64_t first, int64_t count, int64_t every,
                                double *rows) {
     const time_t second = time(NULL);
-    double next = point(&s->clock, first);
+    double next = point(s, first);
     int64_t until_row = every - first % every; /* steps to the next row: a division takes as long as a call */
     s->reached = first;
     s->recorded = 0;
@@ -118,7 +54,7 @@ OFTEN static int32_t run_steps(Stepper *s, Work *work, void *worker, int64_t fir
     for (int64_t k = first; k < first + count; k++) {
         const double now = next;
         s->reached = k;
-        next = point(&s->clock, k + 1);
+        next = point(s, k + 1);
         s->failure = work(worker, k, now, next - now);
         if (s->failure != DONE) return s->failure;
         s->reached = k + 1;

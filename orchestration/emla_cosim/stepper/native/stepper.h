@@ -91,7 +91,7 @@ typedef struct { /* first what each step reads */
     SavedState *state; /* the place of the one that its group saves */
     Events *events; /* NULL without event mode, clocks and early returns */
     Effort *effort; /* NULL if its calls are not measured */
-} Instance;
+} FmuInstance;
 
 /* A connected input: factor * signal + offset. */
 typedef struct {
@@ -170,7 +170,7 @@ enum {
 
 typedef struct {
     /* tables */
-    const Instance *instances;
+    const FmuInstance *instances;
     const Input *inputs;
     const Signal *signals;
     const Operation *operations;
@@ -193,6 +193,7 @@ typedef struct {
     Activity *activity; /* NULL if nobody reads it */
     const volatile int32_t *stop; /* ends the run before the next step if it is not 0; NULL without */
     Clock clock;
+    double last_point; /* no point is later: the stop time of a host may be one rounding error before its point */
 
     /* what came out */
     int64_t reached;  /* steps that are done */
@@ -247,7 +248,7 @@ typedef struct {
 } Control;
 
 extern STEPPER_API const size_t
-    stepper_sizes[]; /* of Call, Instance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
+    stepper_sizes[]; /* of Call, FmuInstance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);

@@ -1,0 +1,244 @@
+"""The tables of the stepper as C: constants, and what each instance of the FMU wires to its own memory."""
+
+import ctypes
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmublock.compiling import c_number
+
+from ..stepper.event_layout import CLOCK_SET, CLOCKED_CALL, TIMED_CLOCK, TRIGGERED_CLOCK, Events
+from ..stepper.layout import (
+    CALL,
+    COMBINATION,
+    GROUP,
+    INPUT,
+    INSTANCE,
+    OPERATION,
+    SIGNAL,
+    TERM,
+    Stepper,
+)
+
+_TYPES: Mapping[Any, str] = {
+    **{np.dtype(name): f"{name}_t" for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},
+    np.dtype("int64"): "int64_t",
+    np.dtype("uint64"): "uint64_t",
+    np.dtype("float64"): "double",
+    np.dtype("float32"): "float",
+    np.dtype("bool"): "unsigned char",
+    INPUT: "Input",
+    SIGNAL: "Signal",
+    OPERATION: "Operation",
+    COMBINATION: "Combination",
+    TERM: "Term",
+    CLOCK_SET: "ClockSet",
+    TIMED_CLOCK: "TimedClock",
+    TRIGGERED_CLOCK: "TriggeredClock",
+}
+"""Types of constants in C."""
+
+_POOLS: Mapping[Any, tuple[str, str]] = {
+    INSTANCE: ("instances", "FmuInstance"),
+    GROUP: ("groups", "Group"),
+    CALL: ("calls", "Call"),
+    CLOCKED_CALL: ("clocked_calls", "ClockedCall"),
+}
+"""Arrays of an instance for records with addresses, and their type in C."""
+
+_ROOM = {
+    *("guess", "sizes", "direction", "earlier", "basis", "residuals", "answers", "kept"),
+    *("values", "input_values", "derivatives", "observed", "marks", "active"),
+}
+"""Fields that point to memory which no step keeps."""
+
+_ADDRESSES = {
+    *(name for t in (CALL, INSTANCE, GROUP) for name in t.names or () if t[name] == np.intp),
+    *(name for t in (Stepper, Events) for name, kind, *_ in t._fields_ if kind is ctypes.c_void_p),
+} - {"every", "code"}
+"""Fields that are addresses."""
+
+_WORD = 8
+"""Bytes of the numbers of which all memory consists."""
+
+
+@dataclass
+class _Region:
+    """Memory of a table, and what it is in C.
+
+    Attributes:
+        address: where it begins.
+        values: the array; None for a record of ctypes, or a function.
+        name: the expression in C of its first element; empty until it is known.
+        place: position in its pool in C.
+    """
+
+    address: int
+    size: int
+    values: NDArray[Any] | None
+    name: str = ""
+    place: int = 0
+
+
+class Image:
+    """The tables of a stepper as C.
+
+    All memory is known by its address. What steps change and keep is `saved`, other memory is `room`. Each
+    instance fills in the records with addresses; all other tables are constants.
+
+    Args:
+        arrays: All arrays to which the tables point.
+    """
+
+    def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
+        self.constants, self._wires, self._starts = list[str](), list[str](), list[str]()
+        self.saved = self.room = 0
+        """Sizes of the two memories, in doubles."""
+        self.pools = {name: 0 for name, _ in _POOLS.values()}
+        self._regions = dict[int, _Region]()
+        self._addresses = list[int]()
+        self._tables = 0
+        for values in arrays:
+            self._add(_Region(values.ctypes.data, values.nbytes, values))
+
+    def _add(self, region: _Region) -> _Region:
+        if region.address not in self._regions:
+            self._regions[region.address] = region
+            self._addresses = []
+        return self._regions[region.address]
+
+    def name(self, address: int, expression: str) -> None:
+        """Give a function, a component or a record of ctypes its expression in C."""
+        self._regions.pop(address, None)
+        self._add(_Region(address, 0, None, expression))
+
+    def save(self, values: NDArray[Any], first: NDArray[Any] | None = None) -> int:
+        """Keep memory that steps change, with these first values; return its position in `saved`."""
+        region = self._add(_Region(values.ctypes.data, values.nbytes, values))
+        if region.name:
+            return region.place
+        region.name, region.place = "memory.saved", self.saved
+        self.saved += -(-values.nbytes // _WORD)
+        if first is not None and first.any():
+            name = self._constant(first)
+            self._starts.append(f"memcpy(&saved[{region.place}], {name}, sizeof {name});")
+        return region.place
+
+    def place(self, address: int) -> int:
+        """Return the position of memory in its pool, such as `calls`."""
+        region, offset = self._find(address)
+        assert region.values is not None
+        self._enter_pool(region)
+        return region.place + offset // region.values.itemsize
+
+    def place_in_saved(self, address: int) -> int:
+        """Return the position of a number in `saved`."""
+        region, offset = self._find(address)
+        return region.place + offset // _WORD
+
+    def wire(self, target: str, record: Any, kind: str) -> None:
+        """Let each instance fill in a record of ctypes, such as `m->stepper`."""
+        fields = [(name, getattr(record, name)) for name, *_ in record._fields_]
+        self._wires.append(f"{target} = ({kind}){{{', '.join(self._cells(fields, kind))}}};")
+
+    def add(self, line: str) -> None:
+        """Let each instance do something else."""
+        self._wires.append(line)
+
+    def point(self, target: str, address: int) -> None:
+        """Let each instance fill in an address."""
+        self._wires.append(f"{target} = {self._expression('values', address)};")
+
+    def text(self) -> str:
+        """Return the function that fills in the tables of an instance, and the one for its first memory."""
+        lines = ["/* Fill in the tables of an instance, which has its own memory. */"]
+        lines += ["static void wire(Instance *m) {", *(f"    {line}" for line in self._wires), "}", ""]
+        lines += ["/* Set arrays, which FMI sets as a whole, to their start values. */"]
+        lines += ["static void begin_arrays(double *saved) {", "    (void)saved;"]
+        return "\n".join([*lines, *(f"    {line}" for line in self._starts), "}", ""])
+
+    def _find(self, address: int) -> tuple[_Region, int]:
+        """Return the region to which an address belongs, and the distance from its start in bytes."""
+        self._addresses = self._addresses or sorted(self._regions)
+        place = bisect_right(self._addresses, address) - 1
+        region = self._regions[self._addresses[max(place, 0)]]
+        offset = address - region.address
+        assert 0 <= offset <= region.size, "a table of the stepper points to unknown memory"
+        return region, offset
+
+    def _expression(self, field: str, address: int) -> str:
+        """Return an address in C."""
+        if address == 0:
+            return "NULL"
+        region, offset = self._find(address)
+        if region.values is None:
+            return region.name
+        if region.name == "memory.saved" or region.name == "room" or field in _ROOM:
+            if not region.name:
+                region.name, region.place = "room", self.room
+                self.room += -(-region.size // _WORD)
+            return f"AT({region.name}, {region.place + offset // _WORD})"
+        if region.values.dtype in _POOLS:
+            self._enter_pool(region)
+            return f"&m->{region.name}[{region.place + offset // region.values.itemsize}]"
+        if not region.name:
+            region.name = self._constant(region.values)
+        return region.name if offset == 0 else f"{region.name} + {offset // region.values.itemsize}"
+
+    def _enter_pool(self, region: _Region) -> None:
+        """Let each instance fill in the records of an array."""
+        if region.name or region.values is None:
+            return
+        name, kind = _POOLS[region.values.dtype]
+        region.name, region.place = name, self.pools[name]
+        self.pools[name] += len(region.values)
+        for place, record in enumerate(region.values, region.place):
+            cells = self._cells([(n, record[n]) for n in record.dtype.names], kind)
+            self._wires.append(f"m->{name}[{place}] = ({kind}){{{', '.join(cells)}}};")
+
+    def _cells(self, fields: Sequence[tuple[str, Any]], kind: str) -> list[str]:
+        """Return the members of a record in C."""
+        return [self._cell(name, value, kind) for name, value in fields]
+
+    def _cell(self, name: str, value: Any, kind: str) -> str:
+        if name.startswith("code"):  # of the present call, which nobody reads here
+            return "{0}" if isinstance(value, ctypes.Array) else "0"
+        if name == "clock" and kind == "Stepper":
+            return f"{{{', '.join(map(_number, value))}}}"
+        if isinstance(value, ctypes.Array):
+            return f"{{{', '.join(self._expression(name, int(x or 0)) for x in value)}}}"
+        if isinstance(value, np.void):
+            return f"{{{', '.join(self._cells([(n, value[n]) for n in value.dtype.names or ()], kind))}}}"
+        if name in _ADDRESSES or (name == "inputs" and kind == "Events"):
+            is_room = name == "references" and kind == "Events"
+            return self._expression("values" if is_room else name, int(value or 0))
+        return _number(value)
+
+    def _constant(self, values: NDArray[Any]) -> str:
+        """Add a constant array, and return its name."""
+        name = f"table_{self._tables}"
+        self._tables += 1
+        self.constants += table(_TYPES[values.dtype], name, map(_row, values.reshape(-1)))
+        return name
+
+
+def _row(value: Any) -> str:
+    if isinstance(value, np.void):
+        return f"{{{', '.join(_number(value[n]) for n in value.dtype.names or ())}}}"
+    return _number(value)
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, float | np.floating):
+        return c_number(float(value))
+    return str(int(value))
+
+
+def table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
+    """Return a constant array, with one empty element if it has none: C has no empty arrays."""
+    listed = list(rows)
+    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in listed or ["0"]), "};", ""]
