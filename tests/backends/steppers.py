@@ -278,7 +278,7 @@ VERSIONS = {"blocks", "scenario", "Model Exchange"}
 WHOLE = {"failure", "error control"}
 HALVES = {"failure", "free rows", "Model Exchange"}  # integrators restart at each checkpoint
 OLD = {"lines", "array loop"}  # FMI 3.0 has no derivatives of inputs, and dependencies of whole arrays only
-ONE_FMU = {*WHOLE, "Model Exchange", "events"}
+ONE_FMU = {*WHOLE, "Model Exchange"}
 
 STEPPERS: dict[str, Stepper] = {
     "C": Stepper(run),
@@ -344,7 +344,7 @@ STEPPERS: dict[str, Stepper] = {
     "container in a system": Stepper(run_container_in_a_system, lacks=ONE_FMU, by_default=()),
     "C code": Stepper(
         run_c_code,
-        lacks={*ONE_FMU, "strong", "extrapolation", "multirate", "transformations", "direct loop"},
+        lacks={*ONE_FMU, "events", "strong", "extrapolation", "multirate", "transformations", "direct loop"},
         needs={"blocks"},
         by_default=[("discrete states", "gauss-seidel")],
     ),

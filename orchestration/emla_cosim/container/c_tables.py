@@ -45,7 +45,8 @@ class SystemTables:
         fmi: The version of FMI.
 
     Attributes:
-        header: what the rest of the C files is made for.
+        sizes: the numbers of everything, and what the system has.
+        header: the constant tables.
         wiring: what connects the tables of the stepper with the memory of an instance.
 
     Raises:
@@ -75,8 +76,9 @@ class SystemTables:
             f"#define {name} {value}" for name, value in self._numbers(variables, sizes, starts).items()
         ]
         lines += [f"#define {name} {c_number(value)}" for name, value in self._reals().items()]
+        self.sizes = "\n".join([*lines, ""])
+        self.header = "\n".join([*tables, *self._image.constants])
         self.wiring = self._image.text()
-        self.header = "\n".join([*lines, "", *tables, *self._image.constants])
 
     def _flags(self) -> list[str]:
         plan = self._plan
@@ -86,7 +88,12 @@ class SystemTables:
             "HAS_SERIALIZATION": has_states and plan.all_can("canSerializeFMUstate"),
             "HAS_FMI3_PARTS": any(library.fmi == 3 for library in plan.libraries),
         }
-        return [f"#define {name}" for name, value in flags.items() if value]
+        parts = {
+            "STEPPER_EVENTS": any(part.events >= 0 for part in plan.image.parts),
+            "STEPPER_GROUPS": bool(plan.groups),
+        }
+        lines = [f"#define {name} {int(value)}" for name, value in parts.items()]
+        return [*lines, *(f"#define {name}" for name, value in flags.items() if value)]
 
     def _numbers(
         self, variables: Sequence[ContainerVariable], sizes: Sequence[int], starts: Sequence[str]

@@ -106,7 +106,8 @@ class Image:
             self._add(_Region(values.ctypes.data, values.nbytes, values))
 
     def _add(self, region: _Region) -> _Region:
-        if region.address not in self._regions:
+        known = self._regions.get(region.address)
+        if known is None or known.size < region.size:  # a view without elements may be where another begins
             self._regions[region.address] = region
             self._addresses = []
         return self._regions[region.address]
@@ -121,6 +122,9 @@ class Image:
         region = self._add(_Region(values.ctypes.data, values.nbytes, values))
         if region.name:
             return region.place
+        for address in [x for x in self._regions if 0 < x - region.address < region.size]:
+            del self._regions[address]  # a view of a part of it
+            self._addresses = []
         region.name, region.place = "memory.saved", self.saved
         self.saved += -(-values.nbytes // _WORD)
         if first is not None and first.any():

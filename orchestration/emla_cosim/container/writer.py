@@ -160,7 +160,8 @@ def _content(
     blocks = sources("shim", fmi)
     content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
     tables = SystemTables(plan, identifier, variables, fmi)
-    content["sources/system.h"], content["sources/wiring.h"] = tables.header.encode(), tables.wiring.encode()
+    for name, text in {"sizes": tables.sizes, "system": tables.header, "wiring": tables.wiring}.items():
+        content[f"sources/{name}.h"] = text.encode()
     mains = [f"fmi{fmi}_container.c"]
     for library in plan.libraries:
         folder = library.folder
@@ -181,8 +182,8 @@ def _content(
 
 
 def _stepper_files() -> dict[str, bytes]:
-    """Return the C files of the stepper that `step.h` includes."""
-    found, wanted = dict[str, bytes](), ["step.h"]
+    """Return the C files of the stepper that steps need."""
+    found, wanted = dict[str, bytes](), ["step.h", "event_calls.h"]
     for name in wanted:
         found[name] = native_sources()[name]
         wanted += [

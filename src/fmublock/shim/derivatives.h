@@ -88,11 +88,10 @@ Status FMI(GetOutputDerivatives)(Handle c, const ValueReference vr[], size_t nvr
     if (check_arrays(instance, nvr, order, value) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_unknown(instance, vr[i]) != StatusOK) return StatusError;
-        if (vr[i] >= FIRST_DERIVATIVE)
-            return report(instance, StatusError, "%s is not an output.", variables[vr[i]].name);
+        const char *name = variables[vr[i]].name;
+        if (vr[i] >= FIRST_DERIVATIVE) return report(instance, StatusError, "%s is not an output.", name);
         if (order[i] != 1)
-            return report(instance, StatusError, "%s: the order %d of the derivative is not 1.",
-                          variables[vr[i]].name, (int)order[i]);
+            return report(instance, StatusError, "%s: the order %d of the derivative is not 1.", name, (int)order[i]);
     }
     if (check_required(instance, vr, nvr) != StatusOK) return StatusError;
     if (check_count(instance, vr, nvr, COUNT_OF(n, nvr)) != StatusOK) return StatusError;

@@ -40,11 +40,11 @@ Status fmi2SetRealInputDerivatives(Handle c, const ValueReference vr[], size_t n
     if (check_arrays(instance, nvr, order, value) != StatusOK) return StatusError;
     for (size_t i = 0; i < nvr; i++) {
         if (check_type(instance, vr[i], 'R') != StatusOK) return StatusError;
-        if ((int)vr[i] >= N_INPUTS)
-            return report(instance, StatusError, "%s is not an input.", variables[vr[i]].name);
+        const char *name = variables[vr[i]].name;
+        if ((int)vr[i] >= N_INPUTS) return report(instance, StatusError, "%s is not an input.", name);
         if (order[i] < 1 || order[i] > INPUT_ORDERS)
-            return report(instance, StatusError, "%s: the order %d of the derivative is not 1 to %d.",
-                          variables[vr[i]].name, (int)order[i], INPUT_ORDERS);
+            return report(instance, StatusError, "%s: the order %d of the derivative is not 1 to %d.", name,
+                          (int)order[i], INPUT_ORDERS);
     }
 #if N_INPUTS > 0
     for (size_t i = 0; i < nvr; i++) {

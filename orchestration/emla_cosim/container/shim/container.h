@@ -1,8 +1,10 @@
 /* A system of FMUs, the parts, which the stepper of emla_cosim steps: its files are in stepper/.
  *
- * guid.h, system.h and wiring.h are generated for the system. Each part has the functions of FMI 2.0 or 3.0; the host
+ * guid.h, sizes.h, system.h and wiring.h are generated for the system. Each part has the functions of FMI 2.0 or 3.0; the host
  * sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
  */
+#include "sizes.h"
+
 #include "stepper/step.h"
 
 #define StatusFatal ((Status)fmi2Fatal) /* both versions have the same numbers */
@@ -22,6 +24,8 @@
 #include "library.h"
 
 #include "parts.h"
+
+#include "part_events.h"
 
 #include "part_values.h"
 

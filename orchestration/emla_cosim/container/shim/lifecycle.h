@@ -121,16 +121,6 @@ static Experiment experiment_of(const Memory *memory, int i) {
     return (Experiment){tolerance, memory->start_time, memory->stop_time};
 }
 
-/* Forget all events of a part. */
-static void restart_events(Instance *instance, int i) {
-    const Part *part = &parts[i];
-    double *memory = &instance->memory.saved[part->first_event];
-    for (int k = 0; k < part->n_event; k++) memory[k] = k < part->first_count ? NAN : 0.0;
-    memory[NEXT_EVENT] = HUGE_VAL;
-    instance->events[part->events].time = instance->memory.start_time;
-    instance->events[part->events].first_return = NAN;
-}
-
 static Status enter_initialization(Instance *instance) {
     Memory *memory = &instance->memory;
     for (int i = 0; i < N_PARTS; i++) {
@@ -150,24 +140,17 @@ static Status enter_initialization(Instance *instance) {
     use_memory(instance);
     memset(memory->saved, 0, N_RESTORED * sizeof(double));
     if (N_JACOBIANS > 0) memcpy(&memory->saved[N_RESTORED], first_jacobians, N_JACOBIANS * sizeof(double));
-    for (int i = 0; i < N_PARTS; i++)
-        if (parts[i].events >= 0) restart_events(instance, i);
+    for (int i = 0; i < N_PARTS; i++) forget_events(instance, i);
     assume_inputs(instance);
     instance->settled = 0;
     return StatusOK;
 }
 
-/* Leave initialization mode, and handle the events at the start. */
 static Status exit_part(Instance *instance, int i) {
-    Events *events = parts[i].events < 0 ? NULL : &instance->events[parts[i].events];
-    if (events != NULL && events_start(NULL, events, instance->memory.start_time) != NO_PROBLEM)
-        return blame_events(instance, i);
+    if (start_events(instance, i) != StatusOK) return StatusError;
     const int32_t status = (int32_t)CALL(instance, i, ExitInitializationMode, ExitInitializationMode)(instance->parts[i]);
     if (is_bad(status)) return blame_part(instance, i, "the end of initialization", status);
-    if (events == NULL) return StatusOK;
-    for (int k = 0; k < events->n_discrete; k++) events->passed[k] = events->inputs[events->discrete[k]];
-    if (events->has_event_mode && events_leave(NULL, events) != NO_PROBLEM) return blame_events(instance, i);
-    return StatusOK;
+    return handle_first_events(instance, i);
 }
 
 static void begin_history(Instance *instance) {

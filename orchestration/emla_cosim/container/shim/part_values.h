@@ -44,17 +44,6 @@ static size_t size_of_type(int type) {
     return sizes[type];
 }
 
-/* Let a part be changed between its steps; events that this causes are handled by `end_change`. */
-static int32_t begin_change(Instance *instance, int part, int way) {
-    if (way != IN_EVENT_MODE || instance->memory.phase != STEP) return fmi2OK;
-    return events_enter(NULL, &instance->events[parts[part].events]) == NO_PROBLEM ? fmi2OK : fmi2Error;
-}
-
-static int32_t end_change(Instance *instance, int part, int way) {
-    if (way != IN_EVENT_MODE || instance->memory.phase != STEP) return fmi2OK;
-    return events_leave(NULL, &instance->events[parts[part].events]) == NO_PROBLEM ? fmi2OK : fmi2Error;
-}
-
 /* Set a number of a part, in the part's own unit. An array is set as a whole. A value that is set at ticks waits for
    the next one. */
 static int32_t set_number(Instance *instance, const Variable *variable, double value) {

@@ -8,6 +8,10 @@
 #define NOINLINE
 #endif
 
+#if defined _MSC_VER && !defined __STDC_VERSION__ /* its C before C11 has another word */
+#define restrict __restrict
+#endif
+
 #include "effort.h"
 
 #include "event_tables.h"
@@ -159,7 +163,7 @@ ALWAYS_INLINE static int32_t do_step(Stepper *s, int32_t i, double time, double 
     if (s->activity != NULL) s->activity->time = time;
     const int64_t start = start_clock(instance->effort);
     const int32_t status =
-        instance->events != NULL
+        STEPPER_EVENTS && instance->events != NULL
             ? step_with_events(s, instance->events, time, length, instance->has_no_way_back)
         : instance->is_version_3
             ? step_3(instance, time, length)

@@ -39,14 +39,6 @@ static int32_t ask_interval(const Stepper *s, Events *e, int32_t clock, double *
     return is_bad(status) ? blame_call(e, FMI_GET_INTERVAL_DECIMAL, status) : NO_PROBLEM;
 }
 
-static int32_t ask_shift(const Stepper *s, Events *e, int32_t clock, double *shift) {
-    *shift = 0.0;
-    announce(s, e->codes[FMI_GET_SHIFT_DECIMAL]);
-    const int32_t status = (int32_t)((fmi3GetShiftDecimalTYPE *)e->functions[FMI_GET_SHIFT_DECIMAL])(
-        e->component, &e->clocks[clock], 1, shift);
-    return is_bad(status) ? blame_call(e, FMI_GET_SHIFT_DECIMAL, status) : NO_PROBLEM;
-}
-
 /* Find the next tick of an aperiodic clock; one that is known stays unless it has changed. */
 static int32_t find_next_tick(const Stepper *s, Events *e, int32_t k) {
     const int32_t clock = e->timed[k].clock;
@@ -57,36 +49,6 @@ static int32_t find_next_tick(const Stepper *s, Events *e, int32_t k) {
     if (qualifier <= fmi3IntervalUnchanged && e->schedule[k].next != INFINITY) return NO_PROBLEM;
     if (!(interval >= 0.0 && isfinite(interval))) return blame_clock(e, WRONG_INTERVAL, clock, interval);
     e->schedule[k].next = e->time + interval;
-    return NO_PROBLEM;
-}
-
-static int32_t start_periodic_clock(const Stepper *s, Events *e, int32_t k) {
-    const TimedClock *timed = &e->timed[k];
-    double interval = timed->interval, shift = timed->shift;
-    int32_t qualifier;
-    if (timed->kind == TOLD) {
-        int32_t problem = ask_interval(s, e, timed->clock, &interval, &qualifier);
-        if (problem == NO_PROBLEM) problem = ask_shift(s, e, timed->clock, &shift);
-        if (problem != NO_PROBLEM) return problem;
-    }
-    if (!(interval > 0.0 && isfinite(interval))) return blame_clock(e, WRONG_INTERVAL, timed->clock, interval);
-    if (!(shift >= 0.0 && isfinite(shift))) return blame_clock(e, WRONG_SHIFT, timed->clock, shift);
-    e->schedule[k] = (Ticks){e->time + shift, e->time + shift, 0.0, interval};
-    return NO_PROBLEM;
-}
-
-/* Find the first ticks, in initialization mode. */
-static int32_t start_clocks(const Stepper *s, Events *e) {
-    for (int32_t k = 0; k < e->n_timed; k++) {
-        int32_t problem;
-        if (is_periodic(&e->timed[k])) {
-            problem = start_periodic_clock(s, e, k);
-        } else {
-            e->schedule[k] = (Ticks){INFINITY, INFINITY, INFINITY, INFINITY};
-            problem = find_next_tick(s, e, k);
-        }
-        if (problem != NO_PROBLEM) return problem;
-    }
     return NO_PROBLEM;
 }
 

@@ -185,36 +185,3 @@ NOINLINE static int32_t step_with_events(const Stepper *s, Events *e, double tim
     if (problem == NO_PROBLEM) return fmi2OK;
     return problem == CALL_FAILED && e->call == FMI_DO_STEP && e->status == fmi2Discard ? fmi2Discard : fmi2Error;
 }
-
-/* ---- for hosts that step instances one by one ---- */
-
-const size_t events_sizes[] = {sizeof(ClockedCall), sizeof(ClockSet), sizeof(TimedClock), sizeof(TriggeredClock),
-                               sizeof(Events)};
-
-int32_t events_start(Activity *activity, Events *events, double time) {
-    const Stepper s = {.activity = activity};
-    events->time = time;
-    events->problem = NO_PROBLEM;
-    const int32_t problem = start_clocks(&s, events);
-    return problem == NO_PROBLEM ? get_clocked(&s, events, 1) : problem;
-}
-
-int32_t events_enter(Activity *activity, Events *events) {
-    const Stepper s = {.activity = activity};
-    events->problem = NO_PROBLEM;
-    return switch_mode(&s, events, FMI_ENTER_EVENT_MODE);
-}
-
-int32_t events_leave(Activity *activity, Events *events) {
-    const Stepper s = {.activity = activity};
-    events->problem = NO_PROBLEM;
-    const int32_t problem = update_until_settled(&s, events, 0.0, 0);
-    return problem == NO_PROBLEM ? switch_mode(&s, events, FMI_ENTER_STEP_MODE) : problem;
-}
-
-int32_t events_step(Activity *activity, Events *events, double time, double length, int32_t has_no_way_back) {
-    const Stepper s = {.activity = activity};
-    if (activity != NULL) activity->time = time;
-    step_with_events(&s, events, time, length, has_no_way_back);
-    return events->problem;
-}

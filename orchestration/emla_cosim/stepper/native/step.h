@@ -40,7 +40,7 @@ ALWAYS_INLINE static int32_t operate(Stepper *s, const Operation *operation, int
         case DO_STEP: return do_step(s, operation->target, start, span);
         case END_STEP: return end_step(s, operation->target, start, span);
         case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
-        case SOLVE: return solve(s, operation->target, time, length, s->halvings);
+        case SOLVE: return STEPPER_GROUPS ? solve(s, operation->target, time, length, s->halvings) : DONE;
         default: combine(s, &s->combinations[operation->target]); return DONE;
     }
 }

@@ -1,6 +1,8 @@
 /* The stepping loop; see stepper.h. */
 #include "step.h"
 
+#include "event_calls.h"
+
 #include <time.h>
 
 /* Sizes of the records, for those who fill them in another language. */

@@ -14,6 +14,11 @@
 #include "fmi2FunctionTypes.h"
 #include "fmi3FunctionTypes.h"
 
+#ifndef STEPPER_EVENTS /* an exported system leaves out what it has not */
+#define STEPPER_EVENTS 1
+#define STEPPER_GROUPS 1
+#endif
+
 #ifndef STEPPER_API
 #define STEPPER_API /* what makes a function visible outside of a library */
 #endif
