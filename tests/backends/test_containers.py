@@ -5,7 +5,7 @@ That its rows are those of a run is shown in test_matrix.py.
 
 import re
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,6 @@ from tests.support.container_host import Host
 from tests.support.hand_written_fmus import (
     build_all_types_3_fmu,
     build_all_types_fmu,
-    build_event_fmu,
     edit_description,
 )
 from tests.support.tiers import mostly_slow
@@ -521,23 +520,11 @@ def clash(all_types: Path, third: Path, folder: Path) -> ec.System:
     return ec.System.of({"a": dotted, "a.b": all_types})
 
 
-def event_fmu(**options: Any) -> Callable[[Path, Path, Path], ec.System]:
-    return lambda all_types, third, folder: ec.System.of(
-        {"a": build_event_fmu(folder / "Events.fmu", **options)}
-    )
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     mostly_slow(
         [
             (clash, r"two variables have the name 'a\.b\.twice'"),
-            (event_fmu(early=False), r"FMUs with event mode \(hasEventMode\); a has it"),
-            (
-                event_fmu(events=False),
-                r"FMUs with early return \(mightReturnEarlyFromDoStep\); a has it",
-            ),
-            (event_fmu(clock="periodic"), "FMUs with clocks; a has it"),
             (
                 lambda all_types, third, folder: ec.System.of({"a": third}, [], {"a.UInt32_in": 2**32 - 1}),
                 r"a\.UInt32_in = 4294967295 does not fit into an Integer of FMI 2",

@@ -24,7 +24,7 @@ from emla_cosim.system.model import System
 from tests.backends.test_containers import without_sources
 from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
 from tests.support.container_calls import STEP, TYPES_3
-from tests.support.hand_written_fmus import build_all_types_3_fmu
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_event_fmu
 from tests.support.sessions import ERROR
 from tests.support.tiers import mostly_nightly
 
@@ -32,7 +32,7 @@ pytestmark = [needs_cc, pytest.mark.slow]
 
 CALLS = os.environ.get("EMLA_FUZZ_CALLS", "3000")
 SEED = os.environ.get("EMLA_FUZZ_SEED", "1")
-COMBINATIONS = list(itertools.product(("lift", "parts of FMI 3.0", "hdrm-coupled"), (2, 3)))
+COMBINATIONS = list(itertools.product(("lift", "parts of FMI 3.0", "events", "hdrm-coupled"), (2, 3)))
 LETTERS = {
     "Real": "R",
     "Integer": "I",
@@ -42,11 +42,14 @@ LETTERS = {
 _FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-function"]
 
 
-@pytest.mark.parametrize(("system", "fmi"), mostly_nightly(COMBINATIONS, [COMBINATIONS[0], COMBINATIONS[3]]))
+@pytest.mark.parametrize(
+    ("system", "fmi"), mostly_nightly(COMBINATIONS, [COMBINATIONS[0], COMBINATIONS[3], COMBINATIONS[5]])
+)
 def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_path: Path) -> None:
     """The joint has a plant without sources, so that a library is loaded; the machine has loops.
 
-    Parts of FMI 3.0 have all types and arrays; a plant is one of them.
+    Parts of FMI 3.0 have all types and arrays; a plant is one of them. Those with events have clocks, and
+    inputs that the host sets, which change at ticks.
     """
     source: Any = system
     replace: dict[str, Path] = {}
@@ -59,7 +62,16 @@ def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_pa
         plant = fmublock.build(MODELS["EmlaPlant"], tmp_path / "EmlaPlant.fmu", fmi=3)
         wires = [f"a.{kind}_out -> b.{kind}_in" for kind in ("Float32", "Int8", "UInt64", "Boolean")]
         fmus = {"a": third, "b": third, "plant": plant}
-        source = System.of(fmus, [*wires, "a.y -> b.u", "a.x -> plant.u_q", "plant.x_L -> a.u[1,1]"])
+        wires += ["a.y -> b.u", "a.x -> plant.u_q", "plant.x_L -> a.u[1,1]"]
+        wires += ["a.String_out -> b.String_in", "a.Binary_source -> b.Binary_in"]
+        source = System.of(fmus, wires)
+    elif system == "events":
+        clocks = {"a": "periodic", "b": "countdown", "c": None}
+        fmus = {
+            name: build_event_fmu(tmp_path / f"{name}.fmu", clock=clock) for name, clock in clocks.items()
+        }
+        starts = {"a.period": 3.3 * STEP, "b.threshold": 2.7 * STEP, "c.threshold": 4.1 * STEP}
+        source = System.of(fmus, ["a.x -> b.w", "a.count -> c.n"], starts)
     scenario = load(source, replace=replace, step_size=STEP, stop_time=0.1, fmus=fmu_folder)
     fmu, folder = scenario.export(tmp_path / "system.fmu", fmi=fmi), tmp_path / "fuzzed fmu"
     fmpy.extract(str(fmu), str(folder))

@@ -15,6 +15,7 @@ from lxml import etree
 import emla_cosim as ec
 from emla_cosim.fmu.models import build
 from emla_cosim.study.loading import load
+from tests.support.hand_written_fmus import build_event_fmu
 from tests.support.joint_run import Array
 from tests.support.package_hosts import Signal, ecos_run, libcosim_run, observed, stepped
 
@@ -132,32 +133,51 @@ def test_package_of_the_manipulator_loads(fmu_folder: Path, tmp_path: Path) -> N
 
 # ---- a system as one FMU ------------------------------------------------------------------------
 
-OUTPUTS = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]
+JOINT = ["lift.plant.x_L", "lift.plant.i_q", "lift.controller.u_q"]
 
 
-@pytest.mark.parametrize(
-    ("name", "host"),
-    [("lift", "libcosim"), ("lift", "Ecos"), ("lift", "Ecos with FMI 3.0"), ("hdrm-coupled", "libcosim")],
-)
-def test_system_as_one_fmu_has_the_bits_of_our_run(
-    name: str, host: str, fmu_folder: Path, tmp_path: Path
-) -> None:
-    """The hosts have no rollback: the coupled machine is solved inside of the FMU."""
-    step, count = 1e-3, 20
-    scenario = load(name, stop_time=step * count, output_interval=step, fmus=fmu_folder)
-    version = {"fmi": 3} if host.endswith("3.0") else {}
-    fmu = scenario.export(tmp_path / "system.fmu", outputs=OUTPUTS, **version)
-    with scenario.prepare() as simulation:
-        run = simulation.run()
+def build_system(name: str, fmus: Path, folder: Path) -> tuple[ec.Scenario, list[str]]:
+    """Return a system with events or clocks, or a scenario, and some outputs."""
+    if name not in ("events", "clocks"):
+        return load(name, stop_time=0.02, output_interval=1e-3, fmus=fmus), JOINT
+    clocks = ("periodic", "countdown") if name == "clocks" else (None, None)
+    parts = {
+        c: build_event_fmu(folder / f"{c}.fmu", clock=clock) for c, clock in zip("ab", clocks, strict=True)
+    }
+    values = {"a.period": 0.21, "a.threshold": 0.17, "b.threshold": 0.135}
+    system = ec.System.of(parts, ["a.x -> b.w" if name == "clocks" else "a.count -> b.n"], values)
+    outputs = ["a.x", "b.x", "b.sum"] if name == "clocks" else ["a.x", "b.x"]
+    return load(system, stop_time=0.6, step_size=1e-3, output_interval=1e-3), outputs
+
+
+def host_run(host: str, fmu: Path, outputs: list[str], count: int) -> Array:
+    """Run one FMU in steps of 1 ms."""
+    step = 1e-3
+    if host == "FMPy":
+        times = {"stop_time": count * step, "step_size": step, "output_interval": step}
+        rows = fmpy.simulate_fmu(str(fmu), output=outputs, **times)
+        return np.array([rows[name] for name in outputs]).T
     if host == "libcosim":
         variables = {v.name: v.valueReference for v in fmpy.read_model_description(str(fmu)).modelVariables}
         execution = CosimExecution.from_step_size(round(step * 1e9))
         index = execution.add_local_slave(CosimLocalSlave(str(fmu), "system"))
-        found = observed(execution, [(index, variables[n]) for n in OUTPUTS], step, count)
-    else:
-        with EcosSimulationStructure() as structure:
-            structure.add_model("system", fmu)
-            with EcosSimulation(step, structure=structure) as simulation:
-                assert simulation.init()
-                found = stepped(simulation, [f"system::{n}" for n in OUTPUTS], count)
-    np.testing.assert_array_equal(found, np.array([run[n] for n in OUTPUTS]).T)
+        return observed(execution, [(index, variables[n]) for n in outputs], step, count)
+    with EcosSimulationStructure() as structure:
+        structure.add_model("system", fmu)
+        with EcosSimulation(step, structure=structure) as simulation:
+            assert simulation.init()
+            return stepped(simulation, [f"system::{n}" for n in outputs], count)
+
+
+@pytest.mark.parametrize("name", ["lift", "study-drive", "hdrm-coupled", "events", "clocks"])
+def test_system_as_one_fmu_has_the_bits_of_our_run(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+    """The hosts have no rollback and no event mode: loops, events and ticks are handled inside of the FMU."""
+    scenario, outputs = build_system(name, fmu_folder, tmp_path)
+    with scenario.prepare() as simulation:
+        run = simulation.run()
+    expected = np.array([run[n] for n in outputs]).T
+    assert np.ptp(expected, axis=0).all()
+    for fmi, hosts in ((2, ("FMPy", "libcosim", "Ecos")), (3, ("FMPy", "Ecos"))):  # libcosim has no FMI 3.0
+        fmu = scenario.export(tmp_path / f"system{fmi}.fmu", outputs=outputs, fmi=fmi)
+        for host in hosts:
+            np.testing.assert_array_equal(host_run(host, fmu, outputs, len(expected) - 1), expected, host)

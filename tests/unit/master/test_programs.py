@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -167,10 +168,24 @@ def test_invalid_programs_are_refused(ring: ec.Simulation, program: list[Any], p
         ring.run(algorithm=Written(write=lambda network: program))
 
 
-def test_a_program_that_combines_is_not_exported(ring: ec.Simulation, tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_a_program_is_exported_as_it_is(ring: ec.Simulation, fmu_folder: Path, tmp_path: Path) -> None:
+    """With vectors of its own, and components that it samples."""
+
+    def write(network: Any) -> list[Any]:
+        first, second = (calls([i], "used", every) for i, every in ((0, 1), (1, 2)))
+        terms = {"used": 0.3, "signals": 0.7}
+        return [*first, *second, *(ec.Combine(i, "used", terms) for i in (0, 1))]
+
     system = ec.System.of({"a": Ramp, "b": Ramp}, ["a.y -> b.u", "b.y -> a.u"], {"a.k": 0.5})
-    with pytest.raises(ec.CommandError, match="cannot combine values"):
-        ec.load(system, algorithm=relaxed(0.5), step_size=H, stop_time=1.0).export(tmp_path / "x.fmu")
+    times = {"step_size": H, "stop_time": STEPS * H}
+    scenario = ec.load(system, fmus=fmu_folder, algorithm=Written(write=write), **times)
+    with scenario.prepare() as simulation:
+        run = simulation.run()
+    fmu = scenario.export(tmp_path / "x.fmu")
+    rows = fmpy.simulate_fmu(str(fmu), stop_time=STEPS * H, step_size=H, output_interval=H)
+    for name in ("a.y", "b.y"):
+        assert np.array_equal(rows[name], run[name])
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

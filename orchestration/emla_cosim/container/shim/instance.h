@@ -110,3 +110,7 @@ static Status blame_part(Instance *instance, int part, const char *what, int32_t
     return report(instance, fatal ? StatusFatal : StatusError, "%s answered %s with fmi%d%s.", parts[part].name,
                   what, libraries[parts[part].library].fmi, is_known ? names[status] : "Status that does not exist");
 }
+
+#if N_TEXT_LINKS > 0
+static fmi2Status step_texts(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boolean no_way_back);
+#endif

@@ -1,0 +1,201 @@
+"""Systems with events, clocks, Strings and Binary values as one FMU: what a host sets, reads and is told.
+
+That rows have the bits of a run without a host that sets anything is shown in test_matrix.py.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+
+import emla_cosim as ec
+from tests.support.container_host import Host
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, build_event_fmu
+from tests.support.tiers import mostly_slow
+
+STEP, STEPS = 0.125, 16
+WHOLE = ("a.bounces", "a.count", "a.latched")
+ENDLESS_UPDATES, ENDLESS_RETURNS, UNEXPECTED_EVENT, UNEXPECTED_RETURN, NO_TIME = range(1, 6)
+both_versions = pytest.mark.parametrize("fmi", [2, 3])
+
+
+@pytest.fixture(scope="module")
+def clocked(tmp_path_factory: pytest.TempPathFactory) -> ec.Scenario:
+    """Time events, state events, a discrete input, and a clock with an input of its own; all inputs are open."""
+    fmu = build_event_fmu(tmp_path_factory.mktemp("clocked") / "Clocked.fmu", clock="periodic")
+    system = ec.System.of({"a": fmu}, [], {"a.period": 0.21, "a.threshold": 0.17})
+    return ec.load(system, step_size=STEP, stop_time=STEP * STEPS)
+
+
+@pytest.fixture(scope="module")
+def clocked_fmus(clocked: ec.Scenario, tmp_path_factory: pytest.TempPathFactory) -> Mapping[int, Path]:
+    folder = tmp_path_factory.mktemp("exported")
+    return {fmi: clocked.export(folder / f"{fmi}.fmu", outputs=["*"], fmi=fmi) for fmi in (2, 3)}
+
+
+def given(k: int) -> dict[str, float]:
+    """Return what is set before step k; some values stay for several steps."""
+    return {"a.u": 1.0 + 0.25 * k, "a.n": float(k // 3), "a.w": float(k // 2) - 3.0}
+
+
+def set_all(host: Host, values: Mapping[str, float]) -> None:
+    for name, value in values.items():
+        if name == "a.n":
+            set_whole = host.fmu.setInteger if host.version == 2 else host.fmu.setInt32
+            set_whole([host.references[name]], [int(value)])
+        else:
+            host[name] = value
+
+
+def read_all(host: Host) -> list[float]:
+    get_whole = host.fmu.getInteger if host.version == 2 else host.fmu.getInt32
+    return [*host.read(["a.x", "a.sum"]), *get_whole([host.references[n] for n in WHOLE])]
+
+
+@pytest.fixture(scope="module")
+def expected(clocked: ec.Scenario) -> list[list[float]]:
+    """The values after each step of a run by hand."""
+    rows = list[list[float]]()
+    with clocked.prepare() as simulation:
+        simulation.start()
+        for k in range(STEPS):
+            for name, value in given(k).items():
+                simulation[name] = value
+            simulation.advance((k + 1) * STEP)
+            rows.append([float(simulation[n]) for n in ("a.x", "a.sum", *WHOLE)])
+        simulation.finish()
+    assert np.ptp(rows, axis=0).all(), "everything changes"
+    return rows
+
+
+@both_versions
+def test_inputs_that_change_in_event_mode_and_at_ticks(
+    fmi: int, clocked_fmus: Mapping[int, Path], expected: list[list[float]], tmp_path: Path
+) -> None:
+    """Also after a state from another instance, which has the clocks and the values that wait for a tick."""
+    half = STEPS // 2
+    with Host(clocked_fmus[fmi], tmp_path) as host, Host(clocked_fmus[fmi], tmp_path / "other") as other:
+        host.start()
+        for k in range(half):
+            set_all(host, given(k))
+            host.step(k * STEP, STEP)
+            assert read_all(host) == expected[k]
+        set_all(host, given(half))
+        content = host.serialize(state := host.save())
+        host.free(state)
+        other.start()
+        other.step(0.0, 3 * STEP)
+        other.restore(other.deserialize(content))
+        for one in (host, other):
+            one.step(half * STEP, STEP)
+            for k in range(half + 1, STEPS):
+                set_all(one, given(k))
+                one.step(k * STEP, STEP)
+                assert read_all(one) == expected[k]
+
+
+def test_a_reset_forgets_ticks_and_values(
+    clocked_fmus: Mapping[int, Path], expected: list[list[float]], tmp_path: Path
+) -> None:
+    with Host(clocked_fmus[3], tmp_path) as host:
+        for _ in range(2):
+            host.start()
+            for k in range(4):
+                set_all(host, given(k))
+                host.step(k * STEP, STEP)
+                assert read_all(host) == expected[k]
+            host.fmu.reset()
+
+
+# ---- what goes wrong -----------------------------------------------------------------------------
+
+FAULTS = [
+    (ENDLESS_UPDATES, {}, "asked 1000 times in a row for more"),
+    (ENDLESS_RETURNS, {}, "asked 1001 times in a row for more"),
+    (NO_TIME, {}, "has the next event at NaN"),
+    (UNEXPECTED_EVENT, {"events": False}, "asked for event mode"),
+    (UNEXPECTED_RETURN, {"events": False, "early": False}, "returned early"),
+]
+
+
+def run_with_fault(
+    fault: int, flags: Mapping[str, bool], folder: Path, fmi: int = 3, **values: float
+) -> tuple[bool, list[str]]:
+    """Do steps of an FMU with a fault; return whether one failed, and the messages."""
+    fmu = build_event_fmu(folder / "Events.fmu", **flags)
+    starts = {"a.period": 0.21, "a.threshold": 0.17, **{f"a.{n}": x for n, x in values.items()}}
+    system = ec.System.of({"a": fmu}, [], starts)
+    exported = ec.load(system, step_size=STEP, stop_time=1.0).export(folder / "x.fmu", fmi=fmi)
+    failed = False
+    with Host(exported, folder) as host:
+        host.fmu.setDebugLogging(True, [])
+        set_whole = host.fmu.setInteger if fmi == 2 else host.fmu.setInt32
+        set_whole([host.references["a.fault"]], [fault])
+        try:
+            host.start()
+            for k in range(4):
+                answer = host.step(k * STEP, STEP)
+                failed = failed or (fmi == 3 and bool(answer[1]))
+        except FMICallException:
+            failed = True
+        return failed, host.messages
+
+
+@pytest.mark.parametrize(("fault", "flags", "words"), mostly_slow(FAULTS, FAULTS[:1]), ids=str)
+def test_what_goes_wrong_in_events_is_reported(
+    fault: int, flags: dict[str, bool], words: str, tmp_path: Path
+) -> None:
+    failed, messages = run_with_fault(fault, flags, tmp_path)
+    assert failed and any(words in message and "a" in message for message in messages), messages
+
+
+def test_an_early_return_without_declaration_is_accepted_with_a_warning(tmp_path: Path) -> None:
+    failed, messages = run_with_fault(0, {"early": False}, tmp_path)
+    assert not failed and messages == []
+    failed, messages = run_with_fault(UNEXPECTED_RETURN, {"early": False}, tmp_path / "again")
+    said = [m for m in messages if "returned early" in m and "without declaring it" in m]
+    assert not failed and len(said) == 1
+
+
+@both_versions
+def test_a_component_that_wants_the_end_ends_the_simulation(fmi: int, tmp_path: Path) -> None:
+    failed, messages = run_with_fault(0, {}, tmp_path, fmi, end=0.3)
+    assert failed and any("asks to end the simulation" in m for m in messages)
+
+
+# ---- Strings and Binary values -------------------------------------------------------------------
+
+
+def test_strings_and_binary_values_pass_as_in_a_run(tmp_path: Path) -> None:
+    """From an FMU of FMI 2.0 to two of FMI 3.0; the values change in each step."""
+    third = build_all_types_3_fmu(tmp_path / "Third.fmu")
+    fmus = {"b": third, "a": build_all_types_fmu(tmp_path / "AllTypes.fmu"), "c": third}
+    wires = ["a.text -> b.String_in", "b.String_out -> c.String_in", "a.x -> b.u[1,1]"]
+    wires += ["b.Binary_source -> c.Binary_in"]
+    texts, numbers = ["a.text", "b.String_out", "c.String_out"], ["c.checksum", "b.checksum"]
+    scenario = ec.load(ec.System.of(fmus, wires), step_size=STEP, stop_time=STEP * STEPS)
+    with scenario.prepare() as simulation:
+        run = simulation.run(signals=[*texts, *numbers])
+    assert all(len(set(run[name])) > 2 for name in (*texts, "c.checksum"))
+    exported = scenario.export(tmp_path / "x.fmu", outputs=["*"], fmi=3)
+    with Host(exported, tmp_path) as host:
+        host.start()
+        for k in range(STEPS + 1):
+            found = host.fmu.getString([host.references[n] for n in texts])
+            assert found == [run[n][k] for n in texts]
+            assert host.fmu.getInt32([host.references[n] for n in numbers]) == [run[n][k] for n in numbers]
+            host.step(k * STEP, STEP) if k < STEPS else None
+
+
+def test_binary_values_that_are_too_large_end_the_run(tmp_path: Path) -> None:
+    third = build_all_types_3_fmu(tmp_path / "Third.fmu")
+    system = ec.System.of({"a": third, "b": third}, ["a.Binary_source -> b.Binary_in"])
+    exported = ec.load(system, step_size=STEP, stop_time=2.0).export(tmp_path / "x.fmu", fmi=3)
+    with Host(exported, tmp_path) as host:
+        host.start({"a.end": 0.25})  # then it has 9 bytes
+        with pytest.raises(FMICallException):
+            for k in range(STEPS):
+                host.step(k * STEP, STEP)
+        assert any("takes" in m and "at the most" in m for m in host.messages)
