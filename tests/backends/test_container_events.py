@@ -3,14 +3,20 @@
 That rows have the bits of a run without a host that sets anything is shown in test_matrix.py.
 """
 
+import subprocess
+import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
 import emla_cosim as ec
+from tests.support.c_programs import needs_cc
 from tests.support.container_host import Host
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, build_event_fmu
 from tests.support.tiers import mostly_slow
@@ -23,7 +29,7 @@ both_versions = pytest.mark.parametrize("fmi", [2, 3])
 
 @pytest.fixture(scope="module")
 def clocked(tmp_path_factory: pytest.TempPathFactory) -> ec.Scenario:
-    """Time events, state events, a discrete input, and a clock with an input of its own; all inputs are open."""
+    """Time events, state events, a discrete input, and a clock with an input; all inputs are open."""
     fmu = build_event_fmu(tmp_path_factory.mktemp("clocked") / "Clocked.fmu", clock="periodic")
     system = ec.System.of({"a": fmu}, [], {"a.period": 0.21, "a.threshold": 0.17})
     return ec.load(system, step_size=STEP, stop_time=STEP * STEPS)
@@ -163,6 +169,50 @@ def test_an_early_return_without_declaration_is_accepted_with_a_warning(tmp_path
 def test_a_component_that_wants_the_end_ends_the_simulation(fmi: int, tmp_path: Path) -> None:
     failed, messages = run_with_fault(0, {}, tmp_path, fmi, end=0.3)
     assert failed and any("asks to end the simulation" in m for m in messages)
+
+
+# ---- sources -------------------------------------------------------------------------------------
+
+ZIG = (sys.executable, "-m", "ziglang", "cc")  # which is clang
+COMPILERS = {
+    "gcc": ("cc",),
+    "clang": ZIG,
+    # near to the C of MSVC: without extensions of GNU. Then glibc has HUGE_VAL as a literal.
+    "clang -fms-compatibility": (*ZIG, "-fms-compatibility", "-fms-extensions", "-Wno-literal-range"),
+    "clang for Windows": (*ZIG, "-target", "x86_64-windows-gnu"),
+}
+
+
+@pytest.mark.slow
+@needs_cc
+def test_sources_compile_without_warnings(
+    clocked_fmus: Mapping[int, Path], fmu_folder: Path, tmp_path: Path
+) -> None:
+    """With events, with loops, with texts, and with parts that are compiled in or loaded."""
+    texts = ec.System.of(
+        dict.fromkeys("ab", build_all_types_3_fmu(tmp_path / "Third.fmu")),
+        ["a.String_out -> b.String_in", "a.Binary_source -> b.Binary_in"],
+    )
+    times = {"step_size": 1e-3, "stop_time": 0.1, "fmus": fmu_folder}
+    machine = ec.load("hdrm-coupled", fmus=fmu_folder).export(tmp_path / "machine.fmu")
+    exported = [
+        machine,
+        ec.load(texts, **times).export(tmp_path / "texts.fmu", fmi=3),
+        *clocked_fmus.values(),
+    ]
+    commands, headers = list[list[str]](), str(files("fmpy").joinpath("c-code"))
+    for number, fmu in enumerate(exported):
+        fmpy.extract(str(fmu), folder := str(tmp_path / str(number)))
+        for source in sorted(Path(folder, "sources").glob("*.c")):
+            flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-I", headers]
+            for compiler in COMPILERS.values():
+                commands.append([*compiler, *flags, "-c", str(source), "-o", f"{source}.{len(commands)}.o"])
+    with ThreadPoolExecutor() as pool:
+        done = list(
+            pool.map(lambda x: subprocess.run(x, capture_output=True, text=True, check=False), commands)
+        )
+    assert len(done) > 4 * len(COMPILERS)
+    assert [x.stderr[:2000] for x in done if x.returncode != 0] == []
 
 
 # ---- Strings and Binary values -------------------------------------------------------------------

@@ -223,7 +223,7 @@ static void draw_call(Toy *toy, Call *call, uint32_t reference, int32_t item) {
     call->references = references, call->n_references = 1;
     call->values = own(toy, 1, is_byte ? 1 : sizeof(double)), call->n_values = 1;
     call->items = items, call->places = items + 1, call->n_items = item >= 0;
-    call->type = is_byte ? INT8 : FLOAT64;
+    call->type = is_byte ? TYPE_INT8 : TYPE_FLOAT64;
     call->code = (int64_t)reference;
     call->is_version_3 = 1;
 }

@@ -94,7 +94,7 @@ static void add_call(System *system, Calls *list, int32_t i, int32_t is_version_
 static void add_direct_call(System *system, Calls *list, int32_t i, int32_t is_version_3, Occasion occasion,
                             double *numbers, int32_t count) {
     const int32_t n_references = is_version_3 ? between(&system->dice, 1, count) : count;
-    add_call(system, list, i, is_version_3, occasion, FLOAT64, n_references, count);
+    add_call(system, list, i, is_version_3, occasion, TYPE_FLOAT64, n_references, count);
     list->calls[list->n - 1].values = numbers;
 }
 
@@ -111,15 +111,15 @@ static void add_typed_call(System *system, Calls *list, int32_t i, int32_t is_ve
     Call *call = &list->calls[list->n - 1];
     call->values = own(system, (size_t)n_values, size_of_type[type]);
     for (int32_t k = 0; k < n_values; k++) put_number(call->values, type, k, 1.0);
-    if (type == BOOLEAN) memset(call->values, 1, (size_t)n_values);
+    if (type == TYPE_BOOLEAN) memset(call->values, 1, (size_t)n_values);
     call->items = own_copy(system, items, count, sizeof *items);
     call->places = own_copy(system, places, count, sizeof *places);
     call->n_items = count;
 }
 
 static int32_t draw_type(Dice *dice, int32_t is_version_3) {
-    static const int32_t types_2[] = {FLOAT64, INT32, BOOLEAN_2};
-    return is_version_3 ? below(dice, BOOLEAN + 1) : types_2[below(dice, 3)];
+    static const int32_t types_2[] = {TYPE_FLOAT64, TYPE_INT32, TYPE_BOOLEAN_2};
+    return is_version_3 ? below(dice, TYPE_BOOLEAN + 1) : types_2[below(dice, 3)];
 }
 
 /* Add the calls for `count` numbers of a vector: some directly, the rest by type. */
@@ -131,7 +131,7 @@ static void add_calls(System *system, Calls *list, int32_t i, int32_t is_version
     const int32_t n_direct = all_direct || happens(dice, 0.4) ? count : happens(dice, 0.3) ? below(dice, count) : 0;
     if (n_direct > 0) add_direct_call(system, list, i, is_version_3, occasion, vector + first, n_direct);
     for (int32_t k = n_direct; k < count; k++) types[k] = draw_type(dice, is_version_3);
-    for (int32_t type = FLOAT64; type <= BOOLEAN_2; type++) {
+    for (int32_t type = TYPE_FLOAT64; type <= TYPE_BOOLEAN_2; type++) {
         int32_t n = 0;
         for (int32_t k = n_direct; k < count; k++)
             if (types[k] == type) items[n++] = first + k;

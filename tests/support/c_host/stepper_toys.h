@@ -47,19 +47,19 @@ static int is_same(double a, double b) { return a == b || (isnan(a) && isnan(b))
 
 /* ---- values of all types --------------------------------------------------------------- */
 
-#define EACH_WHOLE_TYPE(X)                  \
-    X(INT8, int8_t, INT8_MIN, INT8_MAX)     \
-    X(UINT8, uint8_t, 0, UINT8_MAX)         \
-    X(INT16, int16_t, INT16_MIN, INT16_MAX) \
-    X(UINT16, uint16_t, 0, UINT16_MAX)      \
-    X(INT32, int32_t, INT32_MIN, INT32_MAX) \
-    X(UINT32, uint32_t, 0, UINT32_MAX)      \
-    X(INT64, int64_t, INT64_MIN, INT64_MAX) \
-    X(UINT64, uint64_t, 0, UINT64_MAX)
+#define EACH_WHOLE_TYPE(X)                       \
+    X(TYPE_INT8, int8_t, INT8_MIN, INT8_MAX)     \
+    X(TYPE_UINT8, uint8_t, 0, UINT8_MAX)         \
+    X(TYPE_INT16, int16_t, INT16_MIN, INT16_MAX) \
+    X(TYPE_UINT16, uint16_t, 0, UINT16_MAX)      \
+    X(TYPE_INT32, int32_t, INT32_MIN, INT32_MAX) \
+    X(TYPE_UINT32, uint32_t, 0, UINT32_MAX)      \
+    X(TYPE_INT64, int64_t, INT64_MIN, INT64_MAX) \
+    X(TYPE_UINT64, uint64_t, 0, UINT64_MAX)
 
 static const size_t size_of_type[] = {8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(fmi3Boolean), sizeof(fmi2Boolean)};
 
-static int is_whole(int32_t type) { return type >= INT8 && type <= UINT64; }
+static int is_whole(int32_t type) { return type >= TYPE_INT8 && type <= TYPE_UINT64; }
 
 static double smallest_of(int32_t type) {
     switch (type) {
@@ -85,9 +85,9 @@ static double take_number(const void *values, int32_t type, int32_t k) {
 #define TAKE_WHOLE(NAME, c_type, low, high) case NAME: return (double)((const c_type *)values)[k];
         EACH_WHOLE_TYPE(TAKE_WHOLE)
 #undef TAKE_WHOLE
-        case FLOAT64: return ((const double *)values)[k];
-        case FLOAT32: return (double)((const float *)values)[k];
-        case BOOLEAN: return ((const unsigned char *)values)[k] != 0;
+        case TYPE_FLOAT64: return ((const double *)values)[k];
+        case TYPE_FLOAT32: return (double)((const float *)values)[k];
+        case TYPE_BOOLEAN: return ((const unsigned char *)values)[k] != 0;
         default: return ((const fmi2Boolean *)values)[k] != 0;
     }
 }
@@ -106,10 +106,10 @@ static void put_number(void *values, int32_t type, int32_t k, double number) {
     }
         EACH_WHOLE_TYPE(PUT_WHOLE)
 #undef PUT_WHOLE
-        case FLOAT64: ((double *)values)[k] = number; return;
-        case FLOAT32: ((float *)values)[k] = (float)number; return;
+        case TYPE_FLOAT64: ((double *)values)[k] = number; return;
+        case TYPE_FLOAT32: ((float *)values)[k] = (float)number; return;
         /* an FMU may have another idea of true than 1 */
-        case BOOLEAN: ((unsigned char *)values)[k] = (unsigned char)(whole > 0.0 ? 1 + k : 0); return;
+        case TYPE_BOOLEAN: ((unsigned char *)values)[k] = (unsigned char)(whole > 0.0 ? 1 + k : 0); return;
         default: ((fmi2Boolean *)values)[k] = whole > 0.0 ? 1 + k : 0;
     }
 }
@@ -117,8 +117,8 @@ static void put_number(void *values, int32_t type, int32_t k, double number) {
 /* Whether a toy got what the stepper should have made of an input. */
 static int is_converted(int32_t type, double number, double input) {
     if (is_whole(type)) return fabs(number - input) <= 0.5 || fabs(number - input) <= 1e-15 * fabs(input);
-    if (type == FLOAT64) return is_same(number, input);
-    if (type == FLOAT32) return is_same(number, (double)(float)input);
+    if (type == TYPE_FLOAT64) return is_same(number, input);
+    if (type == TYPE_FLOAT32) return is_same(number, (double)(float)input);
     return (number != 0.0) == !(fabs(input) <= 0.5);
 }
 
@@ -516,14 +516,14 @@ static void free_state_of_toy(Toy *toy, void **state) {
                                      const c_type values[]) {                                                      \
         return (fmi2Status)set_toy(c, r, n, values, n, NAME, 0);                                                   \
     }
-DEFINE_2(FLOAT64, fmi2Real)
-DEFINE_2(INT32, fmi2Integer)
-DEFINE_2(BOOLEAN_2, fmi2Boolean)
+DEFINE_2(TYPE_FLOAT64, fmi2Real)
+DEFINE_2(TYPE_INT32, fmi2Integer)
+DEFINE_2(TYPE_BOOLEAN_2, fmi2Boolean)
 
-#define EACH_TYPE_3(X)                                                                                     \
-    X(FLOAT64, fmi3Float64) X(FLOAT32, fmi3Float32) X(INT8, fmi3Int8) X(UINT8, fmi3UInt8)                  \
-    X(INT16, fmi3Int16) X(UINT16, fmi3UInt16) X(INT32, fmi3Int32) X(UINT32, fmi3UInt32)                    \
-    X(INT64, fmi3Int64) X(UINT64, fmi3UInt64) X(BOOLEAN, fmi3Boolean)
+#define EACH_TYPE_3(X)                                                                                        \
+    X(TYPE_FLOAT64, fmi3Float64) X(TYPE_FLOAT32, fmi3Float32) X(TYPE_INT8, fmi3Int8) X(TYPE_UINT8, fmi3UInt8) \
+    X(TYPE_INT16, fmi3Int16) X(TYPE_UINT16, fmi3UInt16) X(TYPE_INT32, fmi3Int32) X(TYPE_UINT32, fmi3UInt32)   \
+    X(TYPE_INT64, fmi3Int64) X(TYPE_UINT64, fmi3UInt64) X(TYPE_BOOLEAN, fmi3Boolean)
 #define DEFINE_3(NAME, c_type)                                                                                     \
     static fmi3Status get_##NAME##_3(fmi3Instance i, const fmi3ValueReference r[], size_t n, c_type values[],      \
                                      size_t n_values) {                                                            \
@@ -535,12 +535,12 @@ DEFINE_2(BOOLEAN_2, fmi2Boolean)
     }
 EACH_TYPE_3(DEFINE_3)
 
-static const Function getters_2[] = {[FLOAT64] = (Function)get_FLOAT64_2,
-                                     [INT32] = (Function)get_INT32_2,
-                                     [BOOLEAN_2] = (Function)get_BOOLEAN_2_2};
-static const Function setters_2[] = {[FLOAT64] = (Function)set_FLOAT64_2,
-                                     [INT32] = (Function)set_INT32_2,
-                                     [BOOLEAN_2] = (Function)set_BOOLEAN_2_2};
+static const Function getters_2[] = {[TYPE_FLOAT64] = (Function)get_TYPE_FLOAT64_2,
+                                     [TYPE_INT32] = (Function)get_TYPE_INT32_2,
+                                     [TYPE_BOOLEAN_2] = (Function)get_TYPE_BOOLEAN_2_2};
+static const Function setters_2[] = {[TYPE_FLOAT64] = (Function)set_TYPE_FLOAT64_2,
+                                     [TYPE_INT32] = (Function)set_TYPE_INT32_2,
+                                     [TYPE_BOOLEAN_2] = (Function)set_TYPE_BOOLEAN_2_2};
 #define GETTER_3(NAME, c_type) [NAME] = (Function)get_##NAME##_3,
 #define SETTER_3(NAME, c_type) [NAME] = (Function)set_##NAME##_3,
 static const Function getters_3[] = {EACH_TYPE_3(GETTER_3)};

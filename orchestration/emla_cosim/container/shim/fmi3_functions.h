@@ -195,9 +195,9 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 states[], s
     return (void)states, (void)n, lacks(c, "Model Exchange");
 }
 
-#define NO_MODEL_EXCHANGE(Name)                                              \
+#define NO_MODEL_EXCHANGE(Name)                                             \
     fmi3Status fmi3##Name(fmi3Instance c, fmi3Float64 values[], size_t n) { \
-        return (void)values, (void)n, lacks(c, "Model Exchange");            \
+        return (void)values, (void)n, lacks(c, "Model Exchange");           \
     }
 
 NO_MODEL_EXCHANGE(GetContinuousStates)
@@ -205,9 +205,9 @@ NO_MODEL_EXCHANGE(GetContinuousStateDerivatives)
 NO_MODEL_EXCHANGE(GetNominalsOfContinuousStates)
 NO_MODEL_EXCHANGE(GetEventIndicators)
 
-#define NONE_OF(Name)                                        \
+#define NONE_OF(Name)                                             \
     fmi3Status fmi3GetNumberOf##Name(fmi3Instance c, size_t *n) { \
-        return (void)n, lacks(c, "Model Exchange");          \
+        return (void)n, lacks(c, "Model Exchange");               \
     }
 
 NONE_OF(ContinuousStates)

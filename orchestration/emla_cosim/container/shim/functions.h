@@ -50,6 +50,6 @@ typedef struct {
 /* An FMU of FMI 2.0 that is compiled in: its functions have a prefix. */
 #define DECLARE_WITH(prefix, name, need) fmi2##name##TYPE prefix##_fmi2##name;
 #define ADDRESS_WITH(prefix, name, need) (Function)prefix##_fmi2##name,
-#define COMPILED_IN(prefix)         \
+#define COMPILED_IN(prefix)           \
     FUNCTIONS_2(DECLARE_WITH, prefix) \
     static const Function prefix##_functions[] = {FUNCTIONS_2(ADDRESS_WITH, prefix)};

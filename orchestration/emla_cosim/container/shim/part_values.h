@@ -2,18 +2,18 @@
 
 /* Return the function that gets or sets values of a type. */
 static Function value_function(const Instance *instance, int part, int type, int sets) {
-    static const int at_2[][2] = {[FLOAT64] = {FMI2_GetReal, FMI2_SetReal},
-                                  [INT32] = {FMI2_GetInteger, FMI2_SetInteger},
-                                  [BOOLEAN_2] = {FMI2_GetBoolean, FMI2_SetBoolean},
-                                  [TEXT] = {FMI2_GetString, FMI2_SetString}};
+    static const int at_2[][2] = {[TYPE_FLOAT64] = {FMI2_GetReal, FMI2_SetReal},
+                                  [TYPE_INT32] = {FMI2_GetInteger, FMI2_SetInteger},
+                                  [TYPE_BOOLEAN_2] = {FMI2_GetBoolean, FMI2_SetBoolean},
+                                  [TYPE_TEXT] = {FMI2_GetString, FMI2_SetString}};
     const Function *functions = instance->functions[parts[part].library];
 #ifdef HAS_FMI3_PARTS
 #define BOTH(Name) {FMI3_Get##Name, FMI3_Set##Name}
     static const int at_3[][2] = {
-        [FLOAT64] = BOTH(Float64), [FLOAT32] = BOTH(Float32), [INT8] = BOTH(Int8),   [UINT8] = BOTH(UInt8),
-        [INT16] = BOTH(Int16),     [UINT16] = BOTH(UInt16),   [INT32] = BOTH(Int32), [UINT32] = BOTH(UInt32),
-        [INT64] = BOTH(Int64),     [UINT64] = BOTH(UInt64),   [BOOLEAN] = BOTH(Boolean),
-        [TEXT] = BOTH(String)};
+        [TYPE_FLOAT64] = BOTH(Float64), [TYPE_FLOAT32] = BOTH(Float32), [TYPE_INT8] = BOTH(Int8),   [TYPE_UINT8] = BOTH(UInt8),
+        [TYPE_INT16] = BOTH(Int16),     [TYPE_UINT16] = BOTH(UInt16),   [TYPE_INT32] = BOTH(Int32), [TYPE_UINT32] = BOTH(UInt32),
+        [TYPE_INT64] = BOTH(Int64),     [TYPE_UINT64] = BOTH(UInt64),   [TYPE_BOOLEAN] = BOTH(Boolean),
+        [TYPE_TEXT] = BOTH(String)};
 #undef BOTH
     if (is_version_3(part)) return functions[at_3[type][sets]];
 #endif
@@ -37,10 +37,10 @@ static Call value_call(const Instance *instance, const Variable *variable, int s
 }
 
 static size_t size_of_type(int type) {
-    static const unsigned char sizes[] = {[FLOAT64] = sizeof(double), [FLOAT32] = sizeof(float),
-                                          [INT8] = 1,  [UINT8] = 1,  [INT16] = 2, [UINT16] = 2,
-                                          [INT32] = 4, [UINT32] = 4, [INT64] = 8, [UINT64] = 8,
-                                          [BOOLEAN] = sizeof(fmi3Boolean), [BOOLEAN_2] = sizeof(fmi2Boolean)};
+    static const unsigned char sizes[] = {[TYPE_FLOAT64] = sizeof(double), [TYPE_FLOAT32] = sizeof(float),
+                                          [TYPE_INT8] = 1,  [TYPE_UINT8] = 1,  [TYPE_INT16] = 2, [TYPE_UINT16] = 2,
+                                          [TYPE_INT32] = 4, [TYPE_UINT32] = 4, [TYPE_INT64] = 8, [TYPE_UINT64] = 8,
+                                          [TYPE_BOOLEAN] = sizeof(fmi3Boolean), [TYPE_BOOLEAN_2] = sizeof(fmi2Boolean)};
     return sizes[type];
 }
 
@@ -82,14 +82,14 @@ typedef fmi2Status SetText2(fmi2Component, const fmi2ValueReference *, size_t, c
 typedef fmi3Status SetText3(fmi3Instance, const fmi3ValueReference *, size_t, const fmi3String *, size_t);
 
 static int32_t get_text(Instance *instance, int part, fmi2ValueReference reference, const char **text) {
-    const Function get = value_function(instance, part, TEXT, 0);
+    const Function get = value_function(instance, part, TYPE_TEXT, 0);
     *text = NULL;
     if (is_version_3(part)) return (int32_t)((GetText3 *)get)(instance->parts[part], &reference, 1, text, 1);
     return (int32_t)((GetText2 *)get)(instance->parts[part], &reference, 1, text);
 }
 
 static int32_t set_text(Instance *instance, int part, int way, fmi2ValueReference reference, const char *text) {
-    const Function set = value_function(instance, part, TEXT, 1);
+    const Function set = value_function(instance, part, TYPE_TEXT, 1);
     int32_t status = begin_change(instance, part, way);
     if (is_bad(status)) return status;
     status = is_version_3(part) ? (int32_t)((SetText3 *)set)(instance->parts[part], &reference, 1, &text, 1)

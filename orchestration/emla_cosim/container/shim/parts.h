@@ -2,7 +2,7 @@
 
 /* A function of a part, of its type in FMI 2.0; those with equal arguments have equal statuses in FMI 3.0. */
 #ifdef HAS_FMI3_PARTS
-#define CALL(instance, part, Name, Name3)                                                             \
+#define CALL(instance, part, Name, Name3)                                                                  \
     ((fmi2##Name##TYPE *)(instance)->functions[parts[part].library][is_version_3(part) ? (int)FMI3_##Name3 \
                                                                                        : (int)FMI2_##Name])
 #define CALL_3(instance, part, Name) ((fmi3##Name##TYPE *)(instance)->functions[parts[part].library][FMI3_##Name])

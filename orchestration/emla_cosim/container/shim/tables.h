@@ -25,7 +25,7 @@ typedef struct {
     double tolerance;            /* of its solver; 0 for its own */
 } Part;
 
-enum { TEXT = BOOLEAN_2 + 1 }; /* a type of values, after those of the stepper */
+enum { TYPE_TEXT = TYPE_BOOLEAN_2 + 1 }; /* a type of values, after those of the stepper */
 
 enum { NEVER_SET, ALWAYS_SET, SET_BEFORE_STEPS }; /* when a host may set a variable */
 enum { AT_ONCE, IN_EVENT_MODE, AT_TICKS };        /* how its part takes it while stepping */

@@ -5,10 +5,10 @@ static const struct {
     char letter, type;
     const char *name;
 } host_types[] = {
-    {'R', FLOAT64, TYPE_NAME('R')}, {'I', INT32, TYPE_NAME('I')}, {'E', INT64, TYPE_NAME('E')},
-    {'B', BOOLEAN, TYPE_NAME('B')}, {'S', TEXT, "String"},        {'r', FLOAT32, "Float32"},
-    {'b', INT8, "Int8"},            {'c', UINT8, "UInt8"},        {'s', INT16, "Int16"},
-    {'t', UINT16, "UInt16"},        {'u', UINT32, "UInt32"},      {'U', UINT64, "UInt64"}};
+    {'R', TYPE_FLOAT64, TYPE_NAME('R')}, {'I', TYPE_INT32, TYPE_NAME('I')}, {'E', TYPE_INT64, TYPE_NAME('E')},
+    {'B', TYPE_BOOLEAN, TYPE_NAME('B')}, {'S', TYPE_TEXT, "String"},        {'r', TYPE_FLOAT32, "Float32"},
+    {'b', TYPE_INT8, "Int8"},            {'c', TYPE_UINT8, "UInt8"},        {'s', TYPE_INT16, "Int16"},
+    {'t', TYPE_UINT16, "UInt16"},        {'u', TYPE_UINT32, "UInt32"},      {'U', TYPE_UINT64, "UInt64"}};
 
 static int place_of_type(char letter) {
     int k = 0;
@@ -24,7 +24,7 @@ static const char *type_name(char letter) { return host_types[place_of_type(lett
 
 /* Whether a value from or to the host fits into a type of which no digit may be lost. */
 static int fits_exactly(int type, double value) {
-    return fits_type(type, value) && ((type != INT64 && type != UINT64) || fabs(value) < LARGEST_EXACT);
+    return fits_type(type, value) && ((type != TYPE_INT64 && type != TYPE_UINT64) || fabs(value) < LARGEST_EXACT);
 }
 
 static Status check_type(const Instance *instance, ValueReference reference, char type) {
@@ -105,26 +105,26 @@ static Status set_value(Instance *instance, ValueReference reference, double val
     return StatusOK;
 }
 
-#define GET_AND_SET(Name, Type, letter, from_double, to_double)                                              \
-    Status FMI(Get##Name)(Handle c, const ValueReference vr[], size_t nvr, Type values[] COUNTED(n)) {       \
-        Instance *instance = c;                                                                              \
+#define GET_AND_SET(Name, Type, letter, from_double, to_double)                                               \
+    Status FMI(Get##Name)(Handle c, const ValueReference vr[], size_t nvr, Type values[] COUNTED(n)) {        \
+        Instance *instance = c;                                                                               \
         if (prepare_get(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
-        for (size_t i = 0; i < nvr; i++) {                                                                   \
-            double found = 0.0;                                                                              \
-            const Status status = get_value(instance, &variables[vr[i]], &found);                            \
-            if (status != StatusOK) return status;                                                           \
-            values[i] = from_double(found);                                                                  \
-        }                                                                                                    \
-        return StatusOK;                                                                                     \
-    }                                                                                                        \
-    Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) { \
-        Instance *instance = c;                                                                              \
+        for (size_t i = 0; i < nvr; i++) {                                                                    \
+            double found = 0.0;                                                                               \
+            const Status status = get_value(instance, &variables[vr[i]], &found);                             \
+            if (status != StatusOK) return status;                                                            \
+            values[i] = from_double(found);                                                                   \
+        }                                                                                                     \
+        return StatusOK;                                                                                      \
+    }                                                                                                         \
+    Status FMI(Set##Name)(Handle c, const ValueReference vr[], size_t nvr, const Type values[] COUNTED(n)) {  \
+        Instance *instance = c;                                                                               \
         if (prepare_set(instance, vr, nvr, letter, values, COUNT_OF(n, nvr)) != StatusOK) return StatusError; \
-        for (size_t i = 0; i < nvr; i++) {                                                                   \
-            const Status status = set_value(instance, vr[i], to_double(values[i]));                          \
-            if (status != StatusOK) return status;                                                           \
-        }                                                                                                    \
-        return StatusOK;                                                                                     \
+        for (size_t i = 0; i < nvr; i++) {                                                                    \
+            const Status status = set_value(instance, vr[i], to_double(values[i]));                           \
+            if (status != StatusOK) return status;                                                            \
+        }                                                                                                     \
+        return StatusOK;                                                                                      \
     }
 
 #include "conversions.h"

@@ -26,24 +26,24 @@ ALWAYS_INLINE static void announce(const Stepper *s, int64_t code) {
 /* WHOLE_TYPES and OTHER_TYPES apply a macro to a type: its name, its C type, and for whole numbers the smallest
    value and the one after the largest. */
 #define WHOLE_TYPES(X)                                                    \
-    X(INT8, int8_t, -128.0, 128.0)                                        \
-    X(UINT8, uint8_t, 0.0, 256.0)                                         \
-    X(INT16, int16_t, -32768.0, 32768.0)                                  \
-    X(UINT16, uint16_t, 0.0, 65536.0)                                     \
-    X(INT32, int32_t, -2147483648.0, 2147483648.0)                        \
-    X(UINT32, uint32_t, 0.0, 4294967296.0)                                \
-    X(INT64, int64_t, -9223372036854775808.0, 9223372036854775808.0)      \
-    X(UINT64, uint64_t, 0.0, 18446744073709551616.0)
+    X(TYPE_INT8, int8_t, -128.0, 128.0)                                   \
+    X(TYPE_UINT8, uint8_t, 0.0, 256.0)                                    \
+    X(TYPE_INT16, int16_t, -32768.0, 32768.0)                             \
+    X(TYPE_UINT16, uint16_t, 0.0, 65536.0)                                \
+    X(TYPE_INT32, int32_t, -2147483648.0, 2147483648.0)                   \
+    X(TYPE_UINT32, uint32_t, 0.0, 4294967296.0)                           \
+    X(TYPE_INT64, int64_t, -9223372036854775808.0, 9223372036854775808.0) \
+    X(TYPE_UINT64, uint64_t, 0.0, 18446744073709551616.0)
 
 /* Put numbers of the vector into the values of a call, rounded to its type; 0 if one does not fit. */
 static int convert_to(const Call *call, const double *vector) {
-#define PUT(NAME, type, low, limit)                                   \
-    case NAME:                                                        \
-        for (int32_t k = 0; k < call->n_items; k++) {                 \
-            const double value = rint(vector[call->items[k]]);        \
-            if (!(value >= (low) && value < (limit))) return 0;       \
-        }                                                             \
-        for (int32_t k = 0; k < call->n_items; k++)                   \
+#define PUT(NAME, type, low, limit)                                                       \
+    case NAME:                                                                            \
+        for (int32_t k = 0; k < call->n_items; k++) {                                     \
+            const double value = rint(vector[call->items[k]]);                            \
+            if (!(value >= (low) && value < (limit))) return 0;                           \
+        }                                                                                 \
+        for (int32_t k = 0; k < call->n_items; k++)                                       \
             ((type *)call->values)[call->places[k]] = (type)rint(vector[call->items[k]]); \
         return 1;
 #define PUT_EACH(NAME, type, expression)                              \
@@ -55,10 +55,10 @@ static int convert_to(const Call *call, const double *vector) {
         return 1;
     switch (call->type) {
         WHOLE_TYPES(PUT)
-        PUT_EACH(FLOAT64, double, value)
-        PUT_EACH(FLOAT32, float, (float)value)
-        PUT_EACH(BOOLEAN, fmi3Boolean, rint(value) != 0.0)
-        PUT_EACH(BOOLEAN_2, fmi2Boolean, rint(value) != 0.0)
+        PUT_EACH(TYPE_FLOAT64, double, value)
+        PUT_EACH(TYPE_FLOAT32, float, (float)value)
+        PUT_EACH(TYPE_BOOLEAN, fmi3Boolean, rint(value) != 0.0)
+        PUT_EACH(TYPE_BOOLEAN_2, fmi2Boolean, rint(value) != 0.0)
         default: return 1;
     }
 #undef PUT
@@ -79,10 +79,10 @@ static void convert_from(const Call *call, double *vector) {
         return;
     switch (call->type) {
         WHOLE_TYPES(TAKE)
-        TAKE(FLOAT64, double, , )
-        TAKE(FLOAT32, float, , )
-        TAKE_TRUTH(BOOLEAN, unsigned char)
-        TAKE_TRUTH(BOOLEAN_2, fmi2Boolean)
+        TAKE(TYPE_FLOAT64, double, , )
+        TAKE(TYPE_FLOAT32, float, , )
+        TAKE_TRUTH(TYPE_BOOLEAN, unsigned char)
+        TAKE_TRUTH(TYPE_BOOLEAN_2, fmi2Boolean)
         default: return;
     }
 #undef TAKE

@@ -25,8 +25,21 @@
 
 typedef void (*Function)(void); /* any FMI function; called with its own type */
 
-/* The types of values in the memory of a call. Enumerations are INT32 in FMI 2.0, INT64 in FMI 3.0. */
-enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, BOOLEAN_2 };
+/* The types of values in the memory of a call. Enumerations are TYPE_INT32 in FMI 2.0, TYPE_INT64 in FMI 3.0. */
+enum {
+    TYPE_FLOAT64,
+    TYPE_FLOAT32,
+    TYPE_INT8,
+    TYPE_UINT8,
+    TYPE_INT16,
+    TYPE_UINT16,
+    TYPE_INT32,
+    TYPE_UINT32,
+    TYPE_INT64,
+    TYPE_UINT64,
+    TYPE_BOOLEAN,
+    TYPE_BOOLEAN_2
+};
 
 /* What an instance is doing, for other processes; the beginning of `Activity` of crash_page.py. */
 typedef struct {
