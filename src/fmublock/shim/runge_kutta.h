@@ -1,8 +1,8 @@
 /* The classical Runge-Kutta method with substeps of the same length.
  *
- * FMUs include this file. C files that `emla export` writes contain its text, with their own type of numbers. Hence it
- * needs nothing but <math.h>. The order of operations is that of fmublock/instance.py, so that all give the same bits.
- * Everything is inline: where `n` and the functions are constants, the compiler removes the calls.
+ * The same in FMUs and in the C files that `emla export` writes, which may have another type of numbers. The order of
+ * operations is that of fmublock/instance.py, so that all give the same bits. Everything is inline: where `n` and the
+ * functions are constants, the compiler removes the calls.
  */
 
 /* Computes the n derivatives k of the present states, which the context knows. */

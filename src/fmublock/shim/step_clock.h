@@ -1,7 +1,7 @@
-/* The clock of a component: it counts steps of the same length instead of summing them up, so that its times
- * are exact and the host's rounding of times does not change a bit of the results.
+/* The clock of a component. It counts steps of the same length instead of summing them up, so that a host's rounding
+ * of times does not change a bit of the results.
  *
- * FMUs include this file. C files that `emla export` writes contain its text.
+ * The same in FMUs and in the C files that `emla export` writes.
  */
 
 typedef struct {
