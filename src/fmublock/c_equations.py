@@ -123,19 +123,24 @@ class CEquations:
                 fixed,
             ),
         }
-        given = "double time, const double *v, const double *fixed"
         for name, numbers in results.items():
-            known, more = fixed, ""
-            if name == "derivatives":
-                known, more = fixed | stepwise, ", const double *stepwise"
-            elif name.endswith("_tangent"):
-                more = ", double d_time, const double *d"
-            places = [f"result[{i}]" for i in range(len(numbers))]
-            if name == "update_and_outputs":
-                more, result = ", double *next", places[: len(numbers) - len(discrete)]
-                places = [*(f"next[{i}]" for i in range(len(discrete))), *result]
-            targets = list(zip(places, numbers, strict=True))
-            self.functions[name] = self._function(f"{name}({given}{more}, double *result)", targets, known)
+            known = fixed | stepwise if name == "derivatives" else fixed
+            self.functions[name] = self._result_function(name, numbers, known, len(discrete))
+
+    def _result_function(
+        self, name: str, results: Sequence[int], known: Mapping[int, str], discrete: int
+    ) -> str:
+        """Return the C function of a block's method, which gives results."""
+        more, places = "", [f"result[{i}]" for i in range(len(results))]
+        if name == "derivatives":
+            more = ", const double *stepwise"
+        elif name.endswith("_tangent"):
+            more = ", double d_time, const double *d"
+        elif name == "update_and_outputs":
+            more = ", double *next"
+            places = [*(f"next[{i}]" for i in range(discrete)), *places[: len(results) - discrete]]
+        arguments = f"double time, const double *v, const double *fixed{more}, double *result"
+        return self._function(f"{name}({arguments})", list(zip(places, results, strict=True)), known)
 
     def text(self) -> str:
         """Return all functions, and how many values they share."""

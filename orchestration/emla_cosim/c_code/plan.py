@@ -16,6 +16,7 @@ from fmublock.variables import ScalarVariable
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
+from ..base.wording import find_free_name
 from ..container.plan import ContainerPlan, plan_container
 from ..fmu.models import find_block
 from ..master.algorithms.algorithm import Algorithm
@@ -109,6 +110,7 @@ class CodePlan:
         name: prefix of everything in C.
         system: the components with their connections, as the FMU of a system has them.
         parts: the components.
+        blocks: their blocks, each once.
         inputs: what the caller sets in each step.
         outputs: what a step returns.
         parameters: what the caller may set before the start.
@@ -118,15 +120,11 @@ class CodePlan:
     name: str
     system: ContainerPlan
     parts: Sequence[CodePart]
+    blocks: Collection[CodeBlock]
     inputs: Sequence[CodeVariable]
     outputs: Sequence[CodeVariable]
     parameters: Sequence[CodeVariable]
     step: float
-
-    @property
-    def blocks(self) -> list[CodeBlock]:
-        """Return each block once."""
-        return list({id(part.block): part.block for part in self.parts}.values())
 
     @property
     def assumed_signals(self) -> list[float]:
@@ -183,6 +181,7 @@ def plan_code(
         name=name,
         system=plan,
         parts=parts,
+        blocks=blocks.values(),
         inputs=_list_variables(parts, "inputs", {v.name for v in _list_variables(parts, "inputs")} - driven),
         outputs=_list_variables(parts, "outputs", _choose_outputs(written, outputs, driving)),
         parameters=_list_variables(parts, "parameters"),
@@ -199,12 +198,22 @@ def _choose(system: System, patterns: Collection[str]) -> list[Component]:
     for pattern in patterns:
         matches = [n for n in names if matches_pattern(n, pattern) or matches_pattern(n, f"*.{pattern}")]
         if not matches:
+            there = join_names(names)
             raise CommandError(
-                f"no component matches '{pattern}' of --components; there are {join_names(names)}.",
-                name=pattern,
+                f"no component matches '{pattern}' of --components; there are {there}.", name=pattern
             )
         chosen.update(matches)
     return [c for c in system.components if c.name in chosen]
+
+
+def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Collection[str]) -> list[str]:
+    """Return the chosen outputs, else those that drive others, else all."""
+    if not patterns:
+        return [name for name in names if name in driving] or list(names)
+    for pattern in patterns:
+        if not any(matches_pattern(name, pattern) for name in names):
+            raise CommandError(f"no output matches '{pattern}'; there are {join_names(names)}.")
+    return [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
 
 
 def _find_block(component: Component) -> type[Block]:
@@ -247,7 +256,7 @@ def _write_blocks(models: Iterable[type[Block]]) -> dict[type[Block], CodeBlock]
     """Return the blocks in C."""
     models, blocks = list(dict.fromkeys(models)), {}
     try:
-        for model, name in zip(models, _make_unique([m.__name__ for m in models], ""), strict=True):
+        for model, name in zip(models, _make_unique([m.__name__ for m in models]), strict=True):
             layout, symbolic = model().layout(), evaluate_symbolically(model())
             internal_step = layout.references((model.internal_step,))[0] if layout.states else None
             equations = c_equations(model(), symbolic)
@@ -282,16 +291,6 @@ def _list_variables(
     return [replace(v, field=field) for v, field in zip(chosen, fields, strict=True)]
 
 
-def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Collection[str]) -> list[str]:
-    """Return the chosen outputs, else those that drive others, else all."""
-    if not patterns:
-        return [name for name in names if name in driving] or list(names)
-    for pattern in patterns:
-        if not any(matches_pattern(name, pattern) for name in names):
-            raise CommandError(f"no output matches '{pattern}'; there are {join_names(names)}.")
-    return [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
-
-
 def _name_parts(names: Sequence[str]) -> list[str]:
     """Return names of components in C: without their joint if they all have the same one."""
     is_shared = all("." in name for name in names) and len({name.partition(".")[0] for name in names}) == 1
@@ -305,12 +304,9 @@ def as_identifier(name: str) -> str:
     return f"{plain}_" if plain in _WORDS or keyword.iskeyword(plain) else plain
 
 
-def _make_unique(names: Sequence[str], separator: str = "_") -> list[str]:
+def _make_unique(names: Sequence[str]) -> list[str]:
     """Return names in C that differ: two names such as a.b and a_b would be one."""
     unique = list[str]()
     for name in names:
-        candidate, number = name, 2
-        while candidate in unique:
-            candidate, number = f"{name}{separator}{number}", number + 1
-        unique.append(candidate)
+        unique.append(find_free_name(name, unique))
     return unique

@@ -19,7 +19,7 @@ from fmublock.compiling import c_number
 
 from ..base.errors import CommandError
 from ..master.algorithms.program import Call
-from .plan import CodePlan, CodeVariable
+from .plan import CodePlan
 
 MARK = "/* Written by EMLA-Cosim:"
 """Begin of both files, by which they are recognized."""
@@ -78,8 +78,6 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
     )
     environment.filters |= {
         "comment": _as_comment,
-        "demand": _demand,
-        "describe": _describe,
         "number": c_number,
         "quote": json.dumps,
         "room": partial(max, 1),  # C has no empty arrays
@@ -103,20 +101,6 @@ def _read_signals(plan: CodePlan, i: int) -> list[tuple[int, str, str]]:
             value = f"rint({value})"
         lines.append((int(own.valueReference), value, str(own.name)))
     return lines
-
-
-def _describe(variable: CodeVariable) -> str:
-    """Return the name of a variable, its unit and its description."""
-    unit, description = variable.scalar.variable.unit, variable.scalar.variable.description
-    unit = f"({unit})" if unit and re.search(r"[./]", unit) else unit
-    return variable.name + (f" / {unit}" if unit else "") + (f": {description}" if description else "")
-
-
-def _demand(variable: CodeVariable) -> str:
-    """Return the error message of a parameter that cannot be used."""
-    low, high = variable.scalar.variable.range
-    whole = "" if variable.scalar.variable.fmi_type == "Real" else " or is no whole number"
-    return f"{variable.name} is outside of its range, {low:.9g} to {high:.9g}{whole}."
 
 
 def _check_float(plan: CodePlan, equations: str) -> None:
