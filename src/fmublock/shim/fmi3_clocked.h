@@ -21,10 +21,10 @@ static Status check_clocked(const Instance *instance, ValueReference reference) 
 }
 
 /* The first tick is one interval after the start. */
-static void start_clock(State *now) { now->clock = (Clock){now->time, CLOCK_INTERVAL, 0.0}; }
+static void start_clock(State *now) { now->clock = (StepClock){now->time, CLOCK_INTERVAL, 0.0}; }
 
 static double next_tick(const State *now) {
-    Clock clock = now->clock;
+    StepClock clock = now->clock;
     clock.count += 1.0;
     return clock_time(&clock);
 }

@@ -35,7 +35,7 @@ typedef struct {
     int ticking; /* the clock of the FMU is active */
 #endif
     double time, stop_time;
-    Clock clock;
+    StepClock clock;
     const double *resource; /* the instance's data, or NULL; not part of serialized or saved states */
     double values[ROOM(N_VALUES)];
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */

@@ -6,10 +6,10 @@
  */
 
 /* Computes the n derivatives k of the present states, which the context knows. */
-typedef void Slope(void *context, double time, double *k);
+typedef void SlopeFunction(void *context, double time, double *k);
 
 /* Whether the step ends early, `done` seconds after its start; otherwise a substep to `next` follows. */
-typedef int EndsEarly(void *context, double done, double next);
+typedef int EndFunction(void *context, double done, double next);
 
 /* Number of substeps no longer than `longest`. */
 static inline double count_substeps(double step, double longest) {
@@ -28,7 +28,7 @@ static inline void set_states(int n, double *x, const double *x0, double factor,
  * ended early.
  */
 static inline double runge_kutta(int n, double *x, double *memory, double time, double step, double longest,
-                                 Slope *slope, EndsEarly *ends_early, void *context) {
+                                 SlopeFunction *slope, EndFunction *ends_early, void *context) {
     double *x0 = memory, *k1 = x0 + n, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n;
     const double substeps = count_substeps(step, longest), dt = step / substeps;
     const long count = (long)substeps;

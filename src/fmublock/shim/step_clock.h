@@ -6,7 +6,7 @@
 
 typedef struct {
     double origin, step, count;
-} Clock;
+} StepClock;
 
 /* Time at which the step of the clock begins. */
-static inline double clock_time(const Clock *clock) { return clock->origin + clock->count * clock->step; }
+static inline double clock_time(const StepClock *clock) { return clock->origin + clock->count * clock->step; }
