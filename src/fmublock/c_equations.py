@@ -62,15 +62,15 @@ _EXPENSIVE = {
 _BRANCH = 12
 """Least number of operations that is worth a branch; an expensive operation counts as many."""
 
-_HELPERS = """\
-/* These give the same bits as the functions in fmublock/functions.py. */
-static inline double minimum(double x, double y) { return x <= y || y != y ? x : y; }
-static inline double maximum(double x, double y) { return x >= y || y != y ? x : y; }
-static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }
-"""
+HELPERS = {
+    "minimum": "static inline double minimum(double x, double y) { return x <= y || y != y ? x : y; }",
+    "maximum": "static inline double maximum(double x, double y) { return x >= y || y != y ? x : y; }",
+    "sign": "static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }",
+}
+"""C functions that equations call, by name. They give the same bits as the functions in functions.py."""
 
 
-def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
+def c_equations(block: Block, symbolic: SymbolicBlock) -> "CEquations":
     """Return the equations as readable C functions.
 
     `fixed_values` computes what depends on parameters only, `stepwise_values` what is constant while inputs
@@ -87,69 +87,92 @@ def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
         Rank.MOVING if r in moving else Rank.STEPWISE if r in stepwise else Rank.FIXED
         for r in range(len(layout.scalars))
     ]
-    return _Equations(symbolic, values, layout.references(layout.discrete_states)).text()
+    return CEquations(symbolic, values, layout.references(layout.discrete_states))
 
 
-class _Equations:
+class CEquations:
+    """The equations of a block in C.
+
+    Attributes:
+        n_fixed: number of values that depend on parameters only.
+        n_stepwise: number of values that are constant while inputs and discrete states are.
+        functions: text of each function by name.
+
+    Raises:
+        BuildError: An operation does not exist in C.
+    """
+
     def __init__(self, symbolic: SymbolicBlock, values: Sequence[Rank], discrete: Sequence[int]) -> None:
         self._graph = Graph([[Rank.MOVING], values, [Rank.MOVING], [Rank.MOVING] * len(values)])
-        self._results = {f.name(): self._graph.results(f) for f in symbolic.functions()}
-        updated = {(1, r): number for r, number in zip(discrete, self._results["update"], strict=True)}
+        results = {f.name(): self._graph.results(f) for f in symbolic.functions()}
+        updated = {(1, r): number for r, number in zip(discrete, results["update"], strict=True)}
         outputs = self._graph.results(symbolic.outputs, updated)
-        self._results["update_and_outputs"] = [*self._results.pop("update"), *outputs]
-        self._discrete = len(discrete)
-        every = [r for results in self._results.values() for r in results]
-        self._fixed = {n: f"fixed[{i}]" for i, n in enumerate(self._graph.frontier(every, Rank.FIXED, {}))}
-        moving = self._graph.frontier(self._results["derivatives"], Rank.STEPWISE, self._fixed)
-        self._stepwise = {n: f"stepwise[{i}]" for i, n in enumerate(moving)}
+        results["update_and_outputs"] = [*results.pop("update"), *outputs]
+        every = [r for numbers in results.values() for r in numbers]
+        fixed = {n: f"fixed[{i}]" for i, n in enumerate(self._graph.frontier(every, Rank.FIXED, {}))}
+        moving = self._graph.frontier(results["derivatives"], Rank.STEPWISE, fixed)
+        stepwise = {n: f"stepwise[{i}]" for i, n in enumerate(moving)}
+        self.n_fixed, self.n_stepwise = len(fixed), len(stepwise)
+        self.functions = {
+            "fixed_values": self._function(
+                "fixed_values(const double *v, double *fixed)", self._targets(fixed), {}
+            ),
+            "stepwise_values": self._function(
+                "stepwise_values(const double *v, const double *fixed, double *stepwise)",
+                self._targets(stepwise),
+                fixed,
+            ),
+        }
+        for name, numbers in results.items():
+            known = fixed | stepwise if name == "derivatives" else fixed
+            self.functions[name] = self._result_function(name, numbers, known, len(discrete))
+
+    def _result_function(
+        self, name: str, results: Sequence[int], known: Mapping[int, str], discrete: int
+    ) -> str:
+        """Return the C function of a block's method, which gives results."""
+        more, places = "", [f"result[{i}]" for i in range(len(results))]
+        if name == "derivatives":
+            more = ", const double *stepwise"
+        elif name.endswith("_tangent"):
+            more = ", double d_time, const double *d"
+        elif name == "update_and_outputs":
+            more = ", double *next"
+            places = [*(f"next[{i}]" for i in range(discrete)), *places[: len(results) - discrete]]
+        arguments = f"double time, const double *v, const double *fixed{more}, double *result"
+        return self._function(f"{name}({arguments})", list(zip(places, results, strict=True)), known)
 
     def text(self) -> str:
-        """All functions."""
+        """Return all functions, and how many values they share."""
         lines = [
-            f"#define N_FIXED {len(self._fixed)}",
-            f"#define N_STEPWISE {len(self._stepwise)}",
+            f"#define N_FIXED {self.n_fixed}",
+            f"#define N_STEPWISE {self.n_stepwise}",
             "",
-            _HELPERS,
-            *self._function("fixed_values(const double *v, double *fixed)", self._targets(self._fixed), {}),
-            *self._function(
-                "stepwise_values(const double *v, const double *fixed, double *stepwise)",
-                self._targets(self._stepwise),
-                self._fixed,
-            ),
+            "/* These give the same bits as the functions in fmublock/functions.py. */",
+            *HELPERS.values(),
+            "",
+            *self.functions.values(),
         ]
-        given = "double time, const double *v, const double *fixed"
-        for name, results in self._results.items():
-            known, more = self._fixed, ""
-            if name == "derivatives":
-                known, more = self._fixed | self._stepwise, ", const double *stepwise"
-            elif name.endswith("_tangent"):
-                more = ", double d_time, const double *d"
-            places = [f"result[{i}]" for i in range(len(results))]
-            if name == "update_and_outputs":
-                more, result = ", double *next", places[: len(results) - self._discrete]
-                places = [*(f"next[{i}]" for i in range(self._discrete)), *result]
-            targets = list(zip(places, results, strict=True))
-            lines += self._function(f"{name}({given}{more}, double *result)", targets, known)
         return "\n".join(lines)
 
     @staticmethod
     def _targets(known: Mapping[int, str]) -> list[tuple[str, int]]:
         return [(place, number) for number, place in known.items()]
 
-    def _function(
-        self, signature: str, targets: Sequence[tuple[str, int]], known: Mapping[int, str]
-    ) -> Iterator[str]:
+    def _function(self, signature: str, targets: Sequence[tuple[str, int]], known: Mapping[int, str]) -> str:
         """Return the C function that computes these values from the known ones."""
         wanted = [number for _, number in targets]
         numbers = self._graph.needed(wanted, known)
         arguments = [word.split("*")[-1].split(" ")[-1] for word in signature[:-1].split("(")[1].split(", ")]
-        yield f"static void {signature} {{"
-        yield f"    {', '.join(f'(void){a}' for a in arguments)};"
-        yield from self._blocks(numbers, self._scopes(wanted, numbers), known)
-        for place, number in targets:
-            yield f"    {place} = {self._operand(number, known)};"
-        yield "}"
-        yield ""
+        lines = [
+            f"static void {signature} {{",
+            f"    {', '.join(f'(void){a}' for a in arguments)};",
+            *self._blocks(numbers, self._scopes(wanted, numbers), known),
+            *(f"    {place} = {self._operand(number, known)};" for place, number in targets),
+            "}",
+            "",
+        ]
+        return "\n".join(lines)
 
     def _scopes(self, wanted: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
         """Return the conditions under which each operation is computed, if they are worth a branch."""

@@ -37,7 +37,7 @@ def native_draft(
     """
     symbolic = evaluate_symbolically(block)
     content = {
-        "sources/generated.h": c_equations(block, symbolic).encode(),
+        "sources/generated.h": c_equations(block, symbolic).text().encode(),
         "sources/model.h": _model_header(block, symbolic, fmi, clock).encode(),
         **sources("shim", fmi),
     }

@@ -1,5 +1,6 @@
-"""Formatting of counts and numbers."""
+"""Formatting of counts, numbers and names."""
 
+from collections.abc import Container
 from decimal import Decimal
 
 
@@ -29,6 +30,14 @@ def shorten_line(text: str, most: int) -> str:
     """Return a text in one line, with at most so many letters of its beginning."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[:most]}..."
+
+
+def find_free_name(name: str, taken: Container[str]) -> str:
+    """Return a name, with a number at its end if it is in use: "plant", "plant_2", "plant_3"."""
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    return free
 
 
 _LARGE = 1e15

@@ -2,18 +2,21 @@
 
 import keyword
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fmublock import Block
-from fmublock.c_equations import c_equations
+from fmublock.block import Layout
+from fmublock.c_equations import CEquations, c_equations
 from fmublock.errors import BuildError
 from fmublock.symbolic import evaluate_symbolically
+from fmublock.variables import ScalarVariable
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
+from ..base.wording import find_free_name
 from ..container.plan import ContainerPlan, plan_container
 from ..fmu.models import find_block
 from ..master.algorithms.algorithm import Algorithm
@@ -30,32 +33,73 @@ _WORDS = {
 
 
 @dataclass(frozen=True)
-class CodeVariable:
-    """A variable that the caller of the C code sees.
+class CodeBlock:
+    """A block, whose functions all of its components call.
+
+    Attributes:
+        name: its class, with a number if several have this name; begins the names of its functions.
+        layout: its variables.
+        internal_step: value reference of its longest internal step; None without states.
+        equations: its equations in C.
+        demands: the messages of its conditions.
+    """
+
+    name: str
+    layout: Layout
+    internal_step: int | None
+    equations: CEquations
+    demands: Sequence[str]
+
+    @property
+    def functions(self) -> list[str]:
+        """Return the functions that are called, with the name of the block before theirs."""
+        layout, functions = self.layout, self.equations.functions
+        used = ["fixed_values", *(["stepwise_values", "derivatives"] if layout.states else [])]
+        used += [*(["outputs"] if layout.outputs else []), "update_and_outputs"]
+        used += ["conditions"] if self.demands else []
+        return [functions[name].replace(f" {name}(", f" {self.name}_{name}(", 1) for name in used]
+
+
+@dataclass(frozen=True)
+class CodePart:
+    """A component.
 
     Attributes:
         name: its name in the system.
         field: its name in C.
-        part: position of the component.
-        reference: its value reference.
-        start: its start value.
-        unit: its unit.
-        description: its description.
-        type: its FMI type.
-        minimum: least value.
-        maximum: largest value.
+        block: its block.
+        starts: its start values by value reference.
     """
 
     name: str
     field: str
-    part: int
+    block: CodeBlock
+    starts: Sequence[float]
+
+
+@dataclass(frozen=True)
+class CodeVariable:
+    """A variable that the caller of the C code sees.
+
+    Attributes:
+        field: its name in C.
+        part: its component.
+        reference: its value reference.
+    """
+
+    field: str
+    part: CodePart
     reference: int
-    start: float
-    unit: str
-    description: str
-    type: str
-    minimum: float
-    maximum: float
+
+    @property
+    def scalar(self) -> ScalarVariable:
+        """Return its declaration in the block."""
+        return self.part.block.layout.scalars[self.reference]
+
+    @property
+    def name(self) -> str:
+        """Return its name in the system."""
+        return f"{self.part.name}.{self.scalar.name}"
 
 
 @dataclass(frozen=True)
@@ -65,11 +109,8 @@ class CodePlan:
     Attributes:
         name: prefix of everything in C.
         system: the components with their connections, as the FMU of a system has them.
-        blocks: the block of each component.
-        equations: the equations of each block as C, by its class.
-        demands: the messages of each block's conditions, by its class.
-        fields: name of each component in C.
-        starts: start values of each component by value reference.
+        parts: the components.
+        blocks: their blocks, each once.
         inputs: what the caller sets in each step.
         outputs: what a step returns.
         parameters: what the caller may set before the start.
@@ -78,15 +119,22 @@ class CodePlan:
 
     name: str
     system: ContainerPlan
-    blocks: Sequence[type[Block]]
-    equations: Mapping[type[Block], str]
-    demands: Mapping[type[Block], Sequence[str]]
-    fields: Sequence[str]
-    starts: Sequence[Mapping[int, float]]
+    parts: Sequence[CodePart]
+    blocks: Collection[CodeBlock]
     inputs: Sequence[CodeVariable]
     outputs: Sequence[CodeVariable]
     parameters: Sequence[CodeVariable]
     step: float
+
+    @property
+    def assumed_signals(self) -> list[float]:
+        """Return the signals that agree with the start values of the inputs that read them, otherwise 0."""
+        network = self.system.network
+        network.signals[:] = 0.0
+        for i, part in enumerate(self.system.parts):
+            network.instances[i].inputs[:] = part.instance.input_starts
+            network.assume_inputs(i)
+        return network.signals.tolist()
 
 
 def plan_code(
@@ -114,61 +162,61 @@ def plan_code(
         RunError: They cannot be initialized.
     """
     chosen = _choose(system, components)
-    own = {c.name for c in chosen}
-    inside = [x for x in system.connections if {x.ends[0][0], x.ends[1][0]} <= own]
+    names = [c.name for c in chosen]
+    inside = [x for x in system.connections if {x.ends[0][0], x.ends[1][0]} <= {*names}]
     alone = replace(system, components=tuple(chosen), connections=tuple(inside), bonds={})
-    blocks = [_block_of(c) for c in chosen]
-    plan = plan_container(alone, {n: fmus[n] for n in own}, _restrict(algorithm, own), times)
+    models = {c.name: _find_block(c) for c in chosen}
+    plan = plan_container(alone, {n: fmus[n] for n in names}, _restrict(algorithm, names), times)
     multiple = _check(plan)
-    fields = _fields([c.name for c in chosen])
-    by_name = dict(zip([c.name for c in chosen], zip(blocks, fields, strict=True), strict=True))
-    ordered = [by_name[part.name] for part in plan.parts]
-    blocks, fields = [b for b, _ in ordered], [f for _, f in ordered]
-    try:
-        symbols = {block: evaluate_symbolically(block()) for block in dict.fromkeys(blocks)}
-    except BuildError as error:
-        raise CommandError(str(error)) from error
-    starts = [_starts(plan, p) for p in range(len(plan.parts))]
-    seen = _Variables(plan, blocks, fields, starts)
-    driving = {
-        ".".join(x.ends[0]) for x in system.connections if x.ends[0][0] in own and x.ends[1][0] not in own
-    }
+    fields = dict(zip(names, _name_parts(names), strict=True))
+    blocks = _write_blocks(models[part.name] for part in plan.parts)
+    parts = [
+        CodePart(part.name, fields[part.name], block := blocks[models[part.name]], _starts(plan, p, block))
+        for p, part in enumerate(plan.parts)
+    ]
+    driven = {f"{part.name}.{v.name}" for part in plan.parts for v in part.instance.read}
+    driving = {".".join(x.ends[0]) for x in system.connections if x.ends[1][0] not in names}
+    written = [v.name for v in _list_variables(parts, "outputs")]
     return CodePlan(
         name=name,
         system=plan,
-        blocks=blocks,
-        equations={block: c_equations(block(), symbolic) for block, symbolic in symbols.items()},
-        demands={block: symbolic.demands for block, symbolic in symbols.items()},
-        fields=fields,
-        starts=starts,
-        inputs=seen.open_inputs(),
-        outputs=seen.outputs(outputs, driving),
-        parameters=seen.parameters(),
+        parts=parts,
+        blocks=blocks.values(),
+        inputs=_list_variables(parts, "inputs", {v.name for v in _list_variables(parts, "inputs")} - driven),
+        outputs=_list_variables(parts, "outputs", _choose_outputs(written, outputs, driving)),
+        parameters=_list_variables(parts, "parameters"),
         step=times.clock.point(multiple) - times.clock.point(0),
     )
 
 
 def _choose(system: System, patterns: Collection[str]) -> list[Component]:
+    names = [c.name for c in system.components]
     if not patterns:
-        names = join_names([c.name for c in system.components])
-        raise CommandError(f"plain C needs --components, such as --components controller; there are {names}.")
-    found = set[str]()
+        there = join_names(names)
+        raise CommandError(f"plain C needs --components, such as --components controller; there are {there}.")
+    chosen = set[str]()
     for pattern in patterns:
-        names = [
-            c.name
-            for c in system.components
-            if matches_pattern(c.name, pattern) or matches_pattern(c.name, f"*.{pattern}")
-        ]
-        if not names:
-            there = join_names([c.name for c in system.components])
+        matches = [n for n in names if matches_pattern(n, pattern) or matches_pattern(n, f"*.{pattern}")]
+        if not matches:
+            there = join_names(names)
             raise CommandError(
                 f"no component matches '{pattern}' of --components; there are {there}.", name=pattern
             )
-        found.update(names)
-    return [c for c in system.components if c.name in found]
+        chosen.update(matches)
+    return [c for c in system.components if c.name in chosen]
 
 
-def _block_of(component: Component) -> type[Block]:
+def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Collection[str]) -> list[str]:
+    """Return the chosen outputs, else those that drive others, else all."""
+    if not patterns:
+        return [name for name in names if name in driving] or list(names)
+    for pattern in patterns:
+        if not any(matches_pattern(name, pattern) for name in names):
+            raise CommandError(f"no output matches '{pattern}'; there are {join_names(names)}.")
+    return [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
+
+
+def _find_block(component: Component) -> type[Block]:
     """Return the block of a component; CommandError if it is no block, or one that reads data."""
     if not component.model:
         raise CommandError(f"{component.name} is an FMU file; only blocks of Python can be plain C.")
@@ -176,13 +224,13 @@ def _block_of(component: Component) -> type[Block]:
     return block if isinstance(block, type) else type(block)
 
 
-def _restrict(algorithm: Algorithm, own: Collection[str]) -> Algorithm:
+def _restrict(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
     """Return the algorithm for some of the components."""
     changes: dict[str, Any] = {}
     if order := getattr(algorithm, "order", None):
-        changes["order"] = [n for n in order if n in own]
+        changes["order"] = [n for n in order if n in names]
     if multiples := getattr(algorithm, "step_multiples", None):
-        changes["step_multiples"] = {n: m for n, m in multiples.items() if n in own}
+        changes["step_multiples"] = {n: m for n, m in multiples.items() if n in names}
     return replace(algorithm, **changes) if changes else algorithm
 
 
@@ -204,24 +252,49 @@ def _check(plan: ContainerPlan) -> int:
     return multiples.pop()
 
 
-def _starts(plan: ContainerPlan, p: int) -> dict[int, float]:
+def _write_blocks(models: Iterable[type[Block]]) -> dict[type[Block], CodeBlock]:
+    """Return the blocks in C."""
+    models, blocks = list(dict.fromkeys(models)), {}
+    try:
+        for model, name in zip(models, _make_unique([m.__name__ for m in models]), strict=True):
+            layout, symbolic = model().layout(), evaluate_symbolically(model())
+            internal_step = layout.references((model.internal_step,))[0] if layout.states else None
+            equations = c_equations(model(), symbolic)
+            blocks[model] = CodeBlock(name, layout, internal_step, equations, symbolic.demands)
+    except BuildError as error:
+        raise CommandError(str(error)) from error
+    return blocks
+
+
+def _starts(plan: ContainerPlan, p: int, block: CodeBlock) -> list[float]:
+    """Return the start values of a component: its block's, its FMU's, or those of the system."""
     part = plan.parts[p]
-    found = {
-        int(v.valueReference): v.start for v in part.instance.file.variables.values() if v.start is not None
-    }
-    found |= {int(v.valueReference): value for v, value in part.starts}
-    return {r: _number(value) for r, value in found.items()}
+    starts: dict[int, Any] = {r: scalar.start for r, scalar in enumerate(block.layout.scalars)}
+    declared = (v for v in part.instance.file.variables.values() if v.start is not None)
+    for variable, value in [*((v, v.start) for v in declared), *part.starts]:
+        if (reference := int(variable.valueReference)) in starts:  # not the derivative of a state
+            starts[reference] = {"true": 1.0, "false": 0.0}.get(str(value), value)
+    return [float(value) for value in starts.values()]
 
 
-def _number(value: Any) -> float:
-    return float({"true": 1.0, "false": 0.0}.get(value, value)) if isinstance(value, str) else float(value)
+def _list_variables(
+    parts: Sequence[CodePart], kind: str, names: Collection[str] | None = None
+) -> list[CodeVariable]:
+    """Return the inputs, outputs or parameters of all components that have one of these names."""
+    variables = [
+        CodeVariable(f"{part.field}_{as_identifier(part.block.layout.scalars[r].name)}", part, r)
+        for part in parts
+        for r in part.block.layout.references(getattr(part.block.layout, kind))
+    ]
+    chosen = [v for v in variables if names is None or v.name in names]
+    fields = _make_unique([v.field for v in chosen])
+    return [replace(v, field=field) for v, field in zip(chosen, fields, strict=True)]
 
 
-def _fields(names: Sequence[str]) -> list[str]:
+def _name_parts(names: Sequence[str]) -> list[str]:
     """Return names of components in C: without their joint if they all have the same one."""
-    joints = {name.partition(".")[0] for name in names if "." in name}
-    shared = len(joints) == 1 and all("." in name for name in names)
-    return _make_unique([as_identifier(name.partition(".")[2] if shared else name) for name in names])
+    is_shared = all("." in name for name in names) and len({name.partition(".")[0] for name in names}) == 1
+    return _make_unique([as_identifier(name.partition(".")[2] if is_shared else name) for name in names])
 
 
 def as_identifier(name: str) -> str:
@@ -231,99 +304,9 @@ def as_identifier(name: str) -> str:
     return f"{plain}_" if plain in _WORDS or keyword.iskeyword(plain) else plain
 
 
-class _Variables:
-    """The variables that the caller sees."""
-
-    def __init__(
-        self,
-        plan: ContainerPlan,
-        blocks: Sequence[type[Block]],
-        fields: Sequence[str],
-        starts: Sequence[Mapping[int, float]],
-    ) -> None:
-        self._plan, self._fields, self._starts = plan, fields, starts
-        self._layouts = [block().layout() for block in blocks]
-
-    def open_inputs(self) -> list[CodeVariable]:
-        """Return the inputs that no chosen component drives."""
-        found = list[CodeVariable]()
-        for p, layout in enumerate(self._layouts):
-            driven = {v.name for v in self._plan.parts[p].instance.read}
-            references = layout.references(layout.inputs)
-            found += [self._variable(p, r) for r in references if layout.scalars[r].name not in driven]
-        return _unique(found)
-
-    def outputs(self, patterns: Collection[str], driving: Collection[str]) -> list[CodeVariable]:
-        """Return the chosen outputs, else those that drive others, else all."""
-        every = [
-            self._variable(p, r)
-            for p, layout in enumerate(self._layouts)
-            for r in layout.references(layout.outputs)
-        ]
-        for pattern in patterns:
-            if not any(matches_pattern(v.name, pattern) for v in every):
-                raise CommandError(
-                    f"no output matches '{pattern}'; there are {join_names([v.name for v in every])}."
-                )
-        if patterns:
-            return _unique([v for v in every if any(matches_pattern(v.name, x) for x in patterns)])
-        return _unique([v for v in every if v.name in driving] or every)
-
-    def parameters(self) -> list[CodeVariable]:
-        """Return the parameters that can be set."""
-        return _unique(
-            [
-                self._variable(p, r)
-                for p, layout in enumerate(self._layouts)
-                for r in layout.references(layout.parameters)
-            ]
-        )
-
-    def _variable(self, p: int, reference: int) -> CodeVariable:
-        scalar = self._layouts[p].scalars[reference]
-        variable = scalar.variable
-        low, high = variable.range
-        return CodeVariable(
-            name=f"{self._plan.parts[p].name}.{scalar.name}",
-            field=f"{self._fields[p]}_{as_identifier(scalar.name)}",
-            part=p,
-            reference=reference,
-            start=self._starts[p].get(reference, scalar.start),
-            unit=variable.unit or "",
-            description=variable.description or "",
-            type=variable.fmi_type,
-            minimum=float(low),
-            maximum=float(high),
-        )
-
-
-def _unique(found: list[CodeVariable]) -> list[CodeVariable]:
-    """Return the variables with fields that differ."""
-    fields = _make_unique([one.field for one in found])
-    return [replace(one, field=field) for one, field in zip(found, fields, strict=True)]
-
-
 def _make_unique(names: Sequence[str]) -> list[str]:
     """Return names in C that differ: two names such as a.b and a_b would be one."""
-    result = list[str]()
+    unique = list[str]()
     for name in names:
-        unique, number = name, 2
-        while unique in result:
-            unique, number = f"{name}_{number}", number + 1
-        result.append(unique)
-    return result
-
-
-def find_initial_order(plan: ContainerPlan) -> list[int]:
-    """Return the order in which components get their initial inputs."""
-    return [i for group in plan.initial_groups for i in group.members]
-
-
-def find_assumed_signals(plan: ContainerPlan) -> list[float]:
-    """Return the signals that agree with the start values of the inputs that read them; 0 if nothing does."""
-    network = plan.network
-    network.signals[:] = 0.0
-    for i, part in enumerate(plan.parts):
-        network.instances[i].inputs[:] = part.instance.input_starts
-        network.assume_inputs(i)
-    return network.signals.tolist()
+        unique.append(find_free_name(name, unique))
+    return unique

@@ -15,6 +15,7 @@ from fmublock.table import TYPES, TableColumn, TableContent, TableOutput
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.files import CacheError, temporary_folder
+from ..base.wording import find_free_name
 from ..fmu.interface import Interface
 from ..fmu.models import license_text, producer
 from ..system.model import Component, Connection, System
@@ -121,7 +122,7 @@ def wire_inputs(
             system = _replace_component(system, name, fmus[name])
         for letter in dict.fromkeys(TYPES[one.type.kind] for one in rest):
             part = [one for one in rest if TYPES[one.type.kind] == letter]
-            name = _free_name(system)
+            name = find_free_name(NAME, {x for c in system.components for x in (c.name, c.branch)})
             fmus[name] = _build_table_fmu(table, [(one, one.signal) for one in part], platforms)
             system = _add_component(system, name, fmus[name], part)
             notes += _describe_partly_replaced(name, part)
@@ -195,15 +196,6 @@ def _describe_assumed(table: LoadedInput, driven: Sequence[ColumnBinding]) -> st
         f"{table.source.label} has columns without a unit, which are read in the unit of their signal: "
         f"{', '.join(dict.fromkeys(units))}{more}."
     )
-
-
-def _free_name(system: System) -> str:
-    taken, number = {c.name for c in system.components}, 2
-    taken |= {c.branch for c in system.components}
-    name = NAME
-    while name in taken:
-        name, number = f"{NAME}_{number}", number + 1
-    return name
 
 
 def _build_table_fmu(

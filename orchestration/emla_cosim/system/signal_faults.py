@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from ..base.errors import CommandError
 from ..base.units import IDENTITY
+from ..base.wording import find_free_name
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .fault import Fault
@@ -34,9 +35,7 @@ def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[Syste
     for fault in faults:
         component, variable = system.split(fault.signal)
         first = f"{component.name}_{variable.replace('.', '_')}_fault"  # not inside of the component
-        name, number = first, 2
-        while name in taken:
-            name, number = f"{first}_{number}", number + 1
+        name = find_free_name(first, taken)
         taken.add(name)
         placed[name] = fault
     made = (Component(name, MODEL, _start_values(fault)) for name, fault in placed.items())

@@ -42,14 +42,13 @@ static Status check_end(Instance *instance, double time, double step) {
                   last, time + step);
 }
 
-/* Begin a step on the instance's own clock, which counts steps of the same length instead of summing
-   them up. The host's rounding of times does not change a bit of the results. */
+/* Begin a step on the instance's own clock: its next one if the host's time and step differ by rounding only. */
 static void begin_step(State *now, double time, double step) {
-    Clock *clock = &now->clock;
+    StepClock *clock = &now->clock;
     const int goes_on =
         fabs(step - clock->step) <= SAME_STEP * clock->step && fabs(time - now->time) <= SAME_TIME * step;
-    if (!goes_on) *clock = (Clock){time, step, 0.0};
-    now->time = clock->origin + clock->count * clock->step;
+    if (!goes_on) *clock = (StepClock){time, step, 0.0};
+    now->time = clock_time(clock);
 }
 
 /* Clear what the host set for one step; `begin` is the time before which it will not go back. */
@@ -64,19 +63,19 @@ static Status end_step(Instance *instance, double begin, Boolean will_not_go_bac
 /* Do the step of the instance's clock. If it ends early, it is a step of another length. */
 static void advance(Instance *instance, const double *u0) {
     State *now = &instance->now;
-    Clock *clock = &now->clock;
+    StepClock *clock = &now->clock;
     const double step = integrate(instance, u0, now->time, clock->step);
-    if (step < clock->step) *clock = (Clock){now->time, step, 0.0};
+    if (step < clock->step) *clock = (StepClock){now->time, step, 0.0};
     if (now->inputs_move) move_inputs(now, u0, step);
     clock->count += 1.0;
-    now->time = clock->origin + clock->count * step;
+    now->time = clock_time(clock);
     end_communication_step(now);
 }
 
 static Status do_step(Instance *instance, double time, double step, Boolean noSetFMUStatePriorToCurrentPoint) {
     State *now = &instance->now;
     const double start = now->time;
-    const Clock clock = now->clock;
+    const StepClock clock = now->clock;
     double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
     if (require(instance, STEP, "do a step") != StatusOK) return StatusError;
 #ifdef HAS_INTERMEDIATE_UPDATE

@@ -80,10 +80,11 @@ static Status check_required(const Instance *instance, const ValueReference vr[]
 
 /* ---- integration ----------------------------------------------------------------------- */
 
+#include "runge_kutta.h"
+
 static double substeps(const State *now, double step) {
 #if N_STATES > 0
-    const double count = ceil(step / now->values[INTERNAL_STEP] - SAME_COUNT);
-    return count >= 1.0 ? count : 1.0;
+    return count_substeps(step, now->values[INTERNAL_STEP]);
 #else
     (void)now, (void)step;
     return 1.0;
@@ -91,47 +92,45 @@ static double substeps(const State *now, double step) {
 }
 
 #if N_STATES > 0
-/* `stepwise` depends on inputs and discrete states; it changes within a step only if inputs do. */
-static void slope(State *now, const double *u0, double start, double time, double *stepwise, double *k) {
+/* A step under way. `stepwise` depends on inputs and discrete states; it changes within a step only if inputs do. */
+typedef struct {
+    Instance *instance;
+    const double *u0; /* inputs at its start */
+    double start;
+    double stepwise[ROOM(N_STEPWISE)];
+} Step;
+
+static inline void slope(void *context, double time, double *k) {
+    Step *step = context;
+    State *now = &step->instance->now;
     if (now->inputs_move) {
-        move_inputs(now, u0, time - start);
-        stepwise_values(now->values, FIXED(now), stepwise);
+        move_inputs(now, step->u0, time - step->start);
+        stepwise_values(now->values, FIXED(now), step->stepwise);
     }
-    derivatives(time, now->values, FIXED(now), stepwise, k);
+    derivatives(time, now->values, FIXED(now), step->stepwise, k);
 }
 
-static void set_states(double *x, const double *x0, double factor, const double *k) {
-    for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + factor * k[i];
+#ifdef HAS_INTERMEDIATE_UPDATE
+static int ends_step_early(void *context, double done, double next) {
+    const Step *step = context;
+    return ends_early(step->instance, step->start + done, step->start + next);
 }
+#define ENDS_EARLY(instance) ((instance)->intermediate_update != NULL ? ends_step_early : NULL)
+#else
+#define ENDS_EARLY(instance) NULL
+#endif
 
-/* Classical Runge-Kutta substeps no longer than the internal step. Returns the length of the step, which is less if
-   it ended early. */
+/* Do a step of the states. Returns its length, which is less if it ended early. */
 static double integrate(Instance *instance, const double *u0, double time, double step) {
     State *now = &instance->now;
-    double x0[N_STATES], k1[N_STATES], k2[N_STATES], k3[N_STATES], k4[N_STATES], stepwise[ROOM(N_STEPWISE)];
-    double *x = now->values + FIRST_STATE;
-    const double count = substeps(now, step), dt = step / count;
-    stepwise_values(now->values, FIXED(now), stepwise);
-    for (long i = 0; i < (long)count; i++) {
-        const double t = time + (double)i * dt;
-        memcpy(x0, x, sizeof x0);
-        slope(now, u0, time, t, stepwise, k1);
-        set_states(x, x0, 0.5 * dt, k1);
-        slope(now, u0, time, t + 0.5 * dt, stepwise, k2);
-        set_states(x, x0, 0.5 * dt, k2);
-        slope(now, u0, time, t + 0.5 * dt, stepwise, k3);
-        set_states(x, x0, dt, k3);
-        slope(now, u0, time, t + dt, stepwise, k4);
-        for (int j = 0; j < N_STATES; j++) k1[j] = k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j];
-        set_states(x, x0, dt / 6.0, k1);
-#ifdef HAS_INTERMEDIATE_UPDATE
-        if (instance->intermediate_update != NULL && i + 1 < (long)count) {
-            const double done = (double)(i + 1) * dt;
-            if (ends_early(instance, time + done, time + (double)(i + 2) * dt)) return done;
-        }
-#endif
-    }
-    return step;
+    Step under_way; /* without an initializer, which would clear `stepwise` in vain */
+    double memory[5 * N_STATES];
+    under_way.instance = instance;
+    under_way.u0 = u0;
+    under_way.start = time;
+    stepwise_values(now->values, FIXED(now), under_way.stepwise);
+    return runge_kutta(N_STATES, now->values + FIRST_STATE, memory, time, step, now->values[INTERNAL_STEP], slope,
+                       ENDS_EARLY(instance), &under_way);
 }
 #else
 static double integrate(Instance *instance, const double *u0, double time, double step) {

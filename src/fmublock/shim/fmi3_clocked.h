@@ -21,9 +21,13 @@ static Status check_clocked(const Instance *instance, ValueReference reference) 
 }
 
 /* The first tick is one interval after the start. */
-static void start_clock(State *now) { now->clock = (Clock){now->time, CLOCK_INTERVAL, 0.0}; }
+static void start_clock(State *now) { now->clock = (StepClock){now->time, CLOCK_INTERVAL, 0.0}; }
 
-static double next_tick(const State *now) { return now->clock.origin + (now->clock.count + 1.0) * CLOCK_INTERVAL; }
+static double next_tick(const State *now) {
+    StepClock clock = now->clock;
+    clock.count += 1.0;
+    return clock_time(&clock);
+}
 
 /* Whether a time is that of the next tick, but for rounding. */
 static int is_tick(const State *now, double time) {
@@ -36,7 +40,7 @@ static Status tick(Instance *instance) {
     double u0[ROOM(N_INPUTS)];
     instance->before = *now;
     memcpy(u0, now->values, N_INPUTS * sizeof(double));
-    now->time = now->clock.origin + now->clock.count * now->clock.step;
+    now->time = clock_time(&now->clock);
     advance(instance, u0);
     hold_inputs(now, now->clock.step);
     const int bad = find_not_finite(now);

@@ -23,10 +23,7 @@
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
 #define RUNNING (STEP | CO_SIMULATION_EVENT | MODEL_EXCHANGE_RUNNING)
 
-/* Steps of one length since an origin, so that the host's rounding of times does not matter. */
-typedef struct {
-    double origin, step, count;
-} Clock;
+#include "step_clock.h"
 
 /* All values that evolve or were set; begins with the GUID, so that states of other FMUs are recognized. */
 typedef struct {
@@ -38,7 +35,7 @@ typedef struct {
     int ticking; /* the clock of the FMU is active */
 #endif
     double time, stop_time;
-    Clock clock;
+    StepClock clock;
     const double *resource; /* the instance's data, or NULL; not part of serialized or saved states */
     double values[ROOM(N_VALUES)];
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */

@@ -16,7 +16,7 @@ import pytest
 
 from emla_fmu import EmlaPlant
 from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, exp, sin, where
-from fmublock.c_equations import _Equations, c_equations
+from fmublock.c_equations import CEquations, c_equations
 from fmublock.errors import BuildError
 from fmublock.graph import Rank
 from fmublock.symbolic import SymbolicBlock, evaluate_symbolically
@@ -125,7 +125,7 @@ def test_random_equations_have_the_bits_of_casadi(seed: int, tmp_path: Path) -> 
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
         symbolic = random_block(seed)
-        function = compiled(_Equations(symbolic, RANKS, DISCRETE).text(), tmp_path)
+        function = compiled(CEquations(symbolic, RANKS, DISCRETE).text(), tmp_path)
     finally:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
     points = np.random.default_rng(seed)
@@ -168,7 +168,7 @@ class Mixed(Block):
 @pytest.fixture(scope="module")
 def body() -> dict[str, str]:
     """The bodies of the C functions of that block by name."""
-    text = c_equations(Mixed(), evaluate_symbolically(Mixed()))
+    text = c_equations(Mixed(), evaluate_symbolically(Mixed())).text()
     return dict(re.findall(r"static void (\w+)\(.*?\) \{\n(.*?)\n\}", text, re.DOTALL))
 
 
@@ -199,7 +199,7 @@ def test_unsupported_operations_of_casadi_are_refused() -> None:
     ]
     symbolic = SymbolicBlock(nothing[0], nothing[1], odd, nothing[2], ())
     with pytest.raises(BuildError, match=r"the operation \d+ of CasADi has no meaning in C"):
-        _Equations(symbolic, RANKS, []).text()
+        CEquations(symbolic, RANKS, []).text()
 
 
 # ---- what parameters decide, in an FMU ---------------------------------------------------------

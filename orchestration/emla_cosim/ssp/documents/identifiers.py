@@ -6,6 +6,8 @@ OMSimulator accepts ASCII letters, digits and underscores. The `id` next to an i
 import re
 from collections.abc import Iterable
 
+from ...base.wording import find_free_name
+
 _LETTERS = "A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u3001-\ud7ff"
 """Characters that an XML id can begin with, for a set of a regular expression."""
 
@@ -25,12 +27,9 @@ def make_identifiers(names: Iterable[str]) -> dict[str, str]:
     taken = {name for name in names if make_identifier(name) == name}
     found = {}
     for name in names:
-        identifier, number = make_identifier(name), 1
+        identifier = make_identifier(name)
         if identifier != name:
-            first = identifier
-            while identifier in taken:
-                number += 1
-                identifier = f"{first}_{number}"
+            identifier = find_free_name(identifier, taken)
             taken.add(identifier)
         found[name] = identifier
     return found
