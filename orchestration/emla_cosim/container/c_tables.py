@@ -91,6 +91,7 @@ class SystemTables:
         parts = {
             "STEPPER_EVENTS": any(part.events >= 0 for part in plan.image.parts),
             "STEPPER_GROUPS": bool(plan.groups),
+            "STEPPER_WATCHED": False,
         }
         lines = [f"#define {name} {int(value)}" for name, value in parts.items()]
         return [*lines, *(f"#define {name}" for name, value in flags.items() if value)]

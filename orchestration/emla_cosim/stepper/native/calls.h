@@ -20,7 +20,7 @@
 static int is_bad(int32_t status) { return status > fmi2Warning || status < fmi2OK; }
 
 ALWAYS_INLINE static void announce(const Stepper *s, int64_t code) {
-    if (s->activity != NULL) s->activity->code = code;
+    if (STEPPER_WATCHED && s->activity != NULL) s->activity->code = code;
 }
 
 /* WHOLE_TYPES and OTHER_TYPES apply a macro to a type: its name, its C type, and for whole numbers the smallest
@@ -160,7 +160,7 @@ static int32_t step_with_events(const Stepper *s, Events *events, double time, d
 ALWAYS_INLINE static int32_t do_step(Stepper *s, int32_t i, double time, double length) {
     const FmuInstance *instance = &s->instances[i];
     announce(s, instance->code + instance->code_step);
-    if (s->activity != NULL) s->activity->time = time;
+    if (STEPPER_WATCHED && s->activity != NULL) s->activity->time = time;
     const int64_t start = start_clock(instance->effort);
     const int32_t status =
         STEPPER_EVENTS && instance->events != NULL

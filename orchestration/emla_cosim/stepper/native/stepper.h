@@ -14,9 +14,10 @@
 #include "fmi2FunctionTypes.h"
 #include "fmi3FunctionTypes.h"
 
-#ifndef STEPPER_EVENTS /* an exported system leaves out what it has not */
+#ifndef STEPPER_EVENTS /* an exported system leaves out what it has not, */
 #define STEPPER_EVENTS 1
 #define STEPPER_GROUPS 1
+#define STEPPER_WATCHED 1 /* and that somebody reads what is called, and how long it takes */
 #endif
 
 #ifndef STEPPER_API
