@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fmublock.compiling import c_number
 
+from ..master.instances.call_codes import split_code
 from ..stepper.event_layout import CLOCK_SET, CLOCKED_CALL, TIMED_CLOCK, TRIGGERED_CLOCK, Events
 from ..stepper.layout import (
     CALL,
@@ -59,8 +60,17 @@ _ROOM = {
 _ADDRESSES = {
     *(name for t in (CALL, INSTANCE, GROUP) for name in t.names or () if t[name] == np.intp),
     *(name for t in (Stepper, Events) for name, kind, *_ in t._fields_ if kind is ctypes.c_void_p),
-} - {"every", "code"}
-"""Fields that are addresses."""
+} - {"code"}
+"""Fields that are addresses of memory, besides those of functions and components."""
+
+_CODES = {
+    "do_step": "code_step",
+    "set_derivatives": "code_derivatives",
+    "get_state": "code_save",
+    "set_state": "code_restore",
+    "get_status": "code_status",
+}
+"""Fields with functions of an instance, and those with their codes."""
 
 _WORD = 8
 """Bytes of the numbers of which all memory consists."""
@@ -90,11 +100,16 @@ class Image:
     All memory is known by its address. What steps change and keep is `saved`, other memory is `room`. Each
     instance fills in the records with addresses; all other tables are constants.
 
+    Functions and instances are known by the codes of their calls, not by their addresses: linkers may give
+    several functions one address, and tools may number their instances.
+
     Args:
         arrays: All arrays to which the tables point.
+        functions: Array in C with the functions of each instance, and the beginning of their names.
     """
 
-    def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
+    def __init__(self, arrays: Iterable[NDArray[Any]], functions: Sequence[tuple[str, str]]) -> None:
+        self._functions = functions
         self.constants, self._wires, self._starts = list[str](), list[str](), list[str]()
         self.saved = self.room = 0
         """Sizes of the two memories, in doubles."""
@@ -113,7 +128,7 @@ class Image:
         return self._regions[region.address]
 
     def name(self, address: int, expression: str) -> None:
-        """Give a function, a component or a record of ctypes its expression in C."""
+        """Give a record its expression in C."""
         self._regions.pop(address, None)
         self._add(_Region(address, 0, None, expression))
 
@@ -146,8 +161,8 @@ class Image:
 
     def wire(self, target: str, record: Any, kind: str) -> None:
         """Let each instance fill in a record of ctypes, such as `m->stepper`."""
-        fields = [(name, getattr(record, name)) for name, *_ in record._fields_]
-        self._wires.append(f"{target} = ({kind}){{{', '.join(self._cells(fields, kind))}}};")
+        values = {name: getattr(record, name) for name, *_ in record._fields_}
+        self._wires.append(f"{target} = {self._record(values, kind)};")
 
     def add(self, line: str) -> None:
         """Let each instance do something else."""
@@ -201,26 +216,43 @@ class Image:
         region.name, region.place = name, self.pools[name]
         self.pools[name] += len(region.values)
         for place, record in enumerate(region.values, region.place):
-            cells = self._cells([(n, record[n]) for n in record.dtype.names], kind)
-            self._wires.append(f"m->{name}[{place}] = ({kind}){{{', '.join(cells)}}};")
+            self._wires.append(f"m->{name}[{place}] = {self._record(_as_dict(record), kind)};")
 
-    def _cells(self, fields: Sequence[tuple[str, Any]], kind: str) -> list[str]:
-        """Return the members of a record in C."""
-        return [self._cell(name, value, kind) for name, value in fields]
+    def _record(self, values: Mapping[str, Any], kind: str) -> str:
+        """Return a record in C."""
+        return f"({kind}){{{', '.join(self._cell(name, values, kind) for name in values)}}}"
 
-    def _cell(self, name: str, value: Any, kind: str) -> str:
+    def _cell(self, name: str, values: Mapping[str, Any], kind: str) -> str:
+        """Return a member of a record in C."""
+        value = values[name]
         if name.startswith("code"):  # of the present call, which nobody reads here
             return "{0}" if isinstance(value, ctypes.Array) else "0"
-        if name == "clock" and kind == "Stepper":
-            return f"{{{', '.join(map(_number, value))}}}"
+        if name == "component":
+            code = values["codes"][0] if kind == "Events" else values["code"]
+            return f"m->parts[{split_code(int(code))[0]}]" if value else "NULL"
+        if name == "function":
+            return self._function(values["code"]) if value else "NULL"
+        if name == "functions":
+            return f"{{{', '.join(map(self._function, values['codes']))}}}"
+        if name in _CODES:
+            return self._function(values["code"] + values[_CODES[name]]) if value else "NULL"
         if isinstance(value, ctypes.Array):
-            return f"{{{', '.join(self._expression(name, int(x or 0)) for x in value)}}}"
+            return f"{{{', '.join(map(_number, value))}}}"
         if isinstance(value, np.void):
-            return f"{{{', '.join(self._cells([(n, value[n]) for n in value.dtype.names or ()], kind))}}}"
-        if name in _ADDRESSES or (name == "inputs" and kind == "Events"):
-            is_room = name == "references" and kind == "Events"
+            members = _as_dict(value)
+            return self._record(members, "Call" if "function" in members else "ClockSet")
+        if name in _ADDRESSES:
+            is_room = name == "references" and kind == "Events"  # elsewhere, they are constants
             return self._expression("values" if is_room else name, int(value or 0))
         return _number(value)
+
+    def _function(self, code: int) -> str:
+        """Return the function of a call in C."""
+        instance, call = split_code(int(code))
+        if not call:
+            return "(Function)step_texts"
+        table, prefix = self._functions[instance]
+        return f"{table}[{prefix}_{call[0].upper()}{call[1:]}]"
 
     def _constant(self, values: NDArray[Any]) -> str:
         """Add a constant array, and return its name."""
@@ -230,9 +262,13 @@ class Image:
         return name
 
 
+def _as_dict(record: Any) -> dict[str, Any]:
+    return {name: record[name] for name in record.dtype.names}
+
+
 def _row(value: Any) -> str:
     if isinstance(value, np.void):
-        return f"{{{', '.join(_number(value[n]) for n in value.dtype.names or ())}}}"
+        return f"{{{', '.join(map(_number, _as_dict(value).values()))}}}"
     return _number(value)
 
 

@@ -76,7 +76,11 @@ def draw_system(
     initial = [_initial_calls(tables, i, x) for i, x in enumerate(instances)]
     stepper = tables.stepper
     stepper.observers = stepper.observed = stepper.activity = None
-    image = Image([*tables.arrays, *(a for x in with_events for a in x.tables.arrays)])
+    functions = [
+        (f"m->functions[{library}]", "FMI3" if is_version_3(instance.file.description) else "FMI2")
+        for instance, library in zip(instances, libraries, strict=True)
+    ]
+    image = Image([*tables.arrays, *(a for x in with_events for a in x.tables.arrays)], functions)
     for values in (algorithm.block, *(x.tables.memory for x in with_events)):
         image.save(values)
     for instance in instances:
@@ -84,7 +88,6 @@ def draw_system(
             image.save(values, start_memory(instance.array(reference)))
     for values in (values for own in held.values() for values in own.values()):
         image.save(values, values)
-    _name_functions(image, instances, libraries)
     for number, instance in enumerate(with_events):
         image.name(instance.tables.address, f"&m->events[{number}]")
     _name_records(image, tables, points)
@@ -130,14 +133,6 @@ def _initial_calls(tables: StepperTables, i: int, instance: InProcessInstance) -
     return [(x.ctypes.data, len(x)) for x in calls]
 
 
-def _name_functions(image: Image, instances: Sequence[InProcessInstance], libraries: Sequence[int]) -> None:
-    for i, (instance, library) in enumerate(zip(instances, libraries, strict=True)):
-        image.name(instance.address, f"m->parts[{i}]")
-        prefix = "FMI3" if is_version_3(instance.file.description) else "FMI2"
-        for name, address in instance.addresses.items():
-            image.name(address, f"m->functions[{library}][{prefix}_{name[0].upper()}{name[1:]}]")
-
-
 def _name_records(image: Image, tables: StepperTables, points: Sequence[Any]) -> None:
     """Name what each instance has once: the end of a step, its saved state, the vectors."""
     states = tables.states.records
@@ -150,8 +145,6 @@ def _name_records(image: Image, tables: StepperTables, points: Sequence[Any]) ->
     image.name(int(tables.stepper.stores), "m->stores")
     for number, address in enumerate(tables.stores.tolist()):
         image.point(f"m->stores[{number}]", address)
-    if tables.passing is not None:
-        image.name(int(tables.instances[-1]["do_step"]), "(Function)step_texts")
 
 
 def _part(

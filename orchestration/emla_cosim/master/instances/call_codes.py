@@ -76,10 +76,15 @@ def code_of(instance: int, call: str) -> int:
     return instance * len(CALLS) + _NUMBERS[call]
 
 
+def split_code(code: int) -> tuple[int, str]:
+    """Return the number of the instance and the call of a code."""
+    instance, call = divmod(code, len(CALLS))
+    return instance, CALLS[call]
+
+
 def decode_call(present: Activity) -> tuple[int | None, str]:
     """Return the number of the instance that is called (None without a call), and the call in words."""
-    instance, call = divmod(present.code, len(CALLS))
+    instance, call = split_code(present.code)
     if not call:
         return None, "no FMI call"
-    at = f" at t = {present.time:.9g} s" if CALLS[call] == "doStep" else ""
-    return instance, f"{CALLS[call]}{at}"
+    return instance, f"{call} at t = {present.time:.9g} s" if call == "doStep" else call

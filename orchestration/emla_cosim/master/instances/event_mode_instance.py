@@ -104,7 +104,7 @@ class EventModeInstance(InProcessInstance):
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
         if self._tables is not None:
-            self._tables.bind(self.address, inputs)
+            self._tables.bind(self._address, inputs)
 
     def reset(self) -> None:
         """Return to the state right after instantiation."""

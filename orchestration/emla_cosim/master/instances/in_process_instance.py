@@ -3,7 +3,7 @@
 import contextlib
 import ctypes
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -143,14 +143,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
 
     @property
-    def address(self) -> int:
+    def _address(self) -> int:
         """Return the address of the FMU's instance."""
         return ctypes.cast(self._component, _POINTER).value or 0
-
-    @property
-    def addresses(self) -> Mapping[str, int]:
-        """Return the addresses of the FMU's functions by their short names, such as `setReal`."""
-        return self._library.addresses
 
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
@@ -334,7 +329,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             ObservedGroup(
                 call=group.call,
                 function=address.get(group.call, 0),
-                component=self.address,
+                component=self._address,
                 references=group.references,
                 values=group.values,
                 boolean=group.boolean,
@@ -444,7 +439,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             set_, get = ("setFloat64", "getFloat64") if self._typed is None else _TYPED_CALLS.values()
             names = CallNames(set_, get, "getFMUState", "setFMUState")
         return EntryPoints(
-            component=self.address,
+            component=self._address,
             set_real=address["setFloat64" if is_3 else "setReal"],
             get_real=address["getFloat64" if is_3 else "getReal"],
             do_step=address["doStep"],
