@@ -14,8 +14,10 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from typer.testing import CliRunner
 
 import emla_cosim as ec
+from emla_cosim.cli.app import app
 from tests.support.c_programs import needs_cc
 from tests.support.container_host import Host
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, build_event_fmu
@@ -24,7 +26,7 @@ from tests.support.tiers import mostly_slow
 STEP, STEPS = 0.125, 16
 WHOLE = ("a.bounces", "a.count", "a.latched")
 ENDLESS_UPDATES, ENDLESS_RETURNS, UNEXPECTED_EVENT, UNEXPECTED_RETURN, NO_TIME = range(1, 6)
-both_versions = pytest.mark.parametrize("fmi", [2, 3])
+both_versions = pytest.mark.parametrize("fmi", mostly_slow([2, 3], [2]))
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +88,7 @@ def test_inputs_that_change_in_event_mode_and_at_ticks(
         host.start()
         for k in range(half):
             set_all(host, given(k))
+            assert host["a.w"] == given(k)["a.w"]
             host.step(k * STEP, STEP)
             assert read_all(host) == expected[k]
         set_all(host, given(half))
@@ -102,6 +105,7 @@ def test_inputs_that_change_in_event_mode_and_at_ticks(
                 assert read_all(one) == expected[k]
 
 
+@pytest.mark.slow
 def test_a_reset_forgets_ticks_and_values(
     clocked_fmus: Mapping[int, Path], expected: list[list[float]], tmp_path: Path
 ) -> None:
@@ -113,6 +117,14 @@ def test_a_reset_forgets_ticks_and_values(
                 host.step(k * STEP, STEP)
                 assert read_all(host) == expected[k]
             host.fmu.reset()
+
+
+@pytest.mark.slow
+@both_versions
+def test_the_checks_of_fmus_find_nothing(fmi: int, clocked_fmus: Mapping[int, Path]) -> None:
+    """They read and set each variable in each mode; the component refuses clocked variables between ticks."""
+    result = CliRunner().invoke(app, ["verify", str(clocked_fmus[fmi])])
+    assert result.exit_code == 0, result.output
 
 
 # ---- what goes wrong -----------------------------------------------------------------------------
@@ -157,6 +169,7 @@ def test_what_goes_wrong_in_events_is_reported(
     assert failed and any(words in message and "a" in message for message in messages), messages
 
 
+@pytest.mark.slow
 def test_an_early_return_without_declaration_is_accepted_with_a_warning(tmp_path: Path) -> None:
     failed, messages = run_with_fault(0, {"early": False}, tmp_path)
     assert not failed and messages == []
@@ -239,6 +252,7 @@ def test_strings_and_binary_values_pass_as_in_a_run(tmp_path: Path) -> None:
             host.step(k * STEP, STEP) if k < STEPS else None
 
 
+@pytest.mark.slow
 def test_binary_values_that_are_too_large_end_the_run(tmp_path: Path) -> None:
     third = build_all_types_3_fmu(tmp_path / "Third.fmu")
     system = ec.System.of({"a": third, "b": third}, ["a.Binary_source -> b.Binary_in"])

@@ -25,7 +25,7 @@ from ..master.instances.in_process_instance import InProcessInstance
 from ..master.network import Network
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
-from .system_image import SystemImage, draw_system
+from .system_image import SystemImage, make_system_image
 
 _COMPILED = ("fmi2_block.c", "fmi2_table.c")
 """Source files of FMUs whose C can be compiled into another FMU."""
@@ -220,7 +220,7 @@ def _plan(
             InitialGroup(members, cut.tolist(), guess)
             for (members, cut), guess in zip(find_initial_loops(network), guesses, strict=True)
         ],
-        image=draw_system(algorithm, instances, numbers),
+        image=make_system_image(algorithm, instances, numbers),
         times=times,
         known={name: assembly.names_in_system(name) for name in assembly.files},
         lost={c.name: assembly.list_lost_values(c) for c in assembly.system.components},

@@ -59,7 +59,7 @@ class SystemImage:
     groups: int
 
 
-def draw_system(
+def make_system_image(
     algorithm: Algorithm, instances: Sequence[InProcessInstance], libraries: Sequence[int]
 ) -> SystemImage:
     """Return the tables of the stepper for an algorithm that has initialized its network.

@@ -1,7 +1,7 @@
 /* A system of FMUs, the parts, which the stepper of emla_cosim steps: its files are in stepper/.
  *
- * guid.h, sizes.h, system.h and wiring.h are generated for the system. Each part has the functions of FMI 2.0 or 3.0; the host
- * sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
+ * guid.h, sizes.h, system.h and wiring.h are generated for the system. Each part has the functions of FMI 2.0 or 3.0;
+ * the host sees FMI 2.0 or 3.0, whose names fmi2_types.h or fmi3_types.h define.
  */
 #include "sizes.h"
 

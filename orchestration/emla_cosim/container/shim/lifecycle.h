@@ -148,7 +148,8 @@ static Status enter_initialization(Instance *instance) {
 
 static Status exit_part(Instance *instance, int i) {
     if (start_events(instance, i) != StatusOK) return StatusError;
-    const int32_t status = (int32_t)CALL(instance, i, ExitInitializationMode, ExitInitializationMode)(instance->parts[i]);
+    fmi2ExitInitializationModeTYPE *exit = CALL(instance, i, ExitInitializationMode, ExitInitializationMode);
+    const int32_t status = (int32_t)exit(instance->parts[i]);
     if (is_bad(status)) return blame_part(instance, i, "the end of initialization", status);
     return handle_first_events(instance, i);
 }

@@ -32,7 +32,8 @@ static Status blame_events(Instance *instance, int i) {
             instance->memory.phase = STEP; /* a discarded step */
             return report(instance, StatusOK, "%s discarded the step from t = %.9g s.", name, e->time);
         case RETURN_REFUSED:
-            return report(instance, StatusError, "%s returned early at t = %.9g s, which was not allowed.", name, e->time);
+            return report(instance, StatusError, "%s returned early at t = %.9g s, which was not allowed.", name,
+                          e->time);
         case EVENT_REFUSED:
             return report(instance, StatusError, "%s asked for event mode at t = %.9g s, which is not used.", name,
                           e->time);

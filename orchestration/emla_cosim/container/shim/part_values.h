@@ -10,10 +10,10 @@ static Function value_function(const Instance *instance, int part, int type, int
 #ifdef HAS_FMI3_PARTS
 #define BOTH(Name) {FMI3_Get##Name, FMI3_Set##Name}
     static const int at_3[][2] = {
-        [TYPE_FLOAT64] = BOTH(Float64), [TYPE_FLOAT32] = BOTH(Float32), [TYPE_INT8] = BOTH(Int8),   [TYPE_UINT8] = BOTH(UInt8),
-        [TYPE_INT16] = BOTH(Int16),     [TYPE_UINT16] = BOTH(UInt16),   [TYPE_INT32] = BOTH(Int32), [TYPE_UINT32] = BOTH(UInt32),
-        [TYPE_INT64] = BOTH(Int64),     [TYPE_UINT64] = BOTH(UInt64),   [TYPE_BOOLEAN] = BOTH(Boolean),
-        [TYPE_TEXT] = BOTH(String)};
+        [TYPE_FLOAT64] = BOTH(Float64), [TYPE_FLOAT32] = BOTH(Float32), [TYPE_INT8] = BOTH(Int8),
+        [TYPE_UINT8] = BOTH(UInt8),     [TYPE_INT16] = BOTH(Int16),     [TYPE_UINT16] = BOTH(UInt16),
+        [TYPE_INT32] = BOTH(Int32),     [TYPE_UINT32] = BOTH(UInt32),   [TYPE_INT64] = BOTH(Int64),
+        [TYPE_UINT64] = BOTH(UInt64),   [TYPE_BOOLEAN] = BOTH(Boolean), [TYPE_TEXT] = BOTH(String)};
 #undef BOTH
     if (is_version_3(part)) return functions[at_3[type][sets]];
 #endif
@@ -37,10 +37,11 @@ static Call value_call(const Instance *instance, const Variable *variable, int s
 }
 
 static size_t size_of_type(int type) {
-    static const unsigned char sizes[] = {[TYPE_FLOAT64] = sizeof(double), [TYPE_FLOAT32] = sizeof(float),
-                                          [TYPE_INT8] = 1,  [TYPE_UINT8] = 1,  [TYPE_INT16] = 2, [TYPE_UINT16] = 2,
-                                          [TYPE_INT32] = 4, [TYPE_UINT32] = 4, [TYPE_INT64] = 8, [TYPE_UINT64] = 8,
-                                          [TYPE_BOOLEAN] = sizeof(fmi3Boolean), [TYPE_BOOLEAN_2] = sizeof(fmi2Boolean)};
+    static const unsigned char sizes[] = {
+        [TYPE_FLOAT64] = 8, [TYPE_FLOAT32] = 4, [TYPE_INT8] = 1,  [TYPE_UINT8] = 1,
+        [TYPE_INT16] = 2,   [TYPE_UINT16] = 2,  [TYPE_INT32] = 4, [TYPE_UINT32] = 4,
+        [TYPE_INT64] = 8,   [TYPE_UINT64] = 8,  [TYPE_BOOLEAN] = sizeof(fmi3Boolean),
+        [TYPE_BOOLEAN_2] = sizeof(fmi2Boolean)};
     return sizes[type];
 }
 
@@ -67,11 +68,13 @@ static int32_t set_number(Instance *instance, const Variable *variable, double v
     return status;
 }
 
-/* Get a number of a part, in the part's own unit. */
+/* Get a number of a part, in the part's own unit. One that waits for a tick is not read: it has no value before. */
 static int32_t get_number(Instance *instance, const Variable *variable, double *value) {
-    const Call call = value_call(instance, variable, 0, instance->numbers);
-    memset(instance->numbers, 0, (size_t)variable->size * sizeof(double));
-    const int32_t status = exchange(&instance->stepper, &call);
+    const int waits = variable->way == AT_TICKS;
+    double *values = waits ? &instance->memory.saved[variable->array] : instance->numbers;
+    const Call call = value_call(instance, variable, 0, values);
+    if (!waits) memset(values, 0, (size_t)variable->size * sizeof(double));
+    const int32_t status = waits ? fmi2OK : exchange(&instance->stepper, &call);
     if (!is_bad(status)) convert_from(&call, value);
     return status;
 }

@@ -266,8 +266,9 @@ typedef struct {
     int32_t unused;
 } Control;
 
-extern STEPPER_API const size_t
-    stepper_sizes[]; /* of Call, FmuInstance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control, SavedState, Effort */
+/* Sizes of Call, FmuInstance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control,
+ * SavedState and Effort. */
+extern STEPPER_API const size_t stepper_sizes[];
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
 STEPPER_API int32_t stepper_step(Stepper *stepper, int64_t k);
