@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -135,11 +136,16 @@ FAULTS = [
     (NO_TIME, {}, "has the next event at NaN"),
     (UNEXPECTED_EVENT, {"events": False}, "asked for event mode"),
     (UNEXPECTED_RETURN, {"events": False, "early": False}, "returned early"),
+    (
+        0,
+        {"early": False, "varies": False, "clock": "periodic"},
+        "a clock of a ticks at t = 0.35 s, within a step",
+    ),
 ]
 
 
 def run_with_fault(
-    fault: int, flags: Mapping[str, bool], folder: Path, fmi: int = 3, **values: float
+    fault: int, flags: Mapping[str, Any], folder: Path, fmi: int = 3, **values: float
 ) -> tuple[bool, list[str]]:
     """Do steps of an FMU with a fault; return whether one failed, and the messages."""
     fmu = build_event_fmu(folder / "Events.fmu", **flags)
@@ -163,7 +169,7 @@ def run_with_fault(
 
 @pytest.mark.parametrize(("fault", "flags", "words"), mostly_slow(FAULTS, FAULTS[:1]), ids=str)
 def test_what_goes_wrong_in_events_is_reported(
-    fault: int, flags: dict[str, bool], words: str, tmp_path: Path
+    fault: int, flags: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     failed, messages = run_with_fault(fault, flags, tmp_path)
     assert failed and any(words in message and "a" in message for message in messages), messages

@@ -171,16 +171,23 @@ class SystemTables:
         return [*compiled, "", *table("Library", "libraries", rows)]
 
     def _parts(self) -> list[str]:
-        rows = list[str]()
-        for part, own in zip(self._plan.parts, self._plan.image.parts, strict=True):
+        parts, rows = self._plan.image.parts, list[str]()
+        names = [
+            line
+            for own in parts
+            if own.events >= 0
+            for line in table("char *const", f"clocks_{own.events}", map(_text, own.clocks))
+        ]
+        for part, own in zip(self._plan.parts, parts, strict=True):
             options = part.instance.instantiation
             cells = [
                 *(_text(part.name), part.library, *own.setters, *own.getters),
                 *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
-                *(own.events, *own.memory, c_number(part.instance.file.interface.tolerance or 0.0)),
+                *(own.events, *own.memory, f"clocks_{own.events}" if own.events >= 0 else "NULL"),
+                c_number(part.instance.file.interface.tolerance or 0.0),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
-        return table("Part", "parts", rows)
+        return [*names, *table("Part", "parts", rows)]
 
     def _network(self) -> list[str]:
         network, parts = self._plan.network, self._plan.parts

@@ -26,6 +26,7 @@ class PartImage:
         getters: the same for the calls that get signals.
         events: number of its events; -1 without.
         memory: where the memory of its events begins in `saved`, its size, and in it the counts of ticks.
+        clocks: names of its clocks.
         ticks: position in `saved` of each variable that has the value of its last tick, by name.
         held: what an input gets at its next tick, by name.
     """
@@ -34,6 +35,7 @@ class PartImage:
     getters: tuple[int, int]
     events: int = -1
     memory: tuple[int, int, int] = (0, 0, 0)
+    clocks: Sequence[str] = ()
     ticks: Mapping[str, int] = field(default_factory=dict)
     held: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
@@ -165,6 +167,7 @@ def _part(
         getters=getters,
         events=with_events.index(instance),
         memory=(start, len(tables.memory), tables.first_count),
+        clocks=[tables.name_clock(clock) for clock in range(tables.record.clock_count)],
         ticks={str(v.name): start + int(p) for v, p in zip(variables, places, strict=True) if p >= 0},
         held=held,
     )

@@ -53,7 +53,7 @@ static Status do_steps(Instance *instance, double time, double length) {
         if (memory->ended) return StatusDiscard;
         if (memory->phase == STEP) { /* some parts have done the step, others have not */
             memory->phase = FAILED;
-            return report(instance, StatusError, "the step from t = %.9g s failed, and the parts are apart.",
+            return report(instance, StatusError, "the step from t = %.9g s failed; the components are at different times.",
                           point(stepper, memory->steps));
         }
         return status == StatusFatal ? StatusFatal : StatusError;

@@ -11,16 +11,23 @@ static Status end_run_of(Instance *instance, int i, double time) {
 
 static Status blame_inputs(Instance *instance, int i, int32_t status);
 
-static const char *const event_calls[] = {
-    "a step",       "fmi3EnterEventMode",       "fmi3EnterStepMode",     "fmi3UpdateDiscreteStates",
-    "fmi3SetClock", "fmi3GetClock",             "fmi3GetIntervalDecimal", "fmi3GetShiftDecimal",
-    "the setting of its inputs", "the reading of clocked variables", "the setting of its inputs"};
+static const char *const event_calls[] = {"a step",
+                                          "fmi3EnterEventMode",
+                                          "fmi3EnterStepMode",
+                                          "fmi3UpdateDiscreteStates",
+                                          "fmi3SetClock",
+                                          "fmi3GetClock",
+                                          "fmi3GetIntervalDecimal",
+                                          "fmi3GetShiftDecimal",
+                                          "the setting of its inputs",
+                                          "the reading of clocked variables",
+                                          "the setting of its inputs"};
 
 /* Report what went wrong in the events of a part, or that it wants the end. */
 static Status blame_events(Instance *instance, int i) {
     const Events *e = &instance->events[parts[i].events];
     const char *name = parts[i].name;
-    const unsigned clock = e->n_clocks > 0 ? (unsigned)e->clocks[e->clock] : 0;
+    const char *clock = parts[i].clocks[e->clock];
     if (e->problem == RUN_ENDED) return end_run_of(instance, i, e->value);
     if (e->problem == CALL_FAILED && e->status == OUT_OF_RANGE)
         return blame_inputs(instance, i, OUT_OF_RANGE);
@@ -47,7 +54,7 @@ static Status blame_events(Instance *instance, int i) {
             return report(instance, StatusError, "%s asked %d times in a row for more at t = %.9g s.", name, e->count,
                           e->time);
         case ENDLESS_TICKS:
-            return report(instance, StatusError, "the clock %u of %s ticks after each of %d updates at t = %.9g s.",
+            return report(instance, StatusError, "the clock %s of %s ticks after each of %d updates at t = %.9g s.",
                           clock, name, e->count, e->time);
         case TICK_WITHIN_STEP:
             return report(instance, StatusError,
@@ -55,13 +62,13 @@ static Status blame_events(Instance *instance, int i) {
                           name, e->value);
         case TICK_ALONE:
             return report(instance, StatusError,
-                          "the clock %u of %s ticks at t = %.9g s without one on which it depends.", clock, name,
+                          "the clock %s of %s ticks at t = %.9g s without one on which it depends.", clock, name,
                           e->time);
         case TOO_MANY_TICKS:
-            return report(instance, StatusError, "the clock %u of %s has to tick %d times in the step to t = %.9g s.",
+            return report(instance, StatusError, "the clock %s of %s has to tick %d times in the step to t = %.9g s.",
                           clock, name, e->count, e->value);
         default:
-            return report(instance, StatusError, "the clock %u of %s has the %s %g s.", clock, name,
+            return report(instance, StatusError, "the clock %s of %s has the %s %g s.", clock, name,
                           e->problem == WRONG_INTERVAL ? "interval" : "shift", e->value);
     }
 }

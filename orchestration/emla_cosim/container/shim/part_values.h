@@ -54,7 +54,7 @@ static int32_t set_number(Instance *instance, const Variable *variable, double v
     const size_t size = size_of_type(variable->own);
     char *place = (char *)values + size * (size_t)variable->place;
     memcpy(before, place, size);
-    if (!convert_to(&call, &value)) return OUT_OF_RANGE;
+    if (!convert_to(&call, &value)) return fmi2Error;
     if (instance->memory.phase == STEP) {
         if (variable->way == AT_TICKS) return fmi2OK;
         if (variable->way == IN_EVENT_MODE && memcmp(before, place, size) == 0) return fmi2OK; /* no event */

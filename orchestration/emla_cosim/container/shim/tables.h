@@ -22,6 +22,7 @@ typedef struct {
     int events;                  /* place of its events; -1 without event mode, clocks and early returns */
     int first_event, n_event;    /* the memory of these in `saved`, */
     int first_count;             /* and in this the numbers of ticks */
+    const char *const *clocks;   /* their names */
     double tolerance;            /* of its solver; 0 for its own */
 } Part;
 
