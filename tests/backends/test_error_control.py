@@ -456,7 +456,10 @@ class PlainShuffled(PlainErrorControlledStepSize):
         return shuffle(super().stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("seed", "fails"), [(0, False), (1, False), (2, False), (9, True)])
+@pytest.mark.parametrize(
+    ("seed", "fails"),
+    mostly_slow([(0, False), (1, False), (2, False), (9, True)], [(0, False), (9, True)]),
+)
 def test_every_rule_for_errors_is_the_same(
     seed: int, fails: bool, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

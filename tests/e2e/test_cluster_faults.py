@@ -73,6 +73,7 @@ def numbers(result: Any) -> list[int]:
     return result.variants["variant"].to_list()
 
 
+@pytest.mark.slow
 def test_variant_that_ends_its_process_is_reported(cluster: Client, system: System, tmp_path: Path) -> None:
     """One variant's FMU ends every process that it comes to; another's process is killed once."""
     faults = [Fault.NONE] * 2 + [Fault.SEGFAULT] + [Fault.NONE] * 2
@@ -438,6 +439,7 @@ def test_worker_of_another_version_is_refused(
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].item() == "done"
 
 
+@pytest.mark.slow
 def test_modules_that_workers_lack_are_reported(
     cluster: Client, system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,7 +57,7 @@ def test_random_systems_do_no_harm(
 @pytest.mark.parametrize(
     ("sanitizer", "first", "seeds"),
     [
-        ("thread", 1, FEW // 2),
+        pytest.param("thread", 1, FEW // 2, marks=pytest.mark.slow),
         pytest.param("thread", SEED, SEEDS // 5, marks=pytest.mark.slow),
         pytest.param("address", SEED, SEEDS // 5, marks=pytest.mark.slow),
     ],

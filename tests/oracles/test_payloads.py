@@ -81,6 +81,7 @@ def test_the_machine_stands_still_where_the_payload_changes_and_only_there(found
     assert np.abs(speeds[1]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_bounds_of_forces_hold_with_the_payload_after_the_change() -> None:
     """The lift cannot carry what is picked up, however slowly."""
     empty = replace(PROBLEM, payload=0.0, via=(Via((3.0, -0.6)),), f_UB=(45e3, 68.6e3, 6.1e3))

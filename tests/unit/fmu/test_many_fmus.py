@@ -153,7 +153,7 @@ def package(count: int, folder: Path) -> None:
     fake_fmu(folder / f"{count}" / "link.fmu", "u:input", "w:input", "y:output", "k:parameter")
 
 
-@pytest.mark.parametrize("work", [of_system, of_package])
+@pytest.mark.parametrize("work", mostly_slow([of_system, of_package], [of_package]))
 def test_work_is_proportional_to_the_fmus(work: Callable[[int, Path], None], tmp_path: Path) -> None:
     """Twice as many more FMUs take twice as many more instructions, as far as Python executes them."""
     for count in SIZES:

@@ -106,6 +106,7 @@ def test_names_are_neither_markup_nor_control_codes(emla: Emla, tmp_path: Path) 
     assert json.loads(told)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
 
 
+@pytest.mark.slow
 def test_ten_thousand_variables(emla: Emla, tmp_path: Path) -> None:
     many = "".join(real(f"v{i}.x", i) for i in range(10_000))
     path = fmu(tmp_path / "x.fmu", description(many))

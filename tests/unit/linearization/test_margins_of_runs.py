@@ -22,6 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_report_of_a_run_shows_margins(folder: Path, tmp_path: Path) -> None:
     stored = json.loads((folder / "linearize.json").read_text())["responses"]
     margins = stored["gain.force -> cart.force"]["margins"]

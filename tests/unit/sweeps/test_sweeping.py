@@ -67,6 +67,7 @@ def test_variants_equal_single_runs(scheduler: Client, fmu_folder: Path) -> None
                 assert np.array_equal(signals["time"].to_numpy(), run["time"])
 
 
+@pytest.mark.slow
 def test_processes_of_a_cluster_give_the_same_files(
     cluster: Client, scheduler: Client, fmu_folder: Path, tmp_path: Path
 ) -> None:
