@@ -83,9 +83,21 @@ IN_MEMORY = [
 ]
 """FMUs that are made and examined without a compiler, and without a call."""
 
+TAKES_SECONDS = {
+    *("Shared", "Reset", "StateNotReused", "Clock", "Range", "Order", "StepFloodErrors", "StepWriteOwn"),
+    *("Category", "UnloadAbort"),
+}
+
 BY_DEFAULT = [
     *(b for b in BROKEN if b in IN_MEMORY or b.name in WORDS),
-    *(b for b in FIRST.values() if b not in IN_MEMORY and b.name not in WORDS and b.check not in LONGEST),
+    *(
+        b
+        for b in FIRST.values()
+        if b not in IN_MEMORY
+        and b.name not in WORDS
+        and b.check not in LONGEST
+        and b.name not in TAKES_SECONDS
+    ),
 ]
 """All of those, and one for each check, except where it takes a build with sanitizers, or seconds."""
 
