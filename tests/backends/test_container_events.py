@@ -106,6 +106,24 @@ def test_inputs_that_change_in_event_mode_and_at_ticks(
                 assert read_all(one) == expected[k]
 
 
+def test_an_event_after_going_back_is_at_the_time_of_the_state(
+    clocked_fmus: Mapping[int, Path], tmp_path: Path
+) -> None:
+    """A value that is set then causes one; clocks whose ticks are after this time must wait."""
+    with Host(clocked_fmus[3], tmp_path) as host:
+        host.start({"a.w": 2.0})
+        host.step(0.0, 6 * STEP)
+        state, rows = host.save(), list[list[float]]()
+        for _ in range(2):
+            set_all(host, {"a.n": 7.0})
+            for k in range(6, STEPS):
+                host.step(k * STEP, STEP)
+                rows += [read_all(host)]
+            host.restore(state)
+        host.free(state)
+    assert rows[: len(rows) // 2] == rows[len(rows) // 2 :]
+
+
 @pytest.mark.slow
 def test_a_reset_forgets_ticks_and_values(
     clocked_fmus: Mapping[int, Path], expected: list[list[float]], tmp_path: Path

@@ -57,8 +57,8 @@ class ClockKind(IntEnum):
     COUNTDOWN = 3
 
 
-NEXT_EVENT, END_REQUEST, FIRST_PASSED = 0, 1, 2
-"""Positions in the memory: times in s, and the first discrete input that the FMU has."""
+NEXT_EVENT, END_REQUEST, FIRST_PASSED = 0, 1, 3
+"""Positions in the memory: two times in s, and the first discrete input that the FMU has."""
 
 TICKS_SIZE = 4
 """The numbers in the memory for each clock that ticks at times."""

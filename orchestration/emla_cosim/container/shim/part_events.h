@@ -91,7 +91,6 @@ static void forget_events(Instance *instance, int i) {
     double *memory = &instance->memory.saved[part->first_event];
     for (int k = 0; k < part->n_event; k++) memory[k] = k < part->first_count ? NAN : 0.0;
     memory[NEXT_EVENT] = HUGE_VAL;
-    instance->events[part->events].time = instance->memory.start_time;
     instance->events[part->events].first_return = NAN;
 }
 
@@ -111,15 +110,22 @@ static Status handle_first_events(Instance *instance, int i) {
     return blame_events(instance, i);
 }
 
+/* Return the status of a change between steps. After a problem, the part is in no mode in which it can step. */
+static int32_t judge_change(Instance *instance, int part, int32_t problem) {
+    if (problem == NO_PROBLEM) return fmi2OK;
+    blame_events(instance, part);
+    return instance->memory.phase == DEAD ? fmi2Fatal : fmi2Error;
+}
+
 /* Let a part be changed between its steps; events that this causes are handled by `end_change`. */
 static int32_t begin_change(Instance *instance, int part, int way) {
     if (way != IN_EVENT_MODE || instance->memory.phase != STEP) return fmi2OK;
-    return events_enter(NULL, &instance->events[parts[part].events]) == NO_PROBLEM ? fmi2OK : fmi2Error;
+    return judge_change(instance, part, events_enter(NULL, &instance->events[parts[part].events]));
 }
 
 static int32_t end_change(Instance *instance, int part, int way) {
     if (way != IN_EVENT_MODE || instance->memory.phase != STEP) return fmi2OK;
-    return events_leave(NULL, &instance->events[parts[part].events]) == NO_PROBLEM ? fmi2OK : fmi2Error;
+    return judge_change(instance, part, events_leave(NULL, &instance->events[parts[part].events]));
 }
 
 #else

@@ -62,8 +62,8 @@ class EventTables:
 
     Attributes:
         record: What the functions in C get.
-        memory: The next time event, the request to end, the discrete inputs that the FMU has, the schedule of
-            the clocks, the values of clocked variables, and the number of ticks of each clock.
+        memory: The next time event, the request to end, the present time, the discrete inputs that the FMU
+            has, the schedule of the clocks, the values of clocked variables, and the ticks of each clock.
         passed: The part with the discrete inputs.
         discrete: The positions of discrete inputs in the input vector.
         continuous: Sets the inputs that change in step mode.
@@ -165,17 +165,18 @@ class EventTables:
     def hold_inputs(self, variables: Sequence[ElementVariable]) -> dict[str, NDArray[Any]]:
         """Set these variables, whenever a clock of theirs ticks, to what the returned memory has, by name."""
         del self._listed[self._list_size :]
-        calls, memory = np.zeros(len(variables), CLOCKED_CALL), dict[str, NDArray[Any]]()
-        for record, variable in zip(calls, variables, strict=True):
+        whole = {int(v.valueReference): v for v in variables}  # arrays are set as a whole
+        calls, memory = np.zeros(len(whole), CLOCKED_CALL), dict[int, NDArray[Any]]()
+        for record, (reference, variable) in zip(calls, whole.items(), strict=True):
             (group,) = TypedValues("set", [variable], self._access.functions, self._access.arrays).groups
             group.values[:] = start_memory(variable)
-            memory[str(variable.name)] = group.values
+            memory[reference] = group.values
             self._fill_call(record["call"], group)
             record["call"]["item_count"] = 0  # its memory has the values already
             record["call"]["component"] = self.record.component
             record["clocks"] = self._list_clocks(clocks_of(variable))
         self._use_by_hand(calls, [])
-        return memory
+        return {str(v.name): memory[int(v.valueReference)] for v in variables}
 
     def check_range(self, inputs: Vector) -> None:
         """Raise ValueRangeError if an input that changes in event mode does not fit into its type."""

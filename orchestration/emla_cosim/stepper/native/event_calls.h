@@ -43,7 +43,7 @@ const size_t events_sizes[] = {sizeof(ClockedCall), sizeof(ClockSet), sizeof(Tim
 
 int32_t events_start(Activity *activity, Events *events, double time) {
     const Stepper s = {.activity = activity};
-    events->time = time;
+    events->time = events->memory[PRESENT] = time;
     events->problem = NO_PROBLEM;
     const int32_t problem = start_clocks(&s, events);
     return problem == NO_PROBLEM ? get_clocked(&s, events, 1) : problem;
@@ -51,6 +51,7 @@ int32_t events_start(Activity *activity, Events *events, double time) {
 
 int32_t events_enter(Activity *activity, Events *events) {
     const Stepper s = {.activity = activity};
+    events->time = events->memory[PRESENT]; /* also after a state of another time */
     events->problem = NO_PROBLEM;
     return switch_mode(&s, events, FMI_ENTER_EVENT_MODE);
 }

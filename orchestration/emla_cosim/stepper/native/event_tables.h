@@ -71,7 +71,8 @@ typedef struct {
     double next, first, count, interval;
 } Ticks;
 
-enum { NEXT_EVENT, END_REQUEST, FIRST_PASSED }; /* in the memory: times in s; infinite or NaN without */
+/* In the memory: times in s, infinite or NaN without, and the present time between steps. */
+enum { NEXT_EVENT, END_REQUEST, PRESENT, FIRST_PASSED };
 
 struct Events {
     void *component;
@@ -90,7 +91,7 @@ struct Events {
     int32_t n_timed, n_triggered, n_memory;
     int32_t has_event_mode, may_return_early, varies_step;
 
-    double *memory; /* has what follows, after NEXT_EVENT and END_REQUEST: */
+    double *memory; /* has what follows, from FIRST_PASSED on: */
     double *passed; /* discrete inputs that the FMU has */
     Ticks *schedule;
     double *values; /* of clocked variables, at their last tick */
@@ -99,7 +100,7 @@ struct Events {
     fmi3Boolean *active;
     fmi3ValueReference *references;
 
-    double time;         /* present time in s */
+    double time;         /* present time in s; within a step, that of its part that is under way */
     double first_return; /* time in s of the first early return that is accepted without being declared; NaN without */
     double value;
     int32_t problem, call, status, clock, count;

@@ -182,6 +182,7 @@ NOINLINE static int32_t step_with_events(const Stepper *s, Events *e, double tim
         problem = end_run(e, FMI_UPDATE_DISCRETE_STATES, e->memory[END_REQUEST]);
     if (problem == NO_PROBLEM && has_new_inputs(e)) problem = handle_event(s, e, near, 0);
     if (problem == NO_PROBLEM) problem = step_to(s, e, end, near, has_no_way_back);
+    e->memory[PRESENT] = e->time;
     if (problem == NO_PROBLEM) return fmi2OK;
     return problem == CALL_FAILED && e->call == FMI_DO_STEP && e->status == fmi2Discard ? fmi2Discard : fmi2Error;
 }
