@@ -172,3 +172,10 @@ def c_number(value: float) -> str:
     if math.isinf(value):
         return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
     return repr(float(value))
+
+
+def c_text(text: str) -> str:
+    """Return a text as a C literal of its UTF-8 bytes."""
+    escaped = {'"': '\\"', "\\": "\\\\", "?": "\\?"}  # two question marks can begin a trigraph
+    plain = (escaped.get(chr(b), chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in text.encode("utf-8"))
+    return f'"{"".join(plain)}"'

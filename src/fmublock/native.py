@@ -1,12 +1,11 @@
 """Native FMUs: the block's equations as C inside a generic shim for FMI 2.0 or 3.0, compiled by zig."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from .block import Block
 from .c_equations import c_equations
-from .compiling import c_number, compile_libraries, constants, rename_folders, sources
+from .compiling import c_number, c_text, compile_libraries, constants, rename_folders, sources
 from .description import FmuFeatures, find_structure, offers_model_exchange
 from .export import Draft, draft
 from .fmi3_description import build_description, element_counts, time_reference, time_variable
@@ -155,7 +154,7 @@ def _dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
 
 def _conditions(demands: Sequence[str]) -> list[str]:
     """Return the messages of the block's conditions as C, in the order of their values."""
-    rows = [f"    {json.dumps(message)}," for message in demands]
+    rows = [f"    {c_text(message)}," for message in demands]
     table = ["static const char *const demands[] = {", *rows, "};"] if rows else []
     return ["", f"#define N_CONDITIONS {len(rows)}", *table]
 

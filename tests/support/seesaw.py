@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from fmublock import Block, Parameter, State
+from fmublock import Block, Output, Parameter, State
 
 DEMAND = 'the ends "touch": track.high[1] must be above track.low[1] by 100 % of track.gap'
 
@@ -25,3 +25,19 @@ class Seesaw(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         return {"x": [0.0, 0.0], "mass": 0.0}
+
+
+ODD = 'die Länge \U0001f600 of "k" ??= 1'
+
+
+class Odd(Block):
+    """Its condition has a text with all that C treats in a special way."""
+
+    k = Parameter(1.0)
+    y = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": v.k}
+
+    def conditions(self, v: Any) -> dict[str, Any]:
+        return {ODD: v.k > 0.0}

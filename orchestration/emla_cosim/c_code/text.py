@@ -4,7 +4,6 @@ Runge-Kutta and the clock are those of the FMUs (`fmublock/shim/`), so that numb
 same bits.
 """
 
-import json
 import math
 import re
 from functools import partial
@@ -15,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fmublock import instance
 from fmublock.c_equations import HELPERS
-from fmublock.compiling import c_number
+from fmublock.compiling import c_number, c_text
 
 from ..base.errors import CommandError
 from ..master.algorithms.program import Call
@@ -79,7 +78,7 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
     environment.filters |= {
         "comment": _as_comment,
         "number": c_number,
-        "quote": json.dumps,
+        "quote": c_text,
         "room": partial(max, 1),  # C has no empty arrays
         "typed": lambda number: _with_type(c_number(number), plan.name, precision),
     }

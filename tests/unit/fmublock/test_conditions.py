@@ -3,13 +3,16 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
+import emla_cosim as ec
 from fmublock import Block, BlockError, BuildError, Instance, Output, Parameter, State
 from fmublock.symbolic import evaluate_symbolically
-from tests.support.seesaw import DEMAND, Seesaw
+from tests.support.generated_c import Code
+from tests.support.seesaw import DEMAND, ODD, Odd, Seesaw
 from tests.support.units import KINDS, Unit, Units, start
 
 TOUCHING = {"track.high[1]": -0.6}
@@ -45,6 +48,20 @@ def test_conditions_are_checked_when_initialization_ends(
 def test_each_element_has_its_own_limits(make: Callable[[], Unit]) -> None:
     unit = start(make(), **{"start.x[1]": -1.5, "start.x[2]": 1.5})
     assert unit.messages == ["seesaw: x[1] = -1.5 left its limits, -1 to 1, at t = 0 s."]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_condition_can_have_any_text(kind: str, units: Units) -> None:
+    unit = units.make(Odd, kind, "odd")
+    assert unit.set(k=-1.0) and unit.enter() and not unit.exit()
+    assert f"odd: {ODD}" in unit.messages[-1]
+
+
+def test_plain_c_has_the_text_of_a_condition(tmp_path: Path) -> None:
+    scenario = ec.load(ec.System.of({"odd": Odd}), step_size=0.1, stop_time=1.0)
+    code = Code(scenario.export(tmp_path / "code.c", components=["*"]))
+    setattr(code.parameters, code.field("odd.k"), -1.0)
+    assert code.start() == f"odd: {ODD}"
 
 
 class Divided(Block):
