@@ -5,7 +5,7 @@ from typing import Any
 
 from fmpy.model_description import ModelVariable
 
-from fmublock.compiling import c_number
+from fmublock.compiling import c_number, c_text
 
 from ..base.errors import CommandError
 from ..fmu.clocks import is_clocked
@@ -57,9 +57,11 @@ class SystemTables:
         self, plan: ContainerPlan, identifier: str, variables: Sequence[ContainerVariable], fmi: int
     ) -> None:
         self._plan, self._image = plan, plan.image.image
+        self._arrays = dict[tuple[int, int], int]()
+        """Positions in `saved` of arrays, by component and value reference."""
         rows = [self._variable(v, fmi) for v in variables]
         if fmi == 3:
-            rows.append(f"{{{_text(time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
+            rows.append(f"{{{c_text(time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
         starts = [_start(place, x) for place, x in enumerate(variables) if x.changed and x.settable]
         tables = [
             *self._libraries(),
@@ -156,8 +158,8 @@ class SystemTables:
         }
         for n, library in enumerate(plan.libraries):
             functions = f"{library.folder}_functions" if library.source else "NULL"
-            file = "NULL" if library.source else _text(library.file.model_identifier)
-            guid = _text(str(library.file.description.guid))
+            file = "NULL" if library.source else c_text(library.file.model_identifier)
+            guid = c_text(str(library.file.description.guid))
             needs = {
                 "ALWAYS": True,
                 "FOR_STATES": has_states or n in saved,
@@ -166,7 +168,9 @@ class SystemTables:
                 "FOR_BINARY": n in passing,
             }
             reasons = " | ".join(name for name, value in needs.items() if value)
-            rows.append(f"{{{guid}, {_text(library.folder)}, {file}, {functions}, {library.fmi}, {reasons}}}")
+            rows.append(
+                f"{{{guid}, {c_text(library.folder)}, {file}, {functions}, {library.fmi}, {reasons}}}"
+            )
         compiled = [f"COMPILED_IN({library.folder})" for library in plan.libraries if library.source]
         return [*compiled, "", *table("Library", "libraries", rows)]
 
@@ -176,12 +180,12 @@ class SystemTables:
             line
             for own in parts
             if own.events >= 0
-            for line in table("char *const", f"clocks_{own.events}", map(_text, own.clocks))
+            for line in table("char *const", f"clocks_{own.events}", map(c_text, own.clocks))
         ]
         for part, own in zip(self._plan.parts, parts, strict=True):
             options = part.instance.instantiation
             cells = [
-                *(_text(part.name), part.library, *own.setters, *own.getters),
+                *(c_text(part.name), part.library, *own.setters, *own.getters),
                 *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
                 *(own.events, *own.memory, f"clocks_{own.events}" if own.events >= 0 else "NULL"),
                 c_number(part.instance.file.interface.tolerance or 0.0),
@@ -194,7 +198,7 @@ class SystemTables:
         starts = [c_number(float(x)) for part in parts for x in part.instance.input_starts]
         return [
             *table("double", "input_starts", starts),
-            *table("char *const", "signal_names", map(_text, network.names)),
+            *table("char *const", "signal_names", map(c_text, network.names)),
             *table("int", "order", map(str, network.order)),
             *table("double", "first_jacobians", map(c_number, self._plan.image.jacobians)),
         ]
@@ -220,17 +224,17 @@ class SystemTables:
                 *(numbers[id(link.source)], numbers[id(link.target)]),
                 *(link.output.valueReference, link.input.valueReference),
                 *(int(link.input.type == BINARY), _way(link.target, link.input)),
-                *(getattr(link.input, "most_bytes", None) or 0, *map(_text, names)),
+                *(getattr(link.input, "most_bytes", None) or 0, *map(c_text, names)),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
         return table("TextLink", "text_links", rows)
 
     def _variable(self, variable: ContainerVariable, fmi: int) -> str:
-        own, instance = variable.own, self._plan.parts[variable.part].instance
+        own = variable.own
         cells = [
-            *(_text(variable.name), f"'{variable.letter(fmi)}'", _type(own), _settable(variable)),
-            *(_way(instance, own), variable.part, own.valueReference, place_in_array(own), variable.size),
-            *(self._array(variable), variable.signal),
+            *(c_text(variable.name), f"'{variable.letter(fmi)}'", _type(own), _settable(variable)),
+            *(self._choose_way(variable), variable.part, own.valueReference),
+            *(place_in_array(own), variable.size, self._array(variable), variable.signal),
             self._plan.image.parts[variable.part].ticks.get(str(own.name), -1),
         ]
         return f"{{{', '.join(map(str, cells))}}}"
@@ -243,18 +247,25 @@ class SystemTables:
             return -1
         if str(own.name) in held:
             return self._image.save(held[str(own.name)])
-        if isinstance(own, ElementVariable) and variable.size > 1:
-            reference = int(own.valueReference)
-            start = start_memory(part.instance.array(reference))
+        if not isinstance(own, ElementVariable):
+            return -1
+        if variable.size == 1:
+            start = start_memory(own)
+            return self._image.save(start, start) if self._choose_way(variable) == "IN_EVENT_MODE" else -1
+        key = variable.part, int(own.valueReference)
+        if key not in self._arrays:
+            start = start_memory(own)
             for x in start.tolist():
                 _exact(f"{part.name}.{own.name}", x)
-            return self._image.save(part.instance.arrays.setdefault(reference, start), start)
-        return self._kept(own) if _way(part.instance, own) == "IN_EVENT_MODE" else -1
+            memory = part.instance.arrays.setdefault(key[1], start)
+            self._arrays[key] = self._image.save(memory, start)
+        return self._arrays[key]
 
-    def _kept(self, own: ModelVariable) -> int:
-        start = start_memory(own) if isinstance(own, ElementVariable) else None
-        assert start is not None  # only FMI 3.0 has event mode
-        return self._image.save(start, start)
+    def _choose_way(self, variable: ContainerVariable) -> str:
+        """Return how a part takes the value of a variable between its steps; see `shim/tables.h`."""
+        if _settable(variable) != "ALWAYS_SET":
+            return "AT_ONCE"
+        return _way(self._plan.parts[variable.part].instance, variable.own)
 
 
 def _type(variable: ModelVariable) -> int:
@@ -283,7 +294,7 @@ def _settable(variable: ContainerVariable) -> str:
 
 def _start(place: int, variable: ContainerVariable) -> str:
     if variable.own.type == "String":
-        return f"{{{place}, 0.0, {_text(str(variable.start))}}}"
+        return f"{{{place}, 0.0, {c_text(str(variable.start))}}}"
     value = variable.start
     number = {"true": 1, "false": 0}.get(value, value) if isinstance(value, str) else value
     return f"{{{place}, {c_number(_exact(variable.name, number))}, NULL}}"
@@ -298,9 +309,3 @@ def _exact(name: str, value: Any) -> float:
             variable=name,
         )
     return float(value)
-
-
-def _text(text: str) -> str:
-    """Return a text as a C literal of its UTF-8 bytes."""
-    plain = (chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode())
-    return f'"{"".join(plain)}"'

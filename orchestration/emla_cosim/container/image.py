@@ -118,11 +118,16 @@ class Image:
         self._addresses = list[int]()
         self._tables = 0
         for values in arrays:
-            self._add(_Region(values.ctypes.data, values.nbytes, values))
+            self._own(values)
+
+    def _own(self, values: NDArray[Any]) -> _Region:
+        """Return the memory of an array, which is that of the whole array if this is a part of one."""
+        owner = values.base if isinstance(values.base, np.ndarray) else values
+        return self._add(_Region(owner.ctypes.data, owner.nbytes, owner))
 
     def _add(self, region: _Region) -> _Region:
-        known = self._regions.get(region.address)
-        if known is None or known.size < region.size:  # a view without elements may be where another begins
+        existing = self._regions.get(region.address)
+        if existing is None or existing.size < region.size:  # an empty one may be where another begins
             self._regions[region.address] = region
             self._addresses = []
         return self._regions[region.address]
@@ -134,12 +139,9 @@ class Image:
 
     def save(self, values: NDArray[Any], first: NDArray[Any] | None = None) -> int:
         """Keep memory that steps change, with these first values; return its position in `saved`."""
-        region = self._add(_Region(values.ctypes.data, values.nbytes, values))
+        region = self._own(values)
         if region.name:
             return region.place
-        for address in [x for x in self._regions if 0 < x - region.address < region.size]:
-            del self._regions[address]  # a view of a part of it
-            self._addresses = []
         region.name, region.place = "memory.saved", self.saved
         self.saved += -(-values.nbytes // _WORD)
         if first is not None and first.any():

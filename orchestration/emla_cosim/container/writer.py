@@ -183,13 +183,11 @@ def _content(
 
 def _stepper_files() -> dict[str, bytes]:
     """Return the C files of the stepper that steps need."""
-    found, wanted = dict[str, bytes](), ["step.h", "event_calls.h"]
+    present, wanted = native_sources(), ["step.h", "event_calls.h"]
     for name in wanted:
-        found[name] = native_sources()[name]
-        wanted += [
-            x for x in re.findall(r'#include "(\w+\.h)"', found[name].decode()) if x in native_sources()
-        ]
-    return found
+        included = re.findall(r'#include "(\w+\.h)"', present[name].decode())
+        wanted += [x for x in included if x in present and x not in wanted]
+    return {name: present[name] for name in wanted}
 
 
 def _moved(library: Library, folder: str, inside: str) -> dict[str, bytes]:
