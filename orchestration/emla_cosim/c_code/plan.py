@@ -166,8 +166,9 @@ def plan_code(
     inside = [x for x in system.connections if {x.ends[0][0], x.ends[1][0]} <= {*names}]
     alone = replace(system, components=tuple(chosen), connections=tuple(inside), bonds={})
     models = {c.name: _find_block(c) for c in chosen}
-    plan = plan_container(alone, {n: fmus[n] for n in names}, _restrict(algorithm, names), times)
-    multiple = _check(plan)
+    own = _restrict(algorithm, names)
+    plan = plan_container(alone, {n: fmus[n] for n in names}, own, times)
+    multiple = _check(plan, own)
     fields = dict(zip(names, _name_parts(names), strict=True))
     blocks = _write_blocks(models[part.name] for part in plan.parts)
     parts = [
@@ -234,10 +235,14 @@ def _restrict(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
     return replace(algorithm, **changes) if changes else algorithm
 
 
-def _check(plan: ContainerPlan) -> int:
+def _check(plan: ContainerPlan, algorithm: Algorithm) -> int:
     """Return the common step multiple; CommandError if the components cannot be plain C."""
     if plan.groups:
         raise CommandError("plain C has no strong coupling; add --algorithm gauss-seidel.")
+    if not algorithm.is_plain:
+        raise CommandError(
+            f"plain C cannot combine values as {type(algorithm).__name__} does; choose another algorithm."
+        )
     if any(part.mode for part in plan.parts):
         raise CommandError("plain C does not extrapolate inputs; add --extrapolation none.")
     if loops := [g for g in plan.initial_groups if len(g.coupling)]:

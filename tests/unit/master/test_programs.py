@@ -188,6 +188,14 @@ def test_a_program_is_exported_as_it_is(ring: ec.Simulation, fmu_folder: Path, t
         assert np.array_equal(rows[name], run[name])
 
 
+def test_a_program_that_combines_is_not_plain_c(tmp_path: Path) -> None:
+    system = ec.System.of({"a": Ramp, "b": Ramp}, ["a.y -> b.u"])
+    with pytest.raises(ec.CommandError, match="plain C cannot combine values as Written does"):
+        ec.load(system, algorithm=relaxed(0.5), step_size=H, stop_time=1.0).export(
+            tmp_path / "x.c", components=["*"]
+        )
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_signal_ends_the_steps_at_once(ring: ec.Simulation) -> None:
     """Not after a second of wall time, when the steps end in any case."""
